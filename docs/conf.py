@@ -1,0 +1,20 @@
+"""Sphinx configuration."""
+
+from importlib.metadata import version as installed_version
+
+project = "Dovetail"
+author = "The Dovetail developers"
+copyright = "2026, The Dovetail developers"
+release = version = installed_version("dovetail-frf")
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.mathjax", "numpydoc"]
+myst_enable_extensions = ["dollarmath", "colon_fence"]
+myst_heading_anchors = 3
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+numpydoc_show_class_members = False
+exclude_patterns = ["_build"]
+
+html_theme = "furo"
+html_title = f"Dovetail {release}"
+html_static_path: list[str] = []

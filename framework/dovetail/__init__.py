@@ -1,0 +1,115 @@
+"""Dovetail identifies the parameters of a mechanical joint from one measured frequency response function.
+
+The names in ``__all__`` are the public API. Each is loaded when it is first used, so that ``import dovetail`` stays
+light.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from dovetail.assembly import Assembly, load
+    from dovetail.dataset import Dataset, generate
+    from dovetail.errors import DovetailError, Fault
+    from dovetail.frf import Frf, coherence_spectrum
+    from dovetail.identification import Identification, Identifier, load_model, predict, train
+    from dovetail.interfaces import (
+        Component,
+        ComponentConfig,
+        FittedReducer,
+        FittedRegressor,
+        JointModel,
+        Node,
+        Parameter,
+        Port,
+        Progress,
+        Reducer,
+        Regressor,
+        State,
+        StructuralMatrices,
+        SubstructureModel,
+        silent,
+    )
+    from dovetail.measurement import read_frf, write_frf
+    from dovetail.registry import hookimpl
+    from dovetail.units import InUnit
+
+_HOMES = {
+    "dovetail.assembly": ("Assembly", "load"),
+    "dovetail.dataset": ("Dataset", "generate"),
+    "dovetail.errors": ("DovetailError", "Fault"),
+    "dovetail.frf": ("Frf", "coherence_spectrum"),
+    "dovetail.identification": ("Identification", "Identifier", "load_model", "predict", "train"),
+    "dovetail.interfaces": (
+        "Component",
+        "ComponentConfig",
+        "FittedReducer",
+        "FittedRegressor",
+        "JointModel",
+        "Node",
+        "Parameter",
+        "Port",
+        "Progress",
+        "Reducer",
+        "Regressor",
+        "State",
+        "StructuralMatrices",
+        "SubstructureModel",
+        "silent",
+    ),
+    "dovetail.measurement": ("read_frf", "write_frf"),
+    "dovetail.registry": ("hookimpl",),
+    "dovetail.units": ("InUnit",),
+}
+_HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "Assembly",
+    "Component",
+    "ComponentConfig",
+    "Dataset",
+    "DovetailError",
+    "Fault",
+    "FittedReducer",
+    "FittedRegressor",
+    "Frf",
+    "Identification",
+    "Identifier",
+    "InUnit",
+    "JointModel",
+    "Node",
+    "Parameter",
+    "Port",
+    "Progress",
+    "Reducer",
+    "Regressor",
+    "State",
+    "StructuralMatrices",
+    "SubstructureModel",
+    "coherence_spectrum",
+    "generate",
+    "hookimpl",
+    "load",
+    "load_model",
+    "predict",
+    "read_frf",
+    "silent",
+    "train",
+    "write_frf",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'dovetail' has no attribute '{name}'")
+    value = getattr(import_module(_HOME_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

@@ -1,0 +1,114 @@
+"""Sections that name a model, as components."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Any
+
+from dovetail.assembly.findings import Findings
+from dovetail.assembly.tree import Path, shown
+from dovetail.assembly.validation import validate
+from dovetail.errors import DovetailError, PluginError, listing
+from dovetail.interfaces import Component, Kind
+from dovetail.registry import Offer, Registry
+
+__all__ = ["Built", "build", "read_property"]
+
+
+class Built:
+    """A component and how messages name it."""
+
+    def __init__(self, component: Any, label: str) -> None:
+        self.component = component
+        self.label = label
+
+
+def build(
+    kind: Kind,
+    path: Path,
+    findings: Findings,
+    registry: Registry,
+    *,
+    reserved: Collection[str] = (),
+    default: str | None = None,
+) -> Built | None:
+    """Make the component that the section at `path` describes.
+
+    Parameters
+    ----------
+    kind : str
+    path : Path
+    findings : Findings
+        Takes in the faults.
+    registry : Registry
+    reserved : collection of str
+        Keys of the section, beside ``model``, that are not the component's.
+    default : str, optional
+        The model where the section is left out.
+
+    Returns
+    -------
+    Built or None
+        None where there are faults.
+    """
+    offer = _offer(kind, path, findings, registry, default)
+    if offer is None:
+        return None
+    label = f"{kind} model '{offer.component.name}' ({offer.source})"
+    keys = ("model", *reserved)
+    config = validate(offer.component.Config, path, findings, label, reserved=keys, data={})
+    if config is None:
+        return None
+    try:
+        return Built(offer.component(config), label)
+    except Exception as error:  # a plugin's constructor may raise anything
+        findings.add(path, f"{label} cannot be made from this section: {_reason(error)}", key=True)
+        return None
+
+
+def _offer(kind: Kind, path: Path, findings: Findings, registry: Registry, default: str | None) -> Offer | None:
+    section = findings.root.at(path)
+    name: object = default
+    if section is not None:
+        if not section.is_mapping:
+            found = f"{shown(section.value)} is not a section of keys and values."
+            findings.add(path, found, "a section that begins with 'model:'")
+            return None
+        if "model" not in section.entries:
+            findings.add((*path, "model"), f"the {kind} lacks 'model'.", listing(registry.names(kind)), key=True)
+            return None
+        name = section.entries["model"].item.value
+    if not isinstance(name, str):
+        findings.add((*path, "model"), f"{shown(name)} is not the name of a model.", listing(registry.names(kind)))
+        return None
+    try:
+        return registry.find(kind, name)
+    except PluginError as error:
+        fault = error.faults[0]
+        others = [offer.component.kind for offer in registry.named(name)]
+        if others:
+            fault = replace(fault, found=f"'{name}' is a {others[0]} model; a {kind} model is wanted here.", remedy="")
+        findings.add((*path, "model"), fault.found, fault.accepted, fault.remedy)
+        return None
+
+
+def read_property(built: Built, name: str, path: Path, findings: Findings) -> Any:
+    """Return a property of a component, or None, with a fault, where it raises."""
+    component: Component = built.component
+    try:
+        return getattr(component, name)
+    except Exception as error:  # a plugin's property may raise anything
+        findings.add(path, f"{built.label} cannot give its {name}: {_reason(error)}", key=True)
+        return None
+
+
+def _reason(error: Exception) -> str:
+    """Say what went wrong, as a sentence."""
+    if isinstance(error, DovetailError):
+        text = " ".join(fault.found for fault in error.faults)
+    elif isinstance(error, ValueError):
+        text = str(error)
+    else:
+        text = f"{type(error).__name__}: {error}"
+    return text if text.endswith((".", "!", "?")) else f"{text}."

@@ -1,0 +1,94 @@
+"""A validated description: everything an assembly is made of, as components and numbers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.frf import Quantity
+from dovetail.interfaces import Parameter, Reducer, Regressor, SubstructureModel
+from dovetail.synthesis import Connection
+
+__all__ = ["Description", "IdentificationSettings", "JointEntry", "Response"]
+
+
+@dataclass(frozen=True)
+class JointEntry:
+    """A joint of a description.
+
+    Parameters
+    ----------
+    connection : Connection
+    parameters : tuple of Parameter
+        All parameters of the model in its order, with the description's ranges and scales.
+    fixed : mapping of str to float
+        SI values of the parameters that are known.
+    """
+
+    connection: Connection
+    parameters: tuple[Parameter, ...]
+    fixed: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Response:
+    """The drive point: a node of a substructure, a direction and the quantity reported."""
+
+    substructure: str
+    node: int
+    direction: Literal["x", "rz"]
+    quantity: Quantity
+
+
+@dataclass(frozen=True)
+class IdentificationSettings:
+    """How the network is trained."""
+
+    samples: int
+    seed: int
+    test_fraction: float
+    features: Literal["log10p1"]
+    reducer: Reducer
+    regressor: Regressor
+
+
+@dataclass(frozen=True)
+class Description:
+    """A description whose every fault has been ruled out.
+
+    Parameters
+    ----------
+    name : str
+    source : str
+        The file it was read from, or ``<dict>``.
+    text : str
+        The whole description with `extends` resolved, as JSON (which is YAML): reading it again gives the same.
+    frequency : (n_freq,) array
+        Hz.
+    substructures : mapping of str to SubstructureModel
+    joints : mapping of str to JointEntry
+    response : Response
+    identification : IdentificationSettings
+    """
+
+    name: str
+    source: str
+    text: str
+    frequency: NDArray[np.float64]
+    substructures: Mapping[str, SubstructureModel]
+    joints: Mapping[str, JointEntry]
+    response: Response
+    identification: IdentificationSettings
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of everything that the FRFs depend on: frequency, substructures, joints and response."""
+        whole = json.loads(self.text)
+        physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
+        return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()

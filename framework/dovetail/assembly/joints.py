@@ -1,0 +1,122 @@
+"""The joints of a description: where they attach, and what is known of their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from dovetail.assembly.components import Built, build, read_property
+from dovetail.assembly.description import JointEntry
+from dovetail.assembly.findings import Findings
+from dovetail.assembly.nodes import find_node
+from dovetail.assembly.parameter_sections import read_parameters
+from dovetail.assembly.sections import AttachmentSection
+from dovetail.assembly.tree import Path, shown
+from dovetail.assembly.validation import validate
+from dovetail.errors import did_you_mean, listing
+from dovetail.interfaces import Port, SubstructureModel
+from dovetail.registry import Registry
+from dovetail.synthesis import Attachment, Connection
+from dovetail.units import format_quantity
+
+__all__ = ["Substructures", "read_joint"]
+
+Substructures = Mapping[str, SubstructureModel | None]
+"""The substructures by name; None for one that has faults."""
+
+
+def read_joint(name: str, substructures: Substructures, findings: Findings, registry: Registry) -> JointEntry | None:
+    """Read the joint of this name; None, with faults, where it cannot be used."""
+    path = ("joints", name)
+    before = len(findings)
+    built = build("joint", path, findings, registry, reserved=("connect", "parameters"))
+    if built is None:
+        return None
+    ports, parameters = (read_property(built, what, path, findings) for what in ("ports", "parameters"))
+    attachments = _Connect(built, path, substructures, findings).read(ports) if ports is not None else ()
+    ranges, fixed = read_parameters(built, path, parameters or (), findings)
+    if len(findings) > before or None in attachments:
+        return None
+    attached = tuple(attachment for attachment in attachments if attachment is not None)
+    return JointEntry(Connection(built.component, attached), ranges, MappingProxyType(fixed))
+
+
+class _Connect:
+    """The section ``connect:`` of a joint."""
+
+    def __init__(self, built: Built, joint: Path, substructures: Substructures, findings: Findings) -> None:
+        self._built = built
+        self._path: Path = (*joint, "connect")
+        self._substructures = substructures
+        self._findings = findings
+
+    def read(self, ports: tuple[Port, ...]) -> tuple[Attachment | None, ...]:
+        section = self._findings.root.at(self._path)
+        names = [port.name for port in ports]
+        if section is None and not names:
+            return ()
+        if section is None or not section.is_mapping:
+            found = f"{self._built.label} lacks 'connect'."
+            if section is not None:
+                found = f"{shown(section.value)} is not a section of keys and values."
+            self._findings.add(self._path, found, f"a section with the ports {listing(names)}", key=True)
+            return (None,) * len(ports)
+        misspelt = [self._unknown(key, names) for key in section.entries if key not in names]
+        for name in names:
+            if name not in section.entries and not any(f"'{name}'" in hint for hint in misspelt):
+                found = f"the port '{name}' of {self._built.label} is not connected."
+                accepted = f"{name}: {{to: SUBSTRUCTURE, at: [POSITION, ...]}}"
+                self._findings.add((*self._path, name), found, accepted, key=True)
+        attachments = tuple(self._attachment(port) if port.name in section.entries else None for port in ports)
+        self._check_distinct(ports, attachments)
+        return attachments
+
+    def _unknown(self, key: str, names: list[str]) -> str:
+        """Report a port that the model does not have, and return the hint at the one that may be meant."""
+        hint = did_you_mean(key, names)
+        found = f"{shown(key)} is not a port of {self._built.label}."
+        self._findings.add((*self._path, key), found, listing(names), hint, key=True)
+        return hint
+
+    def _attachment(self, port: Port) -> Attachment | None:
+        path: Path = (*self._path, port.name)
+        section = validate(AttachmentSection, path, self._findings, f"the port '{port.name}'")
+        if section is None:
+            return None
+        if section.to not in self._substructures:
+            names = list(self._substructures)
+            if names:
+                found = f"there is no substructure {shown(section.to)}."
+                self._findings.add((*path, "to"), found, listing(names), did_you_mean(section.to, names))
+            return None
+        if len(section.at) != port.nodes:
+            found = f"the port '{port.name}' of {self._built.label} takes {_counted(port.nodes, 'node')}"
+            self._findings.add((*path, "at"), f"{found}, not {len(section.at)}.")
+            return None
+        substructure = self._substructures[section.to]
+        return None if substructure is None else self._on_nodes(section, substructure, path)
+
+    def _on_nodes(self, section: AttachmentSection, substructure: SubstructureModel, path: Path) -> Attachment | None:
+        found = [
+            find_node(section.to, substructure, position, (*path, "at", index), self._findings)
+            for index, position in enumerate(section.at)
+        ]
+        nodes = tuple(node for node in found if node is not None)
+        return Attachment(section.to, nodes) if len(nodes) == len(found) else None
+
+    def _check_distinct(self, ports: tuple[Port, ...], attachments: tuple[Attachment | None, ...]) -> None:
+        taken: set[tuple[str, int]] = set()
+        for port, attachment in zip(ports, attachments, strict=True):
+            part = self._substructures.get(attachment.substructure) if attachment is not None else None
+            if attachment is None or part is None or part.grounded:
+                continue
+            for index, node in enumerate(attachment.nodes):
+                if (attachment.substructure, node) in taken:
+                    place = format_quantity(part.nodes[node].position, "m")
+                    found = f"the node of '{attachment.substructure}' at {place} is already taken by this joint."
+                    self._findings.add((*self._path, port.name, "at", index), found)
+                taken.add((attachment.substructure, node))
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

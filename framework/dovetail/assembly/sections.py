@@ -1,0 +1,110 @@
+"""The part of a description that is the same for every assembly, as pydantic models."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+from dovetail.frf import Quantity
+from dovetail.units import Frequency, Position
+
+__all__ = [
+    "FORMAT",
+    "AttachmentSection",
+    "DescriptionSection",
+    "FrequencySection",
+    "IdentificationSection",
+    "ParameterSection",
+    "ResponseSection",
+]
+
+FORMAT = 1
+"""Version of the description's format, which is what ``dovetail:`` says."""
+
+
+def _no_truth_value(value: object) -> object:
+    if isinstance(value, bool):
+        raise ValueError(f"{'true' if value else 'false'} is not a number")
+    return value
+
+
+def _listed(value: object) -> object:
+    return value if isinstance(value, (list, tuple)) else [value]
+
+
+def _two_ends(value: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(value) != 2:
+        raise ValueError(f"a range has a lower and an upper end, but this list has {len(value)} elements")
+    return value
+
+
+def _title(value: str) -> str:
+    if not re.fullmatch(r"[^\W_][\w .+-]{0,99}", value):
+        raise ValueError("a name has up to 100 letters, digits, spaces and '.+-_', and begins with a letter or digit")
+    return value
+
+
+_Count = Annotated[int, BeforeValidator(_no_truth_value)]
+_Number = Annotated[float, BeforeValidator(_no_truth_value)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class FrequencySection(_Section):
+    """The lines at which FRFs are computed: from `start` to `stop`, with a `step` or as a number of `lines`."""
+
+    start: Frequency
+    stop: Frequency
+    step: Frequency | None = None
+    lines: Annotated[_Count, Field(ge=2, le=1_000_000)] | None = None
+
+
+class AttachmentSection(_Section):
+    """Where a port of a joint attaches: a substructure and the positions of its nodes."""
+
+    to: str
+    at: Annotated[tuple[Position, ...], BeforeValidator(_listed)]
+
+
+class ParameterSection(_Section):
+    """What is known of a joint's parameter: the range in which it is sought, or its value."""
+
+    range: Annotated[tuple[Any, ...], AfterValidator(_two_ends)] = ()
+    scale: Literal["linear", "log"] | None = None
+    value: Any = None
+
+
+class ResponseSection(_Section):
+    """The drive point and the quantity that is reported."""
+
+    at: str
+    position: Position
+    direction: Literal["x", "rz"] = "x"
+    quantity: Quantity = "accelerance"
+
+
+class IdentificationSection(_Section):
+    """How the network is trained; `reducer` and `regressor` are sections that name a model."""
+
+    samples: Annotated[_Count, Field(ge=10, le=10_000_000)] = 5000
+    seed: Annotated[_Count, Field(ge=0, le=2**32 - 1)] = 0
+    test_fraction: Annotated[_Number, Field(gt=0, lt=1)] = 0.2
+    features: Literal["log10p1"] = "log10p1"
+    reducer: Any = None
+    regressor: Any = None
+
+
+class DescriptionSection(_Section):
+    """The keys of a description; its sections are checked one by one."""
+
+    dovetail: Any = None
+    name: Annotated[str, AfterValidator(_title)]
+    frequency: Any
+    substructures: dict[str, Any]
+    joints: dict[str, Any] = Field(default={})
+    response: Any
+    identification: Any = None

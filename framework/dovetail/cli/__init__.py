@@ -1,0 +1,71 @@
+"""The ``dovetail`` command: every command is a few calls of the API.
+
+Exit codes: 0; 1 for a fault that is explained in one block; 2 for a wrong command line; 130 after Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from typing import Annotated
+
+import typer
+
+from dovetail.cli.check import check
+from dovetail.cli.commands import Commands, report_bug
+from dovetail.cli.components import describe, plugins
+from dovetail.cli.generate import generate
+from dovetail.cli.identify import identify
+from dovetail.cli.options import PluginFiles
+from dovetail.cli.predict import predict
+from dovetail.cli.robustness import robustness
+from dovetail.cli.simulate import simulate
+from dovetail.cli.train import train
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="dovetail",
+    cls=Commands,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,  # plain help: half the time, and the same in a pipe
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from dovetail import __version__
+
+        typer.echo(f"dovetail {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def dovetail(
+    context: typer.Context,
+    plugin: PluginFiles = None,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Identify the parameters of a mechanical joint from one measured frequency response function."""
+    context.obj = plugin
+
+
+for command in (plugins, describe, check, simulate, generate, train, identify, predict, robustness):
+    app.command()(command)
+
+
+def main() -> None:
+    """Run the command line."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that cannot show a sign shows a question mark
+    try:
+        app()
+    except Exception as error:  # whatever the commands explain ends in SystemExit
+        report_bug(error)
+        sys.exit(1)

@@ -1,0 +1,135 @@
+"""``dovetail check``: what an assembly is made of, before any work is done with it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
+from dovetail.cli.terminal import heading, print_json, range_text, say, table, title
+
+if TYPE_CHECKING:
+    from dovetail.assembly import Assembly
+
+__all__ = ["check"]
+
+
+def check(assembly: AssemblyFile, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
+    """Check a description; show DOFs, nodes, modes.
+
+    Shows the degrees of freedom, the nodes, the parameters with their ranges, and the natural frequencies in the
+    middle of the ranges. All faults of a description are reported at once.
+    """
+    import dovetail
+
+    loaded = dovetail.load(assembly, plugins=plugin or ())
+    summary = _summary(loaded)
+    if as_json:
+        print_json(summary)
+    else:
+        _print(loaded, summary)
+
+
+def _summary(assembly: Assembly) -> dict[str, Any]:
+    description, graph = assembly.description, assembly.graph
+    response, frequency = description.response, assembly.frequency
+    natural, reason = natural_frequencies(assembly)
+    substructures = [
+        {
+            "name": name,
+            "model": part.name,
+            "dofs": 2 * len(part.nodes),
+            "held": part.grounded,
+            "nodes": [{"label": node.label, "position": node.position} for node in part.nodes],
+        }
+        for name, part in graph.substructures.items()
+    ]
+    joints = [
+        {"name": name, "model": connection.model.name, "internal_dofs": connection.model.internal_dofs}
+        for name, connection in graph.connections.items()
+    ]
+    return {
+        "name": assembly.name,
+        "source": description.source,
+        "substructures": substructures,
+        "joints": joints,
+        "dofs": {"assembly": graph.size, "condensed": len(assembly.engine.program.order)},
+        "parameters": [asdict(parameter) for parameter in assembly.parameters],
+        "fixed": _fixed(assembly),
+        "response": {
+            "at": response.substructure,
+            "position": graph.substructures[response.substructure].nodes[response.node].position,
+            "direction": response.direction,
+            "quantity": response.quantity,
+        },
+        "frequency": {"first": float(frequency[0]), "last": float(frequency[-1]), "lines": len(frequency)},
+        "natural_frequencies": natural,
+        "without_natural_frequencies": reason,
+    }
+
+
+def _fixed(assembly: Assembly) -> list[dict[str, Any]]:
+    return [
+        {"name": f"{joint}.{parameter.name}", "value": entry.fixed[parameter.name], "unit": parameter.unit}
+        for joint, entry in assembly.description.joints.items()
+        for parameter in entry.parameters
+        if parameter.name in entry.fixed
+    ]
+
+
+def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
+    from dovetail.units import format_quantity
+
+    title(f"{summary['name']}  ({summary['source']})")
+    response, frequency = summary["response"], summary["frequency"]
+    position = format_quantity(response["position"], "m")
+    say(f"Response   {response['quantity']} at {response['at']}, {position}, direction {response['direction']}")
+    say(f"Frequency  {frequency['first']:g} to {frequency['last']:g} Hz, {frequency['lines']} lines")
+    _print_dofs(summary)
+    heading("Nodes")
+    table(["substructure", "positions [mm]"], [(part["name"], _positions(part)) for part in summary["substructures"]])
+    heading("Parameters sought")
+    rows = [(p.name, range_text(p), p.scale, p.description) for p in assembly.parameters]
+    if rows:
+        table(["parameter", "range", "scale", "description"], rows)
+    else:
+        say("none: every parameter is fixed")
+    if summary["fixed"]:
+        heading("Parameters fixed")
+        table(["parameter", "value"], [(p["name"], format_quantity(p["value"], p["unit"])) for p in summary["fixed"]])
+    heading("Natural frequencies in the middle of the ranges")
+    say_natural_frequencies(summary["natural_frequencies"], summary["without_natural_frequencies"])
+
+
+def _print_dofs(summary: dict[str, Any]) -> None:
+    heading("Degrees of freedom")
+    rows = [
+        (f"substructure {part['name']}", part["model"], "held" if part["held"] else str(part["dofs"]))
+        for part in summary["substructures"]
+    ]
+    rows += [
+        (f"joint {joint['name']}, internal", joint["model"], str(joint["internal_dofs"])) for joint in summary["joints"]
+    ]
+    rows.append(("assembly, merged DOFs counted once", "", str(summary["dofs"]["assembly"])))
+    rows.append(("condensed system of the engine", "", str(summary["dofs"]["condensed"])))
+    table(["part", "model", "DOFs"], rows, numbers=["DOFs"])
+
+
+def _positions(part: dict[str, Any]) -> str:
+    """Write positions [mm], each run of even steps as ``first to last by step``."""
+    positions = [node["position"] * 1e3 for node in part["nodes"]]
+    runs: list[list[float]] = []
+    for position in positions:
+        run = runs[-1] if runs else []
+        if not runs or (len(run) > 1 and abs((position - run[-1]) - (run[1] - run[0])) > 1e-6):
+            runs.append([position])
+        else:
+            run.append(position)
+    return ", ".join(_run(run) for run in runs)
+
+
+def _run(run: list[float]) -> str:
+    if len(run) < 4:
+        return ", ".join(f"{position:.5g}" for position in run)
+    return f"{run[0]:.5g} to {run[-1]:.5g} by {run[1] - run[0]:.5g}"

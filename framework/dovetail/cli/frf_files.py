@@ -1,0 +1,51 @@
+"""FRFs to the files that the user names; the suffix says the format."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dovetail.cli.options import check_new_files
+
+if TYPE_CHECKING:
+    from dovetail.frf import Frf
+
+__all__ = ["FrfFiles", "check_frf_files", "write_frf_files"]
+
+_SUFFIXES = (".csv", ".uff", ".unv", ".npz", ".png")
+
+FrfFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--output", "-o", metavar="FILE", help="File for the FRF: .csv, .uff, .npz or .png. May be repeated."),
+]
+
+
+def check_frf_files(files: Sequence[Path], overwrite: bool) -> None:
+    """Make sure, before any work, that FRFs can be written to `files`."""
+    check_new_files(files, _SUFFIXES, overwrite)
+
+
+def write_frf_files(frf: Frf, files: Sequence[Path], natural: Sequence[float], overwrite: bool) -> None:
+    """Write an FRF to each of `files`; folders that are missing are made.
+
+    Parameters
+    ----------
+    frf : Frf
+    files : sequence of Path
+    natural : sequence of float
+        Natural frequencies [Hz] to mark in figures.
+    overwrite : bool
+    """
+    for file in files:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if file.suffix.lower() == ".png":
+            from dovetail.report.figures import save_png, simulated_figure
+
+            save_png(simulated_figure(frf, natural), file)
+        else:
+            from dovetail import write_frf
+
+            write_frf(frf, file, overwrite=overwrite)

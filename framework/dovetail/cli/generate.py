@@ -1,0 +1,59 @@
+"""``dovetail generate``: a dataset of samples and their FRFs."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dovetail.cli.commands import INTERRUPTED
+from dovetail.cli.options import AssemblyFile, PluginFiles
+from dovetail.cli.terminal import note, progress_bars, say
+
+__all__ = ["generate"]
+
+
+def generate(
+    assembly: AssemblyFile,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="The dataset, such as data.zarr.")],
+    samples: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Number of samples; by default what the description says.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(metavar="N", min=0, help="Seed; by default what the description says.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a dataset that was interrupted.")] = False,
+    plugin: PluginFiles = None,
+) -> None:
+    """Make a dataset for training.
+
+    Parameters are drawn by Latin hypercube and their FRFs streamed to a Zarr folder. After Ctrl-C what is done stays,
+    and --resume goes on with it; the result is bit for bit that of one run. Exit code 130 then.
+    """
+    import dovetail
+
+    loaded = dovetail.load(assembly, plugins=plugin or ())
+    try:
+        with progress_bars() as progress:
+            dataset = dovetail.generate(loaded, output, samples=samples, seed=seed, resume=resume, progress=progress)
+    except KeyboardInterrupt:
+        _advise(assembly, output, samples, seed, plugin or [])
+        raise typer.Exit(INTERRUPTED) from None
+    say(
+        f"{output}: {len(dataset)} samples of {len(loaded.parameters)} parameters, "
+        f"{len(dataset.frequency)} lines each, seed {dataset.seed}"
+    )
+
+
+def _advise(assembly: Path, output: Path, samples: int | None, seed: int | None, plugin: list[Path]) -> None:
+    """Say what is there after an interruption, and how to go on."""
+    if not output.exists():
+        note("\nInterrupted before the first sample; nothing was written.")
+        return
+    command = ["dovetail", "generate", str(assembly), "-o", str(output)]
+    command += [] if samples is None else ["--samples", str(samples)]
+    command += [] if seed is None else ["--seed", str(seed)]
+    command += [part for file in plugin for part in ("--plugin", str(file))]
+    note(f"\nInterrupted. What is done stays in {output}; go on with:\n  {shlex.join([*command, '--resume'])}")

@@ -1,0 +1,86 @@
+"""Models trained before, kept in the user's cache folder under what they were trained from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dovetail.cli.terminal import note, progress_bars
+
+if TYPE_CHECKING:
+    from dovetail.assembly import Assembly
+    from dovetail.identification import Identifier
+
+__all__ = ["cache_folder", "trained_model"]
+
+VARIABLE = "DOVETAIL_CACHE_DIR"
+"""Environment variable that names another folder."""
+
+
+def cache_folder() -> Path:
+    """Return the folder in which models are kept."""
+    from platformdirs import user_cache_dir
+
+    return Path(os.environ.get(VARIABLE) or user_cache_dir("dovetail")) / "models"
+
+
+def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool) -> Identifier:
+    """Return a model of an assembly: the one trained before from the same description, or a fresh one.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    plugins : sequence of Path
+        The plugin files that its components come from.
+    retrain : bool
+        Train even if there is a model.
+
+    Returns
+    -------
+    Identifier
+    """
+    from dovetail import load_model, train
+    from dovetail.errors import BundleError
+
+    folder = cache_folder() / _key(assembly, plugins)
+    if folder.exists() and not retrain:
+        try:
+            model = load_model(folder, plugins=plugins)
+        except BundleError:
+            note(f"The model kept in {folder} cannot be used; training anew.")
+        else:
+            note(f"Using the model trained before from this description ({folder}); --retrain trains anew.")
+            return model
+    samples = assembly.description.identification.samples
+    note(f"Training a network for '{assembly.name}' on {samples} simulated FRFs; it is kept for the next time.")
+    with progress_bars() as progress:
+        model = train(assembly, progress=progress)
+    _keep(model, folder)
+    return model
+
+
+def _key(assembly: Assembly, plugins: Sequence[Path]) -> str:
+    """Return a hash of everything that the model depends on."""
+    from dovetail.identification.provenance import component_sources, package_versions
+
+    origin = {
+        "description": assembly.description.text,
+        "dovetail": package_versions().get("dovetail-frf"),
+        "components": component_sources(assembly),
+        "plugins": [hashlib.sha256(file.read_bytes()).hexdigest() for file in plugins],
+    }
+    return hashlib.sha256(json.dumps(origin, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _keep(model: Identifier, folder: Path) -> None:
+    """Save a model for the next time; without a place for it the work goes on."""
+    from dovetail.errors import BundleError
+
+    try:
+        model.save(folder)
+    except (BundleError, OSError) as error:
+        note(f"The model is not kept: {error}")

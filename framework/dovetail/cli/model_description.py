@@ -1,0 +1,174 @@
+"""A model as plain values: options from its Config, a joint's parameters and ports."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from dovetail.interfaces import JointModel
+from dovetail.registry import Offer
+from dovetail.units import format_quantity
+
+__all__ = ["describe_offer"]
+
+_DEEPEST = 8
+"""Options nested deeper than this are not listed; a Config that holds itself has no end."""
+
+
+def describe_offer(offer: Offer) -> dict[str, Any]:
+    """Return a model's summary, references, options and, for a joint, parameters and ports.
+
+    Parameters
+    ----------
+    offer : Offer
+
+    Returns
+    -------
+    dict
+        Plain values, and the joint's ``parameters`` and ``ports`` as they are, None where they depend on options that
+        have no default; ``valid_for`` says for which options they hold if that is not all.
+    """
+    component = offer.component
+    described: dict[str, Any] = {
+        "kind": component.kind,
+        "name": component.name,
+        "source": offer.source,
+        "summary": component.summary,
+        "references": list(component.references),
+        "options": list(_options(component.Config)),
+    }
+    if issubclass(component, JointModel):
+        described |= _joint(component)
+    return described
+
+
+def _joint(model: type[JointModel]) -> dict[str, Any]:
+    fixed = {name: _class_attribute(model, name) for name in ("parameters", "ports")}
+    valid_for = ""
+    if None in fixed.values():
+        try:
+            default = model()
+            fixed = {"parameters": default.parameters, "ports": default.ports}
+            valid_for = "with the default options"
+        except Exception:  # options without a default, or a stranger's own objection
+            pass
+    return {**fixed, "valid_for": valid_for}
+
+
+def _class_attribute(model: type[JointModel], name: str) -> Any:
+    """Return what holds for every Config, or None where it is computed."""
+    value = inspect.getattr_static(model, name)
+    return value if isinstance(value, tuple) else None
+
+
+def _options(config: Any) -> Iterator[dict[str, Any]]:
+    try:
+        schema = config.model_json_schema()
+    except Exception:  # options of a type that JSON does not know
+        for name, field in config.model_fields.items():
+            text = getattr(field.annotation, "__name__", str(field.annotation))
+            required = field.is_required()
+            yield _row(name, text, "", "required" if required else str(field.default), field.description or "")
+        return
+    yield from _walk(schema, schema.get("$defs", {}), "", 0)
+
+
+def _walk(
+    schema: Mapping[str, Any], definitions: Mapping[str, Any], prefix: str, depth: int
+) -> Iterator[dict[str, Any]]:
+    documented = _attribute_section(schema.get("description", ""))
+    for name, entry in schema.get("properties", {}).items():
+        whole = f"{prefix}{name}"
+        plain, optional = _without_null(_resolved(entry, definitions))
+        inner, inner_prefix = plain, f"{whole}."
+        if plain.get("type") == "array" and isinstance(plain.get("items"), dict):
+            inner, inner_prefix = _resolved(plain["items"], definitions), f"{whole}[]."
+        unit = plain.get("x-unit", "")
+        required = name in schema.get("required", ())
+        default = "required" if required else _default(entry.get("default"), unit, optional)
+        nested = "properties" in inner
+        description = entry.get("description") or documented.get(name) or (_first_line(inner) if nested else "")
+        yield _row(whole, _type_text(plain), unit, default, description)
+        if nested and depth < _DEEPEST:
+            yield from _walk(inner, definitions, inner_prefix, depth + 1)
+
+
+def _row(name: str, kind: str, unit: str, default: str, description: str) -> dict[str, Any]:
+    return {"name": name, "type": kind, "unit": unit, "default": default, "description": description}
+
+
+def _resolved(entry: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
+    reference = entry.get("$ref")
+    if reference is None and len(entry.get("allOf", ())) == 1:
+        reference = entry["allOf"][0].get("$ref")
+    return definitions[reference.rpartition("/")[2]] if reference else entry
+
+
+def _without_null(entry: Mapping[str, Any]) -> tuple[Mapping[str, Any], bool]:
+    """Return an entry without the alternative of leaving it empty, and whether it had one."""
+    choices = entry.get("anyOf", ())
+    filled = [choice for choice in choices if choice.get("type") != "null"]
+    if len(filled) == len(choices):
+        return entry, False
+    return (filled[0] if len(filled) == 1 else {**entry, "anyOf": filled}), True
+
+
+def _type_text(entry: Mapping[str, Any]) -> str:
+    if "x-unit" in entry and "anyOf" in entry:
+        return _type_text(entry["anyOf"][0])
+    if "enum" in entry:
+        return " | ".join(str(choice) for choice in entry["enum"])
+    if "const" in entry:
+        return str(entry["const"])
+    if "anyOf" in entry:
+        return " or ".join(_type_text(choice) for choice in entry["anyOf"])
+    if "prefixItems" in entry:
+        return f"list of {len(entry['prefixItems'])}: {_type_text(entry['prefixItems'][0])}"
+    name = entry.get("type", "any")
+    if name == "array":
+        fewest = entry.get("minItems", 0)
+        return f"list of {fewest} or more" if fewest else "list"
+    spelled = {"object": "mapping", "string": "text", "boolean": "true | false"}.get(name, name)
+    return f"{spelled} {_bounds(entry)}".rstrip()
+
+
+def _bounds(entry: Mapping[str, Any]) -> str:
+    """Write bounds as ``> 0`` or, where there are two, as the interval ``[0, 0.5)``."""
+    low, high = entry.get("exclusiveMinimum", entry.get("minimum")), entry.get("exclusiveMaximum", entry.get("maximum"))
+    open_low, open_high = "exclusiveMinimum" in entry, "exclusiveMaximum" in entry
+    if low is not None and high is not None:
+        return f"{'(' if open_low else '['}{low:g}, {high:g}{')' if open_high else ']'}"
+    if low is not None:
+        return f"{'>' if open_low else '>='} {low:g}"
+    return "" if high is None else f"{'<' if open_high else '<='} {high:g}"
+
+
+def _default(value: Any, unit: str, optional: bool) -> str:
+    if value is None:
+        return "none" if optional else ""
+    if unit and isinstance(value, (int, float)) and not isinstance(value, bool):
+        return format_quantity(value, unit)
+    return str(value)
+
+
+def _first_line(schema: Mapping[str, Any]) -> str:
+    return str(schema.get("description", "")).partition("\n")[0]
+
+
+def _attribute_section(docstring: str) -> dict[str, str]:
+    """Return what the Attributes section of a numpydoc docstring says of each name."""
+    _, found, section = docstring.partition("Attributes\n----------\n")
+    texts: dict[str, str] = {}
+    if not found:
+        return texts
+    names: list[str] = []
+    for line in section.split("\n"):
+        if re.fullmatch(r"-{3,}", line):  # the underline of the next section
+            break
+        if line and not line[0].isspace():
+            names = [name.strip() for name in line.partition(":")[0].split(",")]
+        elif line.strip():
+            texts.update({name: f"{texts.get(name, '')} {line.strip()}".strip() for name in names})
+    return texts

@@ -1,0 +1,85 @@
+"""Options that several commands share, and how their values are read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = [
+    "AsJson",
+    "AssemblyFile",
+    "Overwrite",
+    "PluginFiles",
+    "check_new_files",
+    "quantity_in",
+]
+
+
+def _with_global(context: typer.Context, value: list[Path] | None) -> list[Path]:
+    """Put the plugin files that stand before the command in front of those behind it."""
+    return [*(context.obj or ()), *(value or ())]
+
+
+PluginFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plugin",
+        metavar="FILE.py",
+        callback=_with_global,
+        help="Take in a plugin file; it runs with your rights. May be repeated.",
+    ),
+]
+
+AssemblyFile = Annotated[Path, typer.Argument(metavar="ASSEMBLY", help="The assembly's description (YAML).")]
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for a program.")]
+
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that are there already.")]
+
+
+def quantity_in(unit: str) -> Callable[[str], float]:
+    """Return a parser of quantities with a unit, such as ``"1.2 g"``, that gives SI values."""
+
+    def parse(text: str) -> float:
+        from dovetail.errors import UnitError
+        from dovetail.units import to_si
+
+        try:
+            return to_si(text, unit)
+        except UnitError as error:
+            raise typer.BadParameter(error.faults[0].found) from None
+
+    return parse
+
+
+def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: bool) -> None:
+    """Make sure, before any work, that files can be written.
+
+    Parameters
+    ----------
+    files : iterable of Path
+    suffixes : iterable of str
+        Those that are accepted.
+    overwrite : bool
+
+    Raises
+    ------
+    typer.BadParameter
+        A suffix is not accepted.
+    DovetailError
+        A file is there already.
+    """
+    from dovetail.errors import DovetailError, Fault, did_you_mean, listing
+
+    accepted = list(suffixes)
+    for file in files:
+        if file.suffix.lower() not in accepted:
+            hint = did_you_mean(file.suffix, accepted)
+            raise typer.BadParameter(f"'{file}': the suffix says what is written. {hint} Accepted: {listing(accepted)}")
+        if file.exists() and not overwrite:
+            raise DovetailError(
+                Fault(str(file), "there is such a file already.", remedy="Choose another name, or add --overwrite.")
+            )

@@ -1,0 +1,54 @@
+"""``dovetail predict``: an identified joint in another assembly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dovetail.cli.frf_files import FrfFiles, check_frf_files, write_frf_files
+from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
+from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles
+from dovetail.cli.terminal import heading, note, print_json, quantity_text, table, title
+
+__all__ = ["predict"]
+
+
+def predict(
+    assembly: AssemblyFile,
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT", help="The folder that 'identify' wrote, or its result.json.")
+    ],
+    output: FrfFiles = None,
+    overwrite: Overwrite = False,
+    plugin: PluginFiles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Predict the FRF of another assembly.
+
+    It has the joint that was identified: another tool in the same holder, say.
+    """
+    import dovetail
+    from dovetail.identification.prediction import joint_values
+    from dovetail.identification.stored import read_identification
+
+    files = output or []
+    check_frf_files(files, overwrite)
+    loaded = dovetail.load(assembly, plugins=plugin or ())
+    identified = read_identification(result)
+    values = joint_values(loaded, identified)
+    frf = dovetail.predict(loaded, identified)
+    natural, reason = natural_frequencies(loaded, values)
+    write_frf_files(frf, files, natural, overwrite)
+    if as_json:
+        print_json({"name": loaded.name, "parameters": values, "natural_frequencies": natural})
+    else:
+        title(f"{loaded.name}: predicted with the joint identified from {identified.measured.label}")
+        rows = [(parameter.name, quantity_text(values[parameter.name], parameter)) for parameter in loaded.parameters]
+        if rows:
+            table(["parameter", "value"], rows)
+        heading("Natural frequencies")
+        say_natural_frequencies(natural, reason)
+    for file in files:
+        note(f"Written: {file}")

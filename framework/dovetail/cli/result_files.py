@@ -1,0 +1,113 @@
+"""The files of an identification, all in the folder that the user names."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dovetail.identification import Identification
+    from dovetail.report import Truth
+
+__all__ = ["csv_text", "prepare_folder", "write_results"]
+
+RESULT = "result.json"
+_FILES = (RESULT, "report.html", "parameters.csv", "frf.csv", "frf.png")
+
+
+def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = RESULT) -> None:
+    """Make sure, before any work, that results can be written to a folder, and make it.
+
+    Parameters
+    ----------
+    folder : Path
+    files : sequence of str
+        Names of what will be written.
+    mark : str
+        Which of them shows that those that are there are results of an earlier run, which may be replaced.
+
+    Raises
+    ------
+    DovetailError
+        The folder is a file, or holds files of these names that are no results.
+    """
+    from dovetail.errors import DovetailError, Fault, listing
+
+    remedy = "Choose another folder."
+    if folder.exists() and not folder.is_dir():
+        raise DovetailError(Fault(str(folder), "this is a file, not a folder for results.", remedy=remedy))
+    taken = [name for name in files if (folder / name).exists()]
+    if taken and mark not in taken:
+        found = f"{listing(taken)} would be replaced, and {'is' if len(taken) == 1 else 'are'} not of an earlier run."
+        raise DovetailError(Fault(str(folder), found, remedy=remedy))
+    folder.mkdir(parents=True, exist_ok=True)
+
+
+def write_results(result: Identification, folder: Path, truth: Truth | None) -> tuple[Path, ...]:
+    """Write a report, the result as JSON, parameters and FRFs as CSV, and a figure.
+
+    Parameters
+    ----------
+    result : Identification
+    folder : Path
+        Files of an earlier run are replaced, each whole or not at all.
+    truth : Truth or None
+        Shown beside what was identified.
+
+    Returns
+    -------
+    tuple of Path
+    """
+    from dovetail.measurement.disk import write_whole
+    from dovetail.report import write_report
+    from dovetail.report.figures import frf_figure, save_png
+
+    paths = {name: folder / name for name in _FILES}
+    texts = {
+        RESULT: json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        "parameters.csv": _parameters(result, truth),
+        "frf.csv": _frfs(result),
+    }
+    for name, text in texts.items():
+        write_whole(paths[name], text.encode("utf-8"), overwrite=True)
+    natural = [mode.natural_frequency for mode in result.modes]
+    save_png(frf_figure(result.measured, result.frf, result.coherence, natural), paths["frf.png"])
+    write_report(result, paths["report.html"], truth=truth)
+    return tuple(paths.values())
+
+
+def _parameters(result: Identification, truth: Truth | None) -> str:
+    header = ["name", "joint", "value", "unit", "lower", "upper", "scale", "in_range", "description"]
+    rows = [[getattr(parameter, key) for key in header] for parameter in result.parameters.values()]
+    if truth is None:
+        return csv_text(header, rows)
+    return csv_text(
+        [*header, "truth"],
+        [[*row, truth.parameters.get(name, "")] for row, name in zip(rows, result.parameters, strict=True)],
+    )
+
+
+def _frfs(result: Identification) -> str:
+    measured, frf = result.measured, result.frf
+    columns = {"frequency_Hz": frf.frequency}
+    if measured.has_phase:
+        columns |= {"measured_real": measured.values.real, "measured_imag": measured.values.imag}
+    else:
+        columns["measured_amplitude"] = measured.amplitude
+    columns |= {"reconstructed_real": frf.values.real, "reconstructed_imag": frf.values.imag}
+    columns["coherence"] = result.coherence
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return f"# quantity: {frf.quantity}\n" + csv_text(list(columns), rows)
+
+
+def csv_text(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
+    """Return comma-separated text with a header line."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return stream.getvalue()

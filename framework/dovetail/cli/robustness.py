@@ -1,0 +1,115 @@
+"""``dovetail robustness``: how the network's accuracy falls with noise, reducer by reducer."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
+from dovetail.cli.terminal import note, print_json, progress_bars, table, title
+
+if TYPE_CHECKING:
+    from dovetail.dataset import Dataset
+    from dovetail.evaluation import RobustnessRow
+    from dovetail.interfaces import Progress
+
+__all__ = ["robustness"]
+
+_FILES = ("robustness.json", "robustness.csv", "robustness.png")
+
+
+def _levels(text: str) -> tuple[float, ...]:
+    levels = tuple(_level(part) for part in text.split(","))
+    if any(not 0 <= level < math.inf for level in levels):
+        raise typer.BadParameter(f"'{text}' holds a level that is negative or not finite.", param_hint="--levels")
+    return levels
+
+
+def _level(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is not a number.", param_hint="--levels") from None
+
+
+def robustness(
+    assembly: AssemblyFile,
+    models: Annotated[str, typer.Option(metavar="NAMES", help="Reducers, with commas.")] = "umap,pca,none",
+    levels: Annotated[
+        str, typer.Option(metavar="LEVELS", help="Noise over the data's standard deviation, with commas.")
+    ] = "0,0.01,0.02,0.05,0.1,0.15,0.2",
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the noise.")] = 0,
+    data: Annotated[
+        Path | None,
+        typer.Option("--data", metavar="FOLDER", help="A dataset; by default one is generated and discarded."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the table and the figure.")
+    ] = None,
+    plugin: PluginFiles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show how accuracy falls with noise.
+
+    One network for each reducer is trained on clean FRFs and evaluated on noisy ones. R2 is the mean over the
+    parameters, RMSE a part of their ranges. Files of an earlier run in the output folder are replaced.
+    """
+    import dovetail
+    from dovetail.assembly.assembly import components
+    from dovetail.cli.result_files import prepare_folder
+    from dovetail.evaluation import robustness as study
+    from dovetail.evaluation.robustness import with_reducer
+
+    chosen, noise = [name.strip() for name in models.split(",")], _levels(levels)
+    loaded, registry = dovetail.load(assembly, plugins=plugin or ()), components(plugin or ())
+    for name in chosen:
+        with_reducer(loaded, name, registry)
+    if output is not None:
+        prepare_folder(output, _FILES, _FILES[0])
+    with tempfile.TemporaryDirectory(prefix="dovetail-") as folder, progress_bars() as progress:
+        dataset = _dataset(loaded, data, Path(folder), progress)
+        rows = study(loaded, dataset, models=chosen, levels=noise, seed=seed, registry=registry, progress=progress)
+    if output is not None:
+        _write(rows, output)
+    if as_json:
+        print_json([_finite(row.flat()) for row in rows])
+    else:
+        title(f"{loaded.name}: accuracy with noise")
+        printed = [(row.model, f"{row.level:g}", f"{row.r2:.3f}", f"{row.rmse:.3f}") for row in rows]
+        table(["reducer", "noise", "R2", "RMSE"], printed, numbers=["noise", "R2", "RMSE"])
+    if output is not None:
+        note(f"Written to {output}: {', '.join(_FILES)}")
+
+
+def _dataset(assembly: Any, data: Path | None, folder: Path, progress: Progress) -> Dataset:
+    import dovetail
+
+    if data is not None:
+        return dovetail.Dataset(data)
+    return dovetail.generate(assembly, folder / "dataset.zarr", progress=progress)
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row with None for what is not a number."""
+    return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}
+
+
+def _write(rows: Sequence[RobustnessRow], folder: Path) -> None:
+    from dovetail.cli.result_files import csv_text
+    from dovetail.measurement.disk import write_whole
+    from dovetail.report.figures import robustness_figure, save_png
+
+    flat = [_finite(row.flat()) for row in rows]
+    content = {
+        _FILES[0]: json.dumps(flat, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _FILES[1]: csv_text(list(flat[0]), [row.values() for row in flat]),
+    }
+    for name, text in content.items():
+        write_whole(folder / name, text.encode("utf-8"), overwrite=True)
+    save_png(robustness_figure(flat), folder / _FILES[2])

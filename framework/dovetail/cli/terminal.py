@@ -1,0 +1,179 @@
+"""What the user sees: results on stdout, notes and progress on stderr, control characters on a terminal only."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Protocol
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.progress import Progress as Bars
+
+    from dovetail.interfaces import Progress
+
+__all__ = ["heading", "note", "print_json", "progress_bars", "quantity_text", "range_text", "say", "table", "title"]
+
+_UNLIMITED = 10_000
+"""Columns in a pipe: a row stays a line, for grep."""
+
+
+class Ranged(Protocol):
+    """A parameter with its unit and its range."""
+
+    @property
+    def unit(self) -> str:
+        """SI unit."""
+
+    @property
+    def lower(self) -> float:
+        """Lower end of the range, in `unit`."""
+
+    @property
+    def upper(self) -> float:
+        """Upper end of the range, in `unit`."""
+
+
+def note(text: str) -> None:
+    """Tell the user something that is no result."""
+    typer.echo(text, err=True)
+
+
+def print_json(value: Any) -> None:
+    """Print plain values as JSON."""
+    typer.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def say(text: str = "") -> None:
+    """Print a paragraph, wrapped on a terminal."""
+    from rich.text import Text
+
+    _show(Text(text))
+
+
+def title(text: str) -> None:
+    """Print a line that stands out on a terminal."""
+    from rich.text import Text
+
+    _show(Text(text, style="bold"))
+
+
+def heading(text: str) -> None:
+    """Print an empty line and a title."""
+    typer.echo()
+    title(text)
+
+
+def quantity_text(value: float, parameter: Ranged) -> str:
+    """Write a parameter's SI value in the unit in which its range is easiest to read."""
+    from dovetail.report.wording import display_unit, number
+
+    unit = display_unit(parameter.unit, parameter.lower, parameter.upper)
+    return f"{number(value * unit.factor)} {unit.text}".rstrip()
+
+
+def range_text(parameter: Ranged) -> str:
+    """Write a parameter's range: ``"26 to 40 mm"``."""
+    from dovetail.report.wording import display_unit, number
+
+    unit = display_unit(parameter.unit, parameter.lower, parameter.upper)
+    low, high = (number(end * unit.factor, padded=False) for end in (parameter.lower, parameter.upper))
+    return f"{low} to {high} {unit.text}".rstrip()
+
+
+def table(headers: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Sequence[str] = ()) -> None:
+    """Print a table; columns without any entry are left out.
+
+    Parameters
+    ----------
+    headers : sequence of str
+    rows : iterable of sequences of str
+    numbers : sequence of str
+        Headers of the columns that are set flush right and never wrapped.
+    """
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    given = [list(row) for row in rows]
+    kept = [column for column in range(len(headers)) if any(row[column] for row in given)]
+    grid = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, header_style="bold")
+    for column in kept:
+        name = headers[column]
+        narrow = column == 0 or name in numbers
+        grid.add_column(Text(name), justify="right" if name in numbers else "left", no_wrap=narrow, overflow="fold")
+    for row in given:
+        grid.add_row(*(Text(row[column]) for column in kept))
+    _show(grid)
+
+
+def _show(renderable: RenderableType) -> None:
+    from rich.console import Console
+
+    if sys.stdout.isatty():
+        Console(highlight=False).print(renderable)
+        return
+    plain = Console(highlight=False, color_system=None, force_terminal=False)
+    if "COLUMNS" not in plain._environ:
+        plain.width = _UNLIMITED
+    with plain.capture() as captured:
+        plain.print(renderable)
+    typer.echo("\n".join(line.rstrip() for line in captured.get().rstrip("\n").split("\n")))
+
+
+@contextmanager
+def progress_bars() -> Iterator[Progress]:
+    """Show the progress of each stage as a bar with the time left; nothing where stderr is not a terminal."""
+    if not sys.stderr.isatty():
+        from dovetail.interfaces import silent
+
+        yield silent
+        return
+    with _bars() as bars:
+        adapter = _Stages(bars)
+        yield adapter
+        adapter.finish()
+
+
+def _bars() -> Bars:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=20),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(compact=True, elapsed_when_finished=True),
+        TextColumn("{task.fields[note]}"),
+        console=Console(stderr=True),
+    )
+
+
+class _Stages:
+    """One bar a stage; a stage is over when the next begins."""
+
+    def __init__(self, bars: Bars) -> None:
+        self._bars = bars
+        self._stage = ""
+        self._task: Any = None
+
+    def __call__(self, stage: str, done: int, total: int, note: str = "") -> None:
+        if stage != self._stage:
+            self.finish()
+            self._stage = stage
+            self._task = self._bars.add_task(f"{stage:<13}", total=None, note="")
+        # a single step tells nothing of how far it is: until it is done the bar only moves
+        known = None if total <= 1 and done < total else total
+        self._bars.update(self._task, completed=done, total=known)
+        if note:
+            self._bars.update(self._task, note=note)
+
+    def finish(self) -> None:
+        """Fill the bar of the stage at hand, which may have ended early."""
+        if self._task is not None:
+            (task,) = [task for task in self._bars.tasks if task.id == self._task]
+            self._bars.update(self._task, total=max(task.completed, 1), completed=max(task.completed, 1))

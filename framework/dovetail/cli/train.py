@@ -1,0 +1,85 @@
+"""``dovetail train``: a network from a dataset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
+from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
+
+if TYPE_CHECKING:
+    from dovetail.identification import Evaluation, Identifier
+
+__all__ = ["train"]
+
+
+def train(
+    assembly: AssemblyFile,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the model.")],
+    data: Annotated[
+        Path | None,
+        typer.Option("--data", metavar="FOLDER", help="A dataset; by default one is generated and discarded."),
+    ] = None,
+    plugin: PluginFiles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Train a network and show how well it does.
+
+    The errors are those on the test part of the dataset, which the network has not seen.
+    """
+    import dovetail
+
+    _check_target(output)
+    loaded = dovetail.load(assembly, plugins=plugin or ())
+    dataset = None if data is None else dovetail.Dataset(data)
+    with progress_bars() as progress:
+        model = dovetail.train(loaded, dataset, progress=progress)
+    model.save(output)
+    if as_json:
+        print_json(evaluation_as_dict(model.evaluation))
+    else:
+        print_evaluation(model)
+    note(f"Written: {output}")
+
+
+def _check_target(folder: Path) -> None:
+    """Make sure, before any work, that a model can be put at `folder`."""
+    from dovetail.errors import BundleError, Fault
+    from dovetail.identification.manifest import is_bundle
+
+    if folder.exists() and not is_bundle(folder) and not (folder.is_dir() and not any(folder.iterdir())):
+        raise BundleError(
+            Fault(str(folder), "something else than a model is there already.", remedy="Choose another folder.")
+        )
+
+
+def evaluation_as_dict(evaluation: Evaluation) -> dict[str, object]:
+    """Return an evaluation with its mean R2, fit for JSON."""
+    mean = evaluation.mean_r2
+    return {**evaluation.to_dict(), "mean_r2": mean if mean == mean else None}
+
+
+def print_evaluation(model: Identifier) -> None:
+    """Print how well each parameter is predicted on the test part."""
+    from dovetail.report.wording import display_unit, number
+
+    evaluation = model.evaluation
+    title(f"{model.assembly.name}: errors on {evaluation.test_samples} test samples")
+    rows = []
+    for parameter in model.assembly.parameters:
+        metrics = evaluation.parameters[parameter.name]
+        unit = display_unit(parameter.unit, parameter.lower, parameter.upper)
+        r2 = "-" if metrics.r2 is None else f"{metrics.r2:.3f}"
+        errors = (f"{100 * metrics.mae:.1f}", f"{100 * metrics.rmse:.1f}")
+        rows.append((parameter.name, r2, *errors, f"{number(metrics.mae_si * unit.factor, 3)} {unit.text}".strip()))
+    table(
+        ["parameter", "R2", "MAE [% of range]", "RMSE [% of range]", "MAE"],
+        rows,
+        numbers=["R2", "MAE [% of range]", "RMSE [% of range]"],
+    )
+    say()
+    say(f"Mean R2 {evaluation.mean_r2:.3f}; trained on {evaluation.training_samples} samples, seed {evaluation.seed}.")
+    say("Time: " + ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in evaluation.seconds.items()))

@@ -1,0 +1,84 @@
+"""A dataset on disk: parameter vectors and the FRF amplitudes that belong to them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.errors import DatasetError, Fault
+
+__all__ = ["FORMAT", "Dataset"]
+
+FORMAT = 1
+
+
+class Dataset:
+    """A Zarr group made by `generate`.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    DatasetError
+        There is no dataset at `path`, or it is damaged or of another format.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        import zarr
+
+        self.path = Path(path)
+        try:
+            self._group = zarr.open_group(self.path, mode="r")
+            self.attributes: dict[str, Any] = dict(self._group.attrs)
+            if self.attributes.get("dovetail_dataset") != FORMAT:
+                raise DatasetError(Fault(str(path), f"this is not a dovetail dataset of format {FORMAT}."))
+            self.parameters: NDArray[np.float64] = np.asarray(self._group["parameters"])
+            self.frequency: NDArray[np.float64] = np.asarray(self._group["frequency"])
+            self.amplitude: Any = self._group["amplitude"]
+            self.complete = bool(np.asarray(self._group["written"]).all())
+        except (OSError, KeyError, ValueError, TypeError) as error:
+            raise DatasetError(Fault(str(path), f"this is not a readable dovetail dataset ({error}).")) from error
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def __repr__(self) -> str:
+        return f"Dataset({str(self.path)!r}, {len(self)} samples, {len(self.frequency)} lines)"
+
+    @property
+    def description(self) -> str:
+        """The description it was made from, as text."""
+        return str(self.attributes["description"])
+
+    @property
+    def seed(self) -> int:
+        """The seed of its samples."""
+        return int(self.attributes["seed"])
+
+    def require(self, assembly: Assembly) -> None:
+        """Make sure that the dataset is complete and was made from this assembly.
+
+        Raises
+        ------
+        DatasetError
+        """
+        if self.attributes["fingerprint"] != assembly.description.fingerprint:
+            raise DatasetError(
+                Fault(
+                    str(self.path),
+                    f"it was made from another description ('{self.attributes['name']}') than '{assembly.name}': "
+                    "frequencies, substructures, joints or response differ.",
+                    remedy="Generate it anew, or take the description that it holds.",
+                )
+            )
+        if not self.complete:
+            raise DatasetError(
+                Fault(str(self.path), "its generation was interrupted.", remedy="Finish it with --resume.")
+            )

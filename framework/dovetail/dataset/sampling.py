@@ -1,0 +1,29 @@
+"""Latin hypercube samples of an assembly's parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+
+__all__ = ["latin_hypercube"]
+
+
+def latin_hypercube(assembly: Assembly, samples: int, seed: int) -> NDArray[np.float64]:
+    """Draw parameter vectors that fill the ranges evenly, each on its parameter's scale.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    samples, seed : int
+
+    Returns
+    -------
+    (samples, n_params) array
+        SI.
+    """
+    from scipy.stats import qmc
+
+    sampler = qmc.LatinHypercube(d=len(assembly.parameters), rng=np.random.default_rng(seed))
+    return assembly.from_unit(sampler.random(samples))

@@ -1,0 +1,7 @@
+"""Frequency response functions: what they are, how they convert, how two of them agree."""
+
+from dovetail.frf.agreement import coherence_spectrum
+from dovetail.frf.frf import Frf
+from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
+
+__all__ = ["QUANTITIES", "Frf", "Quantity", "coherence_spectrum", "conversion", "unit_of"]

@@ -1,0 +1,20 @@
+"""Identification of a joint from a measured FRF: training, the network, results, bundles, prediction."""
+
+from dovetail.identification.bundle import load_model
+from dovetail.identification.identifier import Identifier
+from dovetail.identification.metrics import Evaluation, ParameterMetrics
+from dovetail.identification.prediction import predict
+from dovetail.identification.result import Identification, IdentifiedParameter, Mode
+from dovetail.identification.training import train
+
+__all__ = [
+    "Evaluation",
+    "Identification",
+    "IdentifiedParameter",
+    "Identifier",
+    "Mode",
+    "ParameterMetrics",
+    "load_model",
+    "predict",
+    "train",
+]

@@ -1,0 +1,277 @@
+"""The model bundle: a folder with a manifest in JSON and arrays in safetensors, nothing that could be code."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly, load
+from dovetail.dataset import accelerance_amplitude
+from dovetail.errors import BundleError, DescriptionError, Fault, PluginError, listing
+from dovetail.identification.identifier import Identifier
+from dovetail.identification.manifest import (
+    FORMAT,
+    MANIFEST,
+    PARTS,
+    VERSION,
+    Manifest,
+    Part,
+    Plain,
+    TensorFile,
+    is_bundle,
+    read_manifest,
+)
+from dovetail.identification.network import Network
+from dovetail.identification.provenance import component_sources, package_versions
+from dovetail.identification.scaling import TargetScaling, ZScore
+from dovetail.interfaces import State
+
+__all__ = ["load_model", "save"]
+
+_CHECK_FRACTIONS = (0.3, 0.5, 0.7)
+"""Where in the parameters' ranges the answers lie that a bundle carries to be compared after loading."""
+
+_CHECK_TOLERANCE = 0.01
+"""Part of a parameter's range by which those answers may differ on another machine."""
+
+_REMEDY = "Train the model again, or get a fresh copy."
+
+
+def save(identifier: Identifier, path: str | Path) -> Path:
+    """Write a model to the folder `path`, complete or not at all.
+
+    Raises
+    ------
+    BundleError
+        Something else than a model is at `path`, or it cannot be written.
+    PluginError
+        A component's state is more than arrays and plain values.
+    """
+    target = Path(path)
+    _check_replaceable(target)
+    states = _states(identifier)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as workplace:
+            fresh = Path(workplace) / "new"
+            fresh.mkdir()
+            _write(fresh, identifier, states)
+            _put(fresh, target, Path(workplace) / "old")
+    except (OSError, ValueError) as error:
+        raise BundleError(Fault(str(target), f"the model cannot be written: {error}.")) from error
+    return target
+
+
+def load_model(path: str | Path, *, plugins: Iterable[str | os.PathLike[str]] = ()) -> Identifier:
+    """Load a model that `Identifier.save` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        The folder.
+    plugins : iterable of paths
+        Plugin files that the model's components come from. A bundle itself never runs code.
+
+    Returns
+    -------
+    Identifier
+
+    Raises
+    ------
+    BundleError
+        The bundle is damaged, tampered with, of another program or of a newer format; a component is missing; or the
+        components here answer otherwise than those that were trained.
+    PluginError
+        A plugin file cannot be loaded.
+    """
+    folder = Path(path)
+    manifest = read_manifest(folder)
+    states = {part: _read_state(folder, manifest, part) for part in PARTS}
+    assembly = _assembly(folder, manifest, plugins)
+    try:
+        network = _network(assembly, states)
+        differences = _check(assembly, network, states["check"])
+    except Exception as error:  # a component may raise anything on a state that is not its own
+        reason = f"{type(error).__name__}: {error}"
+        found = f"the model cannot be rebuilt from its arrays ({reason})."
+        raise BundleError(Fault(str(folder), found, remedy=_REMEDY)) from error
+    if not np.all(differences <= _CHECK_TOLERANCE):
+        worst = float(np.max(differences))
+        found = f"the model's answers differ from those it gave when it was trained, by {worst:.3g} of a range."
+        made_with = ", ".join(f"{name} {version}" for name, version in manifest.packages.items())
+        raise BundleError(Fault(str(folder), found, remedy=f"It was trained with {made_with}. {_REMEDY}"))
+    return Identifier(assembly, network, manifest.evaluation)
+
+
+def _check_replaceable(target: Path) -> None:
+    if not target.exists() or is_bundle(target) or (target.is_dir() and not any(target.iterdir())):
+        return
+    raise BundleError(
+        Fault(str(target), "something else than a model is there already.", remedy="Choose another folder.")
+    )
+
+
+def _put(fresh: Path, target: Path, old: Path) -> None:
+    """Move a complete folder to its place; what was there stays there if that fails."""
+    if not target.exists():
+        fresh.rename(target)
+        return
+    target.rename(old)
+    try:
+        fresh.rename(target)
+    except OSError:
+        old.rename(target)
+        raise
+
+
+def _write(folder: Path, identifier: Identifier, states: Mapping[Part, State]) -> None:
+    files: dict[Part, TensorFile] = {}
+    values: dict[Part, dict[str, Plain]] = {}
+    for part, state in states.items():
+        arrays, values[part] = _parted(part, state)
+        files[part] = _write_tensors(folder / f"{part}.safetensors", arrays)
+    manifest = Manifest(
+        format=FORMAT,
+        version=VERSION,
+        description=identifier.assembly.description.text,
+        parameters=tuple(parameter.name for parameter in identifier.assembly.parameters),
+        components=component_sources(identifier.assembly),
+        packages=package_versions(),
+        values=values,
+        files=files,
+        evaluation=identifier.evaluation,
+    )
+    text = json.dumps(manifest.model_dump(), indent=1, allow_nan=False)
+    (folder / MANIFEST).write_text(text + "\n", encoding="utf-8")
+    for part in states:  # safetensors lets only the owner read
+        shutil.copymode(folder / MANIFEST, folder / f"{part}.safetensors")
+
+
+def _states(identifier: Identifier) -> dict[Part, State]:
+    network = identifier.network
+    return {
+        "reducer": network.reducer.state(),
+        "feature_scaling": network.feature_scaling.state(),
+        "regressor": network.regressor.state(),
+        "target_scaling": network.target_scaling.state(),
+        "check": _answers(identifier),
+    }
+
+
+def _answers(identifier: Identifier) -> State:
+    """Return a few FRFs of the assembly and what the network answers to them."""
+    assembly = identifier.assembly
+    fractions = np.repeat(np.array(_CHECK_FRACTIONS)[:, np.newaxis], len(assembly.parameters), axis=1)
+    amplitude = accelerance_amplitude(assembly, assembly.from_unit(fractions))
+    return {"amplitude": amplitude, "theta": identifier.predict_parameters(amplitude)}
+
+
+def _parted(part: str, state: State) -> tuple[dict[str, NDArray[np.generic]], dict[str, Plain]]:
+    """Part a state into arrays and plain values, and refuse anything else."""
+    arrays: dict[str, NDArray[np.generic]] = {}
+    values: dict[str, Plain] = {}
+    for name, value in state.items():
+        if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+            arrays[name] = np.asarray(value, dtype=value.dtype.newbyteorder("<"), order="C")
+        elif isinstance(value, (bool, int, float, str)):
+            values[name] = value
+        else:
+            kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
+            raise PluginError(
+                Fault(
+                    f"state of the {part}",
+                    f"'{name}' is {kind}, which a bundle cannot hold.",
+                    "arrays of numbers, int, float, str and bool",
+                )
+            )
+    return arrays, values
+
+
+def _write_tensors(file: Path, arrays: Mapping[str, NDArray[np.generic]]) -> TensorFile:
+    from safetensors.numpy import save_file
+
+    save_file(dict(arrays), file)
+    return TensorFile(sha256=_digest(file), arrays=_shapes(arrays))
+
+
+def _shapes(arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, str]:
+    return {name: f"{array.dtype.name}{list(array.shape)}" for name, array in arrays.items()}
+
+
+def _digest(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _read_state(folder: Path, manifest: Manifest, part: Part) -> dict[str, Any]:
+    """Return the arrays and plain values of one part."""
+    from safetensors import SafetensorError
+    from safetensors.numpy import load_file
+
+    file = folder / f"{part}.safetensors"
+    if part not in manifest.files or part not in manifest.values:
+        raise BundleError(Fault(str(folder / MANIFEST), f"the manifest does not list the {part}.", remedy=_REMEDY))
+    if not file.is_file():
+        raise BundleError(Fault(str(file), "this file of the model is missing.", remedy=_REMEDY))
+    try:
+        if _digest(file) != manifest.files[part].sha256:
+            raise BundleError(Fault(str(file), "the file is not the one the manifest describes.", remedy=_REMEDY))
+        arrays = load_file(file)
+    except (OSError, SafetensorError, ValueError, TypeError, KeyError) as error:
+        raise BundleError(Fault(str(file), f"the file cannot be read: {error}.", remedy=_REMEDY)) from None
+    if _shapes(arrays) != manifest.files[part].arrays:
+        raise BundleError(Fault(str(file), "its arrays have other shapes than the manifest says.", remedy=_REMEDY))
+    return {**arrays, **manifest.values[part]}
+
+
+def _assembly(folder: Path, manifest: Manifest, plugins: Iterable[str | os.PathLike[str]]) -> Assembly:
+    place = str(folder / MANIFEST)
+    try:
+        description = json.loads(manifest.description)
+    except (ValueError, RecursionError) as error:
+        raise BundleError(Fault(place, f"its description is not JSON: {error}.", remedy=_REMEDY)) from None
+    if not isinstance(description, dict):
+        raise BundleError(Fault(place, "its description is not a JSON object.", remedy=_REMEDY))
+    if "extends" in description:
+        raise BundleError(Fault(place, "its description refers to a file outside the model.", remedy=_REMEDY))
+    try:
+        assembly = load(description, plugins=plugins)
+    except DescriptionError as error:
+        strangers = [
+            f"{name} ({source})" for name, source in manifest.components.items() if "dovetail-frf" not in source
+        ]
+        remedy = f"The model uses {listing(strangers)}: install it, or name its plugin file." if strangers else _REMEDY
+        faults = [Fault(f"{place}  {fault.where}", fault.found, fault.accepted, remedy) for fault in error.faults]
+        raise BundleError(*faults) from error
+    names = tuple(parameter.name for parameter in assembly.parameters)
+    if names != manifest.parameters:
+        found = f"the model's parameters ({listing(manifest.parameters)}) are not those of its description."
+        raise BundleError(Fault(place, found, listing(names), _REMEDY))
+    return assembly
+
+
+def _network(assembly: Assembly, states: Mapping[Part, Mapping[str, Any]]) -> Network:
+    settings = assembly.description.identification
+    return Network(
+        settings.reducer.restore(states["reducer"]),
+        ZScore.restore(states["feature_scaling"]),
+        settings.regressor.restore(states["regressor"]),
+        TargetScaling.restore(states["target_scaling"]),
+    )
+
+
+def _check(assembly: Assembly, network: Network, state: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Ask again what was answered when the model was saved; return the differences as parts of the ranges."""
+    amplitude, theta = state["amplitude"], state["theta"]
+    if amplitude.shape[1:] != assembly.frequency.shape or theta.shape != (len(amplitude), len(assembly.parameters)):
+        raise ValueError(f"answers of the shape {theta.shape} to FRFs of the shape {amplitude.shape}")
+    return np.abs(assembly.to_unit(network.predict(amplitude)) - assembly.to_unit(theta))

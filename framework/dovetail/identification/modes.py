@@ -1,0 +1,110 @@
+"""Resonance peaks of an FRF, and the natural frequencies they belong to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import find_peaks
+
+from dovetail.frf import Frf
+from dovetail.identification.result import Mode
+
+__all__ = ["paired_modes", "resonance_peaks"]
+
+_PROMINENCE = 6.0
+"""dB by which a peak must stand out of what surrounds it."""
+
+_FLOOR = 10.0
+"""Amplitudes are told apart only where they exceed this many standard deviations of the noise."""
+
+_NEARBY = 0.15
+"""Part of a frequency within which its counterpart is looked for."""
+
+
+def resonance_peaks(frf: Frf) -> NDArray[np.float64]:
+    """Find the resonance peaks of an FRF.
+
+    Parameters
+    ----------
+    frf : Frf
+
+    Returns
+    -------
+    (n_peaks,) array
+        Hz, increasing.
+
+    Notes
+    -----
+    The noise is estimated from the second differences of the values, and the amplitude is levelled there, so that
+    noise in an antiresonance makes no peak. Each peak is placed by a parabola through 1/|receptance|^2 over omega^2
+    within the half-power lines: for a single mode that is exact, and it averages the noise.
+    """
+    accelerance = frf.to("accelerance")
+    if len(accelerance.frequency) < 3:
+        return np.empty(0)
+    floor = _FLOOR * _noise(accelerance)
+    level = 10.0 * np.log10(np.maximum(accelerance.amplitude**2 + floor**2, np.finfo(np.float64).tiny))
+    tops, _ = find_peaks(level, prominence=_PROMINENCE)
+    return np.array([_peak_frequency(accelerance, int(top)) for top in tops])
+
+
+def paired_modes(
+    natural: NDArray[np.float64], reconstructed: NDArray[np.float64], measured: NDArray[np.float64]
+) -> tuple[Mode, ...]:
+    """Put beside each natural frequency its peak in the reconstructed FRF, and beside that the measured one.
+
+    Parameters
+    ----------
+    natural : (n_modes,) array
+        Natural frequencies of the identified model, Hz.
+    reconstructed, measured : (n_peaks,) arrays
+        Resonance peaks of the two FRFs, Hz.
+
+    Returns
+    -------
+    tuple of Mode
+
+    Notes
+    -----
+    Two frequencies are counterparts if each is the other's nearest and they are close.
+    """
+    modes = []
+    for frequency in natural:
+        peak = _counterpart(frequency, natural, reconstructed)
+        counterpart = None if peak is None else _counterpart(peak, reconstructed, measured)
+        modes.append(Mode(float(frequency), peak, counterpart))
+    return tuple(modes)
+
+
+def _counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:
+    if not others.size:
+        return None
+    candidate = float(others[np.argmin(np.abs(others - frequency))])
+    nearest = among[np.argmin(np.abs(among - candidate))]
+    return candidate if nearest == frequency and abs(candidate - frequency) <= _NEARBY * frequency else None
+
+
+def _noise(frf: Frf) -> float:
+    """Estimate the standard deviation of the noise of a value's real part."""
+    if not frf.has_phase:
+        second = np.abs(np.diff(frf.values.real, 2))
+        return float(np.median(second) / (0.6745 * np.sqrt(6.0)))
+    return float(np.median(np.abs(np.diff(frf.values, 2))) / (1.1774 * np.sqrt(6.0)))
+
+
+def _peak_frequency(frf: Frf, top: int) -> float:
+    """Place the peak around line `top` between the lines."""
+    half_power = frf.amplitude >= frf.amplitude[top] / np.sqrt(2.0)
+    first = last = top
+    while first > 0 and half_power[first - 1]:
+        first -= 1
+    while last < len(half_power) - 1 and half_power[last + 1]:
+        last += 1
+    first, last = max(min(first, top - 1), 0), min(max(last, top + 1), len(half_power) - 1)
+    squared = (frf.frequency[first : last + 1] / frf.frequency[top]) ** 2
+    receptance = frf.amplitude[first : last + 1] / squared
+    curvature, slope, _ = np.polyfit(squared - 1.0, (receptance[top - first] / receptance) ** 2, 2)
+    vertex = 1.0 - slope / (2.0 * curvature) if curvature > 0 else 1.0
+    if not squared[0] <= vertex <= squared[-1]:
+        vertex = 1.0
+    return float(frf.frequency[top] * np.sqrt(vertex))

@@ -1,0 +1,70 @@
+"""Where a result comes from: versions, description, components, seed."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from dovetail.assembly import Assembly
+from dovetail.frf import Frf
+from dovetail.identification.metrics import Evaluation
+from dovetail.interfaces import Component
+from dovetail.registry import installed_components
+
+__all__ = ["component_sources", "description_hash", "package_versions", "provenance"]
+
+_PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "torch")
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that numbers depend on."""
+    versions = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return versions
+
+
+def description_hash(text: str) -> str:
+    """Return the SHA-256 of a description's text, in hexadecimal."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def component_sources(assembly: Assembly) -> dict[str, str]:
+    """Return who offers each component of an assembly: ``"joint collet"`` to ``"dovetail-frf 0.1.0"``, or a file."""
+    description = assembly.description
+    components: list[Component] = [
+        *description.substructures.values(),
+        *(joint.connection.model for joint in description.joints.values()),
+        description.identification.reducer,
+        description.identification.regressor,
+    ]
+    return {f"{component.kind} {component.name}": _source(component) for component in components}
+
+
+def provenance(assembly: Assembly, measured: Frf, evaluation: Evaluation) -> dict[str, Any]:
+    """Return what is needed to make a result again, as plain values."""
+    description = assembly.description
+    return {
+        "assembly": description.name,
+        "description_sha256": description_hash(description.text),
+        "measurement": measured.label,
+        "measured_quantity": measured.quantity,
+        "seed": evaluation.seed,
+        "training_samples": evaluation.training_samples,
+        "components": component_sources(assembly),
+        "packages": package_versions(),
+    }
+
+
+def _source(component: Component) -> str:
+    for offer in installed_components().offers(component.kind):
+        if offer.component is type(component):
+            return offer.source
+    return Path(inspect.getfile(type(component))).name

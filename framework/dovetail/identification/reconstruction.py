@@ -1,0 +1,122 @@
+"""From identified values back to the FRF, the natural frequencies and what to warn of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.errors import DovetailError
+from dovetail.frf import Frf
+from dovetail.identification.modes import paired_modes, resonance_peaks
+from dovetail.identification.result import Identification, IdentifiedParameter, Mode
+from dovetail.units import format_quantity
+
+__all__ = ["reconstruct", "sought"]
+
+_LOW_COHERENCE = 0.9
+"""Mean coherence below which the reconstruction visibly misses the measurement."""
+
+_MOST_MODES = 10
+"""Natural frequencies to ask for; those beyond the assembly's frequencies are left out."""
+
+
+def sought(assembly: Assembly) -> list[tuple[str, str]]:
+    """Return the joint and the name within it of each of ``assembly.parameters``."""
+    return [
+        (joint, parameter.name)
+        for joint, entry in assembly.description.joints.items()
+        for parameter in entry.parameters
+        if parameter.name not in entry.fixed
+    ]
+
+
+def reconstruct(
+    assembly: Assembly, theta: NDArray[np.float64], measured: Frf, *, method: str, provenance: Mapping[str, Any]
+) -> Identification:
+    """Build the result that belongs to identified parameter values.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    theta : (n_params,) array
+        SI values.
+    measured : Frf
+        On the assembly's frequencies.
+    method : str
+    provenance : mapping
+        Plain values.
+
+    Returns
+    -------
+    Identification
+    """
+    quantity = assembly.description.response.quantity
+    frf = Frf(assembly.frequency, assembly.frf(theta), quantity, label=f"{assembly.name}, {method}")
+    result = Identification(
+        method=method,
+        parameters=MappingProxyType(_identified(assembly, theta)),
+        known=MappingProxyType(_known(assembly)),
+        frf=frf,
+        measured=measured.to(quantity),
+        modes=_modes(assembly, theta, frf, measured),
+        warnings=(),
+        provenance=MappingProxyType(dict(provenance)),
+    )
+    return replace(result, warnings=_warnings(result))
+
+
+def _identified(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
+    identified = {}
+    for parameter, value, (joint, _) in zip(assembly.parameters, theta.tolist(), sought(assembly), strict=True):
+        identified[parameter.name] = IdentifiedParameter(
+            name=parameter.name,
+            value=value,
+            unit=parameter.unit,
+            lower=parameter.lower,
+            upper=parameter.upper,
+            scale=parameter.scale,
+            in_range=parameter.lower <= value <= parameter.upper,
+            description=parameter.description,
+            joint=joint,
+        )
+    return identified
+
+
+def _known(assembly: Assembly) -> dict[str, float]:
+    joints = assembly.description.joints
+    return {f"{joint}.{name}": float(value) for joint, entry in joints.items() for name, value in entry.fixed.items()}
+
+
+def _modes(assembly: Assembly, theta: NDArray[np.float64], frf: Frf, measured: Frf) -> tuple[Mode, ...]:
+    """Return the modes within the assembly's frequencies; none where the values make no structure."""
+    try:
+        natural = assembly.natural_frequencies(theta, count=_MOST_MODES)
+    except (DovetailError, np.linalg.LinAlgError):
+        return ()
+    inside = (natural >= assembly.frequency[0]) & (natural <= assembly.frequency[-1])
+    return paired_modes(natural[inside], resonance_peaks(frf), resonance_peaks(measured))
+
+
+def _warnings(result: Identification) -> tuple[str, ...]:
+    warnings = [
+        f"{parameter.name} = {format_quantity(parameter.value, parameter.unit)} lies outside its range, "
+        f"{format_quantity(parameter.lower, parameter.unit)} to {format_quantity(parameter.upper, parameter.unit)}."
+        for parameter in result.parameters.values()
+        if not parameter.in_range
+    ]
+    if not result.measured.has_phase:
+        warnings.append("The measurement has no phase: the coherence compares amplitudes and cannot fall below 0.5.")
+    if result.mean_coherence < _LOW_COHERENCE:
+        warnings.append(
+            f"The mean coherence is {result.mean_coherence:.3f}: the reconstructed FRF does not follow the measured "
+            "one, so the parameters are not to be relied on."
+        )
+    if not result.modes:
+        warnings.append("The identified model has no natural frequency within the assembly's frequencies.")
+    return tuple(warnings)

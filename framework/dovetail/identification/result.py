@@ -1,0 +1,162 @@
+"""What an identification gives: parameters, the FRF they reconstruct, and how far it agrees with the measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.frf import Frf, coherence_spectrum
+from dovetail.interfaces import Scale
+
+__all__ = ["Identification", "IdentifiedParameter", "Mode"]
+
+
+@dataclass(frozen=True)
+class IdentifiedParameter:
+    """One parameter of the joint.
+
+    Parameters
+    ----------
+    name : str
+        As in ``assembly.parameters``.
+    value : float
+        SI, in `unit`; as predicted, also outside the range.
+    unit : str
+    lower, upper : float
+        The range in which it was sought.
+    scale : {"linear", "log"}
+    in_range : bool
+        Whether the value lies in the range.
+    description : str
+    joint : str
+        The joint it belongs to.
+    """
+
+    name: str
+    value: float
+    unit: str
+    lower: float
+    upper: float
+    scale: Scale
+    in_range: bool
+    description: str
+    joint: str
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A natural frequency of the identified model and the resonance peaks that belong to it.
+
+    Parameters
+    ----------
+    natural_frequency : float
+        Hz, of the undamped model.
+    reconstructed_peak, measured_peak : float or None
+        Hz; where the amplitude of the reconstructed and of the measured accelerance peaks. With damping in the joint
+        that is some per cent off the natural frequency, so the two peaks are what can be compared. None where there
+        is no clear peak, as at a node of vibration.
+    """
+
+    natural_frequency: float
+    reconstructed_peak: float | None
+    measured_peak: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """The result of identifying a joint from one measured FRF.
+
+    Parameters
+    ----------
+    method : str
+    parameters : mapping of str to IdentifiedParameter
+        By name, in the order of ``assembly.parameters``.
+    known : mapping of str to float
+        SI values of the parameters that the description fixes, as ``joint.parameter``.
+    frf : Frf
+        Reconstructed from the parameters, on the assembly's frequencies, in the response's quantity.
+    measured : Frf
+        The measurement on the same frequencies, in the same quantity.
+    modes : tuple of Mode
+        Of the identified model, within the assembly's frequencies.
+    warnings : tuple of str
+        What a reader must know before believing the numbers.
+    provenance : mapping
+        Versions, description, measurement and seed; plain values.
+    interval : None
+        The network gives no intervals.
+    """
+
+    method: str
+    parameters: Mapping[str, IdentifiedParameter]
+    known: Mapping[str, float]
+    frf: Frf
+    measured: Frf
+    modes: tuple[Mode, ...]
+    warnings: tuple[str, ...]
+    provenance: Mapping[str, Any]
+    interval: None = None
+
+    @property
+    def theta(self) -> NDArray[np.float64]:
+        """(n_params,) SI values, in the order of ``assembly.parameters``."""
+        return np.array([parameter.value for parameter in self.parameters.values()])
+
+    @property
+    def coherence(self) -> NDArray[np.float64]:
+        """(n_freq,) agreement of reconstruction and measurement (Eq. 15); of their amplitudes if there is no phase."""
+        if self.measured.has_phase:
+            return coherence_spectrum(self.measured.values, self.frf.values)
+        return coherence_spectrum(self.measured.amplitude, self.frf.amplitude)
+
+    @property
+    def mean_coherence(self) -> float:
+        """Mean of `coherence` over the frequencies."""
+        return float(self.coherence.mean())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, fit for JSON."""
+        return {
+            "method": self.method,
+            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
+            "known": dict(self.known),
+            "mean_coherence": self.mean_coherence,
+            "modes": [asdict(mode) for mode in self.modes],
+            "warnings": list(self.warnings),
+            "interval": self.interval,
+            "provenance": dict(self.provenance),
+            "frequency_Hz": self.frf.frequency.tolist(),
+            "quantity": self.frf.quantity,
+            "frf": _plain(self.frf),
+            "measured": _plain(self.measured),
+            "coherence": self.coherence.tolist(),
+        }
+
+    def report(self, path: str | Path) -> Path:
+        """Write the result as one self-contained HTML file.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        Path
+        """
+        # The report layer stands above this one, so it is looked up when it is asked for, never imported.
+        return cast(Path, import_module("dovetail.report").write_report(self, path))
+
+
+def _plain(frf: Frf) -> dict[str, Any]:
+    return {
+        "label": frf.label,
+        "has_phase": frf.has_phase,
+        "real": frf.values.real.tolist(),
+        "imag": frf.values.imag.tolist(),
+    }

@@ -1,0 +1,103 @@
+"""An identification read back from the JSON that `Identification.to_dict` gives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from dovetail.errors import DovetailError, Fault
+from dovetail.frf import Frf, Quantity
+from dovetail.identification.result import Identification, IdentifiedParameter, Mode
+from dovetail.measurement.disk import read_bounded
+
+__all__ = ["RESULT_FILE", "read_identification"]
+
+RESULT_FILE = "result.json"
+"""Name of the file within a folder of results."""
+
+_MOST_FAULTS = 5
+
+
+class _StoredFrf(BaseModel):
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    label: str
+    has_phase: bool
+    real: list[float]
+    imag: list[float]
+
+
+class _Stored(BaseModel):
+    """The entries that are needed; what a later version adds is passed over."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    method: str
+    parameters: dict[str, IdentifiedParameter]
+    known: dict[str, float]
+    modes: tuple[Mode, ...]
+    warnings: tuple[str, ...]
+    provenance: dict[str, Any]
+    frequency_Hz: list[float]  # noqa: N815  the unit's own spelling
+    quantity: Quantity
+    frf: _StoredFrf
+    measured: _StoredFrf
+
+
+def read_identification(path: str | Path) -> Identification:
+    """Read a result of an earlier identification.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file with the JSON of `Identification.to_dict`, or a folder that holds it as ``result.json``.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    DovetailError
+        The file cannot be read, or is not such a result.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / RESULT_FILE
+    content = read_bounded(file)
+    try:
+        stored = _Stored.model_validate_json(content)
+    except ValidationError as error:
+        raise DovetailError(*_faults(file, error)) from None
+    if not len(stored.frequency_Hz) == len(stored.frf.real) == len(stored.measured.real):
+        raise DovetailError(Fault(str(file), "its FRFs differ in length from its frequencies."))
+    return Identification(
+        method=stored.method,
+        parameters=MappingProxyType(stored.parameters),
+        known=MappingProxyType(stored.known),
+        frf=_frf(file, stored, stored.frf),
+        measured=_frf(file, stored, stored.measured),
+        modes=stored.modes,
+        warnings=stored.warnings,
+        provenance=MappingProxyType(stored.provenance),
+    )
+
+
+def _frf(file: Path, stored: _Stored, frf: _StoredFrf) -> Frf:
+    if len(frf.real) != len(frf.imag):
+        raise DovetailError(Fault(str(file), f"the FRF '{frf.label}' has real and imaginary parts of unlike length."))
+    values = np.array(frf.real) + 1j * np.array(frf.imag)
+    return Frf(np.array(stored.frequency_Hz), values, stored.quantity, has_phase=frf.has_phase, label=frf.label)
+
+
+def _faults(file: Path, error: ValidationError) -> list[Fault]:
+    found = error.errors(include_url=False)
+    faults = [
+        Fault(f"{file}  {'.'.join(str(part) for part in fault['loc'])}".rstrip(), f"{fault['msg']}.")
+        for fault in found[:_MOST_FAULTS]
+    ]
+    return [Fault(str(file), "this is not the result of an identification.", "the result.json of identify"), *faults]

@@ -1,0 +1,32 @@
+"""What a plugin implements, a contract a file."""
+
+from dovetail.interfaces.component import KINDS, Component, ComponentConfig, Kind
+from dovetail.interfaces.joint import JointModel, Parameter, Port, Scale
+from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
+from dovetail.interfaces.progress import Progress, silent
+from dovetail.interfaces.reducer import FittedReducer, Reducer
+from dovetail.interfaces.regressor import FittedRegressor, Regressor
+from dovetail.interfaces.state import State
+from dovetail.interfaces.substructure import Node, SubstructureModel
+
+__all__ = [
+    "DIRECTIONS",
+    "KINDS",
+    "Component",
+    "ComponentConfig",
+    "FittedReducer",
+    "FittedRegressor",
+    "JointModel",
+    "Kind",
+    "Node",
+    "Parameter",
+    "Port",
+    "Progress",
+    "Reducer",
+    "Regressor",
+    "Scale",
+    "State",
+    "StructuralMatrices",
+    "SubstructureModel",
+    "silent",
+]

@@ -1,0 +1,72 @@
+"""Structural matrices: mass, stiffness, viscous and structural damping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["DIRECTIONS", "StructuralMatrices"]
+
+DIRECTIONS = ("x", "rz")
+"""The DOFs of a node, in their order: displacement along x [m] and rotation about z [rad]."""
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class StructuralMatrices:
+    """Matrices of the dynamic stiffness Z = K + iD + i omega C - omega^2 M (Eq. 3 of the reference method).
+
+    Parameters
+    ----------
+    M, K, C, D : (..., d, d) arrays
+        Mass [kg], stiffness [N/m], viscous damping [N s/m] and structural damping [N/m], in the units that
+        their DOFs imply (x in m, rz in rad). `C` and `D` are zero when they are not given. A leading axis is a batch.
+
+    Raises
+    ------
+    ValueError
+        The matrices are not square or their shapes differ.
+    """
+
+    M: NDArray[np.float64]
+    K: NDArray[np.float64]
+    C: NDArray[np.float64]
+    D: NDArray[np.float64]
+
+    def __init__(self, M: ArrayLike, K: ArrayLike, C: ArrayLike | None = None, D: ArrayLike | None = None) -> None:
+        stiffness = np.asarray(K, dtype=np.float64)
+        if stiffness.ndim < 2 or stiffness.shape[-1] != stiffness.shape[-2]:
+            raise ValueError(f"K has the shape {stiffness.shape}; square matrices (..., d, d) are expected.")
+        for name, given in (("M", M), ("K", K), ("C", C), ("D", D)):
+            matrix = np.zeros_like(stiffness) if given is None else np.asarray(given, dtype=np.float64)
+            if matrix.shape != stiffness.shape:
+                raise ValueError(f"{name} has the shape {matrix.shape}, but K has {stiffness.shape}.")
+            object.__setattr__(self, name, matrix)
+
+    @classmethod
+    def zeros(cls, *shape: int) -> StructuralMatrices:
+        """Return matrices of zeros: ``zeros(d)`` or, as a batch, ``zeros(n, d)``."""
+        full = (*shape, shape[-1])
+        return cls(np.zeros(full), np.zeros(full), np.zeros(full), np.zeros(full))
+
+    @property
+    def size(self) -> int:
+        """Number of DOFs."""
+        return int(self.K.shape[-1])
+
+    def dynamic_stiffness(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return Z at each frequency.
+
+        Parameters
+        ----------
+        frequency : (n_freq,) array
+            Hz.
+
+        Returns
+        -------
+        (..., n_freq, d, d) complex array
+        """
+        omega = (2.0 * np.pi * np.asarray(frequency, dtype=np.float64))[:, None, None]
+        M, K, C, D = (matrix[..., None, :, :] for matrix in (self.M, self.K, self.C, self.D))
+        return (K - omega**2 * M) + 1j * (D + omega * C)

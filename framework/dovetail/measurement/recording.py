@@ -1,0 +1,177 @@
+"""What a measured file holds, and the checks that make an FRF of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError, did_you_mean
+from dovetail.frf import QUANTITIES, Frf, Quantity
+
+__all__ = ["MOST_LINES", "Recording", "known_quantity"]
+
+MOST_LINES = 1_000_000
+"""Longest FRF that is read."""
+_COHERENCE_ROUNDING = 1e-4
+"""How far single precision and a writer's rounding may carry a coherence beyond 0 and 1."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One FRF as a reader found it, not yet checked.
+
+    Parameters
+    ----------
+    where : str
+        The file, and the set in it.
+    label : str
+        Label of the FRF.
+    frequency : (n_freq,) array
+        Hz.
+    values : (n_freq,) array
+        SI; complex, or real for an amplitude alone.
+    has_phase : bool
+        False for an amplitude alone.
+    quantity : Quantity or None
+        What the file says it is.
+    is_stated : bool
+        False where the file leaves something open, so that the caller has to confirm `quantity`, or to give it.
+    coherence : (n_freq,) array or None
+        Ordinary coherence.
+    place : callable
+        From the index of a line to its place in the file.
+    how_to_state_quantity : str
+        How a file of this format says its quantity.
+    """
+
+    where: str
+    label: str
+    frequency: NDArray[np.float64]
+    values: NDArray[Any]
+    has_phase: bool
+    quantity: Quantity | None
+    is_stated: bool
+    coherence: NDArray[np.float64] | None
+    place: Callable[[int], str] = field(repr=False)
+    how_to_state_quantity: str
+
+    def to_frf(self, quantity: str | None) -> Frf:
+        """Check everything and return the FRF; a line at 0 Hz is left out.
+
+        Parameters
+        ----------
+        quantity : str or None
+            What the caller says it is; must not contradict the file.
+
+        Raises
+        ------
+        MeasurementError
+            The first fault, with its place in the file.
+        """
+        agreed = self._agreed_quantity(quantity)
+        first = 1 if self.frequency[0] == 0 else 0
+        if self.frequency.size == first:
+            raise MeasurementError(Fault(self.where, "there is no line but the one at 0 Hz."))
+        self._check_finite(first)
+        self._check_axis(first)
+        self._check_amplitude(first)
+        return Frf(
+            frequency=self.frequency[first:],
+            values=self.values[first:],
+            quantity=agreed,
+            coherence=self._clipped_coherence(first),
+            has_phase=self.has_phase,
+            label=self.label,
+        )
+
+    def _agreed_quantity(self, given: str | None) -> Quantity:
+        wanted = None if given is None else known_quantity(given, "the argument quantity")
+        if wanted is not None and self.quantity is not None and wanted != self.quantity:
+            raise MeasurementError(
+                Fault(
+                    self.where,
+                    f"the file says that it holds {self.quantity}, the argument says {wanted}.",
+                    remedy="Leave the quantity out, or correct the file.",
+                )
+            )
+        agreed = wanted or (self.quantity if self.is_stated else None)
+        if agreed is None:
+            hint = "" if self.quantity is None else f" (perhaps {self.quantity}: it does not say over what)"
+            raise MeasurementError(
+                Fault(
+                    self.where,
+                    f"the file does not say which quantity it holds{hint}.",
+                    f"a quantity of {', '.join(QUANTITIES)}, or {self.how_to_state_quantity}",
+                    "Give the quantity.",
+                )
+            )
+        return agreed
+
+    def _check_finite(self, first: int) -> None:
+        for name, array in (("frequency", self.frequency), ("value", self.values), ("coherence", self.coherence)):
+            if array is None:
+                continue
+            bad = np.flatnonzero(~np.isfinite(array[first:])) + first
+            if bad.size:
+                more = f" ({bad.size} such lines)" if bad.size > 1 else ""
+                raise MeasurementError(
+                    Fault(self.place(int(bad[0])), f"the {name} is {array[bad[0]]}, which is not finite{more}.")
+                )
+
+    def _check_axis(self, first: int) -> None:
+        if self.frequency[first] < 0:
+            raise MeasurementError(
+                Fault(self.place(first), f"the frequency {self.frequency[first]:.10g} Hz is negative.")
+            )
+        still = np.flatnonzero(np.diff(self.frequency) <= 0)
+        if still.size:
+            before, after = self.frequency[still[0]], self.frequency[still[0] + 1]
+            fault = "is repeated" if before == after else f"comes after {before:.10g} Hz"
+            raise MeasurementError(
+                Fault(
+                    self.place(int(still[0]) + 1),
+                    f"the frequency {after:.10g} Hz {fault}.",
+                    "frequencies that increase from line to line",
+                )
+            )
+
+    def _check_amplitude(self, first: int) -> None:
+        if self.has_phase:
+            return
+        negative = np.flatnonzero(self.values[first:] < 0) + first
+        if negative.size:
+            raise MeasurementError(
+                Fault(
+                    self.place(int(negative[0])),
+                    f"the amplitude {self.values[negative[0]]:.6g} is negative.",
+                    "an amplitude of zero or more, or real and imaginary part",
+                )
+            )
+
+    def _clipped_coherence(self, first: int) -> NDArray[np.float64] | None:
+        if self.coherence is None:
+            return None
+        coherence = self.coherence[first:]
+        outside = np.flatnonzero((coherence < -_COHERENCE_ROUNDING) | (coherence > 1 + _COHERENCE_ROUNDING))
+        if outside.size:
+            raise MeasurementError(
+                Fault(
+                    self.place(int(outside[0]) + first),
+                    f"the coherence {coherence[outside[0]]:.6g} is not between 0 and 1.",
+                )
+            )
+        return np.clip(coherence, 0.0, 1.0)
+
+
+def known_quantity(word: str, where: str) -> Quantity:
+    """Return `word` as a quantity, or raise a MeasurementError at `where` with the nearest spelling."""
+    for quantity in QUANTITIES:
+        if word == quantity:
+            return quantity
+    raise MeasurementError(
+        Fault(where, f"{word[:80]!r} is not a quantity.", ", ".join(QUANTITIES), did_you_mean(word[:80], QUANTITIES))
+    )

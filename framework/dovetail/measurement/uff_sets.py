@@ -1,0 +1,183 @@
+"""The sets of a universal file: where each stands and what its header says."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dovetail.errors import Fault, MeasurementError
+
+__all__ = ["COHERENCE", "END", "FRF", "UffSet", "chosen_set", "clean_header", "parsed_set", "scanned_sets"]
+
+FRF, COHERENCE = 4, 6
+_FUNCTIONS = {
+    0: "general function",
+    1: "time response",
+    2: "auto spectrum",
+    3: "cross spectrum",
+    FRF: "FRF",
+    5: "transmissibility",
+    COHERENCE: "coherence",
+    9: "power spectral density",
+    12: "spectrum",
+}
+_DIRECTIONS = {0: "scalar", 1: "x", 2: "y", 3: "z", 4: "rotation x", 5: "rotation y", 6: "rotation z"}
+_MOST_SETS = 10_000
+_SETS_SHOWN = 20
+_TAG = re.compile(rb" {4}-1(?=[\r\n]| {74}|\Z)")
+"""Start and end of every set; the same rule as pyuff's."""
+_HEADER = re.compile(rb"(?:[^\r\n]{0,200}(?:\r\n|\r|\n)){13}")
+_NOT_PRINTED = dict.fromkeys((*range(10), 11, 12, *range(14, 32), 0x7F, 0x85, 0x2028, 0x2029), " ")
+"""Characters at which Python, but no universal file, ends a line; and other control characters."""
+END = b"    -1\n"
+
+
+@dataclass(frozen=True)
+class UffSet:
+    """One set of a universal file.
+
+    Parameters
+    ----------
+    where : str
+        File and number of the set.
+    number : int
+        From 1.
+    kind : int
+        Type of the set, 58 for functions; 0 when it cannot be read.
+    start, end : int
+        First byte of the start tag and of the end tag.
+    header_end : int
+        First byte after the thirteen header lines of a set 58.
+    fields : dict
+        pyuff's names and values of a set 58's header; empty when it cannot be read.
+    """
+
+    where: str
+    number: int
+    kind: int
+    start: int
+    end: int
+    header_end: int
+    fields: dict[str, Any]
+
+    @property
+    def function(self) -> int | None:
+        """Function type of a set 58: 4 for an FRF, 6 for a coherence."""
+        return self.fields.get("func_type")
+
+    @property
+    def points(self) -> tuple[int, int, int, int]:
+        """Response node and direction, reference node and direction."""
+        fields = self.fields
+        return fields["rsp_node"], fields["rsp_dir"], fields["ref_node"], fields["ref_dir"]
+
+    def __str__(self) -> str:
+        if self.kind != 58:
+            return f"set {self.number}: type {self.kind}"
+        if self.function is None:
+            return f"set {self.number}: type 58 with a damaged header"
+        function = _FUNCTIONS.get(self.function, f"function type {self.function}")
+        response, towards, reference, along = self.points
+        return (
+            f"set {self.number}: {function}, response {response} {_direction(towards)}, "
+            f"reference {reference} {_direction(along)}, '{self.fields['id1']}'"
+        )
+
+
+def _direction(code: int) -> str:
+    return f"{'-' if code < 0 else '+' if code else ''}{_DIRECTIONS.get(abs(code), code)}"
+
+
+def scanned_sets(path: Path, content: bytes) -> list[UffSet]:
+    """Return the sets of a file, in its order, without reading any data.
+
+    Raises
+    ------
+    MeasurementError
+        No set, a last set without an end, too many sets.
+    """
+    tags: list[int] = []
+    for match in _TAG.finditer(content):
+        tags.append(match.start())
+        if len(tags) > 2 * _MOST_SETS:
+            raise MeasurementError(Fault(str(path), "the file has too many sets.", f"at most {_MOST_SETS:,} sets"))
+    if not tags:
+        raise MeasurementError(Fault(str(path), "this is no universal file: no line '    -1' starts a set."))
+    if len(tags) % 2:
+        raise MeasurementError(
+            Fault(f"{path}: set {len(tags) // 2 + 1}", "the set has no end line '    -1': the file is truncated.")
+        )
+    spans = zip(tags[::2], tags[1::2], strict=True)
+    return [_scanned(path, content, number, *span) for number, span in enumerate(spans, start=1)]
+
+
+def _scanned(path: Path, content: bytes, number: int, start: int, end: int) -> UffSet:
+    kind = re.compile(rb"[^\r\n]{0,200}(?:\r\n|\r|\n) *(\d{1,6})").match(content, start, end)
+    header = _HEADER.match(content, start, end)
+    code = int(kind[1]) if kind else 0
+    fields = parsed_set(clean_header(header[0]) + END, header_only=True) if header and code == 58 else {}
+    return UffSet(f"{path}: set {number}", number, code, start, end, header.end() if header else end, fields)
+
+
+def clean_header(header: bytes) -> bytes:
+    """Return header lines as UTF-8 with plain line ends; older writers use Latin-1."""
+    try:
+        text = header.decode("utf-8")
+    except UnicodeDecodeError:
+        text = header.decode("latin-1")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return "\n".join(line.translate(_NOT_PRINTED) for line in lines).encode()
+
+
+def parsed_set(content: bytes, *, header_only: bool = False) -> dict[str, Any]:
+    """Return what pyuff reads in a file of one set; empty when it cannot read it."""
+    import pyuff
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "set.uff")
+        file.write_bytes(content)
+        try:
+            with np.errstate(all="ignore"):
+                parsed = pyuff.UFF(str(file)).read_sets(header_only=header_only)
+        except Exception:  # pyuff raises bare exceptions that do not say what is wrong
+            return {}
+    return parsed if isinstance(parsed, dict) else {}  # one set comes back bare, none as an empty list
+
+
+def _table(sets: list[UffSet]) -> str:
+    hidden = len(sets) - _SETS_SHOWN
+    return "".join(f"\n    {one}" for one in sets[:_SETS_SHOWN]) + (f"\n    and {hidden} more" if hidden > 0 else "")
+
+
+def chosen_set(path: Path, sets: list[UffSet], index: int | None) -> UffSet:
+    """Return the FRF with the number `index`, or the only one.
+
+    Raises
+    ------
+    MeasurementError
+        No such set, no FRF, or several and no `index`; the fault lists the sets.
+    """
+    table = _table(sets)
+    if index is not None:
+        named = [one for one in sets if one.number == index]
+        if not named or named[0].function != FRF:
+            what = "is no FRF" if named else "is not in the file"
+            raise MeasurementError(Fault(str(path), f"set {index} {what}; it holds:{table}"))
+        return named[0]
+    functions = [one for one in sets if one.function == FRF]
+    if len(functions) == 1:
+        return functions[0]
+    if not functions:
+        raise MeasurementError(Fault(str(path), f"the file holds no FRF; it holds:{table}"))
+    raise MeasurementError(
+        Fault(
+            str(path),
+            f"the file holds {len(functions)} FRFs, and one is wanted:{table}",
+            remedy=f"Choose one by its number, for example index={functions[0].number}.",
+        )
+    )

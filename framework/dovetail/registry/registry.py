@@ -1,0 +1,239 @@
+"""Discovery of components: entry points and single files, robust against any one of them being broken."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any, cast
+
+import pluggy
+
+from dovetail.errors import Fault, PluginError, did_you_mean, listing
+from dovetail.interfaces import (
+    KINDS,
+    Component,
+    ComponentConfig,
+    JointModel,
+    Kind,
+    Reducer,
+    Regressor,
+    SubstructureModel,
+)
+from dovetail.registry.hookspec import GROUP, HookSpecification
+
+__all__ = ["LoadFailure", "Offer", "Registry", "installed_components"]
+
+_CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor)
+_HOOK = "dovetail_components"
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A component class and who offers it (a distribution with its version, or a file)."""
+
+    component: type[Component]
+    source: str
+
+
+@dataclass(frozen=True)
+class LoadFailure:
+    """A plugin, or one component of it, that could not be taken in."""
+
+    source: str
+    reason: str
+
+
+class Registry:
+    """The components at hand, by kind and name.
+
+    Notes
+    -----
+    A plugin that fails to load is kept in `failures` and takes no other down. A name that two plugins offer for
+    one kind stays unusable until one of them goes, and asking for it names both.
+    """
+
+    def __init__(self) -> None:
+        self._offers: dict[tuple[Kind, str], list[Offer]] = {}
+        self._failures: list[LoadFailure] = []
+
+    @property
+    def failures(self) -> tuple[LoadFailure, ...]:
+        """What could not be loaded, and why."""
+        return tuple(self._failures)
+
+    @property
+    def conflicts(self) -> dict[tuple[Kind, str], tuple[str, ...]]:
+        """Names offered more than once, with their sources."""
+        return {key: tuple(o.source for o in offers) for key, offers in self._offers.items() if len(offers) > 1}
+
+    def offers(self, kind: Kind) -> tuple[Offer, ...]:
+        """Return what is offered of one kind, by name."""
+        found = [offers[0] for (its_kind, _), offers in self._offers.items() if its_kind == kind and len(offers) == 1]
+        return tuple(sorted(found, key=lambda offer: offer.component.name))
+
+    def names(self, kind: Kind) -> tuple[str, ...]:
+        """Return the usable names of one kind."""
+        return tuple(offer.component.name for offer in self.offers(kind))
+
+    def find(self, kind: Kind, name: str) -> Offer:
+        """Return the offer of this kind and name.
+
+        Raises
+        ------
+        PluginError
+            Nobody offers it, or more than one does.
+        """
+        offers = self._offers.get((kind, name), [])
+        if len(offers) == 1:
+            return offers[0]
+        if offers:
+            sources = " and ".join(offer.source for offer in offers)
+            raise PluginError(
+                Fault("", f"the {kind} model '{name}' is offered by {sources}.", remedy="Uninstall one of them.")
+            )
+        raise PluginError(self.unknown(kind, name))
+
+    def unknown(self, kind: Kind, name: str, where: str = "") -> Fault:
+        """Describe the fault of naming a model that is not there."""
+        remedy = did_you_mean(name, self.names(kind))
+        for failure in self._failures:
+            remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
+        return Fault(where, f"'{name}' is not a {kind} model.", listing(self.names(kind), 30), remedy)
+
+    def named(self, name: str) -> tuple[Offer, ...]:
+        """Return the offers of this name, of whatever kind."""
+        return tuple(offer for kind in KINDS for offer in self.offers(kind) if offer.component.name == name)
+
+    def load_entry_points(self) -> None:
+        """Take in every installed plugin; the broken ones go to `failures`."""
+        for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
+            owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
+            try:
+                self.add(entry.load(), owner)
+            except PluginError as error:
+                self._failures.append(LoadFailure(owner, error.faults[0].found))
+            except (Exception, SystemExit) as error:  # a stranger's import may raise anything
+                self._failures.append(LoadFailure(owner, f"{type(error).__name__}: {error}"))
+
+    def load_file(self, path: str | Path) -> None:
+        """Take in one plugin file.
+
+        Raises
+        ------
+        PluginError
+            The file is missing, fails to run, or offers no components.
+        """
+        file = Path(path)
+        if not file.is_file():
+            raise PluginError(Fault(str(path), "there is no such plugin file."))
+        name = f"dovetail_plugin_file_{file.stem}"
+        spec = importlib.util.spec_from_file_location(name, file)
+        if spec is None or spec.loader is None:
+            raise PluginError(Fault(str(path), "this is not a Python file.", "a file that ends in .py"))
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        try:
+            spec.loader.exec_module(module)
+        except (Exception, SystemExit) as error:
+            del sys.modules[name]
+            raise PluginError(Fault(_place(error, file), f"{type(error).__name__}: {error}")) from error
+        self.add(module, str(path), strict=True)
+
+    def add(self, plugin: ModuleType | object, source: str, *, strict: bool = False) -> None:
+        """Take in a plugin module or object.
+
+        Parameters
+        ----------
+        plugin : module or object
+            What holds the hook.
+        source : str
+            Whom to name in messages.
+        strict : bool
+            Raise for a single unfit component too, in place of putting it aside.
+
+        Raises
+        ------
+        PluginError
+            The hook is missing, misspelt, fails, or returns something else than component classes.
+        """
+        for component in _components_of(plugin, source):
+            reason = _unfitness(component)
+            if reason and strict:
+                raise PluginError(Fault(source, reason))
+            if reason:
+                self._failures.append(LoadFailure(source, reason))
+                continue
+            offers = self._offers.setdefault((component.kind, component.name), [])
+            if all(offer.component is not component for offer in offers):
+                offers.append(Offer(component, source))
+
+
+def _components_of(plugin: ModuleType | object, source: str) -> list[type[Component]]:
+    manager = pluggy.PluginManager(GROUP)
+    manager.add_hookspecs(HookSpecification)
+    hint = f"a function '{_HOOK}()' marked with @dovetail.hookimpl that returns a list of component classes"
+    try:
+        manager.register(plugin)
+        manager.check_pending()
+    except pluggy.PluginValidationError as error:
+        misspelt = ", ".join(n for n in dir(plugin) if _is_marked(plugin, n) and n != _HOOK)
+        found = f"'{misspelt}' is not a hook of dovetail." if misspelt else str(error)
+        raise PluginError(Fault(source, found, hint, did_you_mean(misspelt, [_HOOK]))) from error
+    if not manager.hook.dovetail_components.get_hookimpls():
+        raise PluginError(Fault(source, f"it has no hook '{_HOOK}' marked with @dovetail.hookimpl.", hint))
+    try:
+        (returned,) = manager.hook.dovetail_components()
+    except Exception as error:
+        raise PluginError(Fault(source, f"its hook '{_HOOK}' raised {type(error).__name__}: {error}")) from error
+    if isinstance(returned, (str, bytes)) or not isinstance(returned, Iterable):
+        raise PluginError(Fault(source, f"its hook '{_HOOK}' returned {returned!r}, not a list of classes.", hint))
+    return cast("list[type[Component]]", list(returned))
+
+
+def _is_marked(plugin: ModuleType | object, name: str) -> bool:
+    return hasattr(inspect.getattr_static(plugin, name, None), f"{GROUP}_impl")
+
+
+def _unfitness(component: Any) -> str:
+    """Say why a class cannot be taken in, or nothing."""
+    if not isinstance(component, type) or not issubclass(component, _CONTRACTS):
+        contracts = ", ".join(contract.__name__ for contract in _CONTRACTS)
+        return f"{component!r} is not a component class (a subclass of {contracts})."
+    label = component.__qualname__
+    for attribute in ("name", "summary"):
+        if not isinstance(getattr(component, attribute, None), str) or not getattr(component, attribute):
+            return f"{label} has no '{attribute}'."
+    if not component.name.isidentifier():
+        return f"{label} has the name '{component.name}', which is not an identifier."
+    if missing := sorted(getattr(component, "__abstractmethods__", ())):
+        return f"{label} does not define {', '.join(missing)}."
+    if not issubclass(component.Config, ComponentConfig):
+        return f"{label}.Config does not derive from dovetail.ComponentConfig."
+    return ""
+
+
+def _place(error: BaseException, file: Path) -> str:
+    """Return file:line of where a plugin file failed."""
+    if isinstance(error, SyntaxError) and error.lineno:
+        return f"{file}:{error.lineno}"
+    line, trace = 0, error.__traceback__
+    while trace:
+        if Path(trace.tb_frame.f_code.co_filename) == file:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return f"{file}:{line}" if line else str(file)
+
+
+@cache
+def installed_components() -> Registry:
+    """Return the registry of everything installed, discovered once."""
+    registry = Registry()
+    registry.load_entry_points()
+    return registry

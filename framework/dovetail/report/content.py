@@ -1,0 +1,227 @@
+"""What the report says, as rows of text that its template only has to set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dovetail.identification import Identification, IdentifiedParameter, Mode
+from dovetail.interfaces import Parameter
+from dovetail.report.truth import Truth
+from dovetail.report.wording import ABSENT, display_unit, fixed, number, readable
+from dovetail.units import format_quantity
+
+__all__ = [
+    "EvaluationRow",
+    "ModeRow",
+    "ParameterRow",
+    "evaluation_rows",
+    "is_synthetic",
+    "known_rows",
+    "mode_rows",
+    "parameter_rows",
+    "provenance_rows",
+    "warnings_of",
+]
+
+_LABELS = {
+    "measurement": "Measurement",
+    "measured_quantity": "Quantity measured",
+    "assembly": "Assembly",
+    "description_sha256": "Description, SHA-256",
+    "training_samples": "Training samples",
+}
+_ELSEWHERE = ("description", "evaluation")
+"""Entries of the provenance that have a place of their own in the report."""
+
+_SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a laboratory."
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One line of the table of parameters; `place` and `true_place` are parts of the range, None if undefined."""
+
+    name: str
+    joint: str
+    description: str
+    value: str
+    unit: str
+    si: str
+    lower: str
+    upper: str
+    scale: str
+    place: float | None
+    in_range: bool
+    true_value: str
+    error: str
+    true_place: float | None
+
+
+@dataclass(frozen=True)
+class ModeRow:
+    """One line of the table of natural frequencies, in Hz and per cent.
+
+    `error` is that of `natural` against `true_natural`, `difference` that of the reconstructed against the measured
+    peak of the FRF.
+    """
+
+    natural: str
+    true_natural: str
+    error: str
+    reconstructed_peak: str
+    measured_peak: str
+    difference: str
+
+
+@dataclass(frozen=True)
+class EvaluationRow:
+    """How well the network finds one parameter of joints it has not seen."""
+
+    name: str
+    r2: str
+    mae: str
+    unit: str
+    mae_of_range: str
+
+
+def is_synthetic(result: Identification, truth: Truth | None) -> bool:
+    """Return whether the measurement's name, the provenance or the truth says that it was simulated."""
+    if truth is not None and truth.synthetic:
+        return True
+    said = (result.measured.label, result.provenance.get("measurement", ""))
+    return bool(result.provenance.get("synthetic")) or any("synthetic" in str(text).lower() for text in said)
+
+
+def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
+    """Return what a reader must know first."""
+    warnings = [readable(warning) for warning in result.warnings]
+    if is_synthetic(result, truth) and not any("synthetic" in warning.lower() for warning in warnings):
+        warnings.insert(0, _SYNTHETIC)
+    return warnings
+
+
+def parameter_rows(result: Identification, truth: Truth | None) -> list[ParameterRow]:
+    """Return the table of parameters, in the assembly's order."""
+    true_values = truth.parameters if truth is not None else {}
+    return [_parameter_row(parameter, true_values.get(name)) for name, parameter in result.parameters.items()]
+
+
+def known_rows(result: Identification) -> list[tuple[str, str]]:
+    """Return the parameters that the description fixes, in SI."""
+    return [(name, readable(format_quantity(value, "1", 6))) for name, value in result.known.items()]
+
+
+def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
+    """Return the table of natural frequencies: those identified, and those of the truth that none of them is near."""
+    low, high = result.frf.frequency[[0, -1]]
+    inside = [f for f in (truth.natural_frequencies if truth is not None else ()) if low <= f <= high]
+    identified = [mode.natural_frequency for mode in result.modes]
+    matched = [_counterpart(frequency, identified, inside) for frequency in identified]
+    rows = [(mode.natural_frequency, _mode_row(mode, true)) for mode, true in zip(result.modes, matched, strict=True)]
+    rows += [(frequency, _missed_mode_row(frequency)) for frequency in inside if frequency not in matched]
+    return [row for _, row in sorted(rows, key=lambda entry: (not np.isfinite(entry[0]), entry[0]))]
+
+
+def evaluation_rows(result: Identification) -> list[EvaluationRow]:
+    """Return how the network does on the test part, if the provenance says it."""
+    evaluation = result.provenance.get("evaluation")
+    metrics = evaluation.get("parameters", {}) if isinstance(evaluation, Mapping) else {}
+    rows = []
+    for name, found in metrics.items():
+        unit, factor = str(found["unit"]), 1.0
+        if name in result.parameters:
+            parameter = result.parameters[name]
+            shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
+            unit, factor = shown.text, shown.factor
+        rows.append(
+            EvaluationRow(
+                name=name,
+                r2=fixed(found["r2"], 2),
+                mae=number(found["mae_si"] * factor, 3),
+                unit=unit,
+                mae_of_range=fixed(100.0 * found["mae"], 1),
+            )
+        )
+    return rows
+
+
+def provenance_rows(provenance: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """Return labels and lines of everything in the provenance that has no place of its own."""
+    rows = []
+    for key, value in provenance.items():
+        if key in _ELSEWHERE or value is None:
+            continue
+        rows.append((_LABELS.get(key, key.replace("_", " ").capitalize()), _lines(value)))
+    return rows
+
+
+def _parameter_row(parameter: IdentifiedParameter, true: float | None) -> ParameterRow:
+    shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
+    return ParameterRow(
+        name=parameter.name,
+        joint=parameter.joint,
+        description=parameter.description,
+        value=number(parameter.value * shown.factor),
+        unit=shown.text,
+        si=f"{parameter.value:.6g} {parameter.unit}",
+        lower=number(parameter.lower * shown.factor, padded=False),
+        upper=number(parameter.upper * shown.factor, padded=False),
+        scale=parameter.scale,
+        place=_place(parameter, parameter.value),
+        in_range=parameter.in_range,
+        true_value=ABSENT if true is None else number(true * shown.factor),
+        error=_difference(parameter.value, true),
+        true_place=None if true is None else _place(parameter, true),
+    )
+
+
+def _place(parameter: IdentifiedParameter, value: float) -> float | None:
+    """Return where a value lies on its range: 0 at the lower end, 1 at the upper, on the parameter's scale."""
+    range_ = Parameter(parameter.name, parameter.unit, parameter.lower, parameter.upper, parameter.scale)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = float(range_.to_unit(np.array(value, dtype=np.float64)))
+    return None if np.isnan(place) else place
+
+
+def _counterpart(frequency: float, among: Sequence[float], others: Sequence[float]) -> float | None:
+    """Return the one of `others` that is nearest to `frequency`, if `frequency` is the nearest to it in turn."""
+    if not others or not np.isfinite(frequency):
+        return None
+    candidate = min(others, key=lambda other: abs(other - frequency))
+    nearest = min((one for one in among if np.isfinite(one)), key=lambda one: abs(one - candidate))
+    return candidate if nearest == frequency else None
+
+
+def _mode_row(mode: Mode, true: float | None) -> ModeRow:
+    return ModeRow(
+        natural=fixed(mode.natural_frequency, 1),
+        true_natural=fixed(true, 1),
+        error=_difference(mode.natural_frequency, true),
+        reconstructed_peak=fixed(mode.reconstructed_peak, 1),
+        measured_peak=fixed(mode.measured_peak, 1),
+        difference=_difference(mode.reconstructed_peak, mode.measured_peak),
+    )
+
+
+def _missed_mode_row(true: float) -> ModeRow:
+    return ModeRow(ABSENT, fixed(true, 1), ABSENT, ABSENT, ABSENT, ABSENT)
+
+
+def _difference(value: float | None, reference: float | None) -> str:
+    """Write by how many per cent a value lies above or below a reference."""
+    if value is None or not reference or not np.isfinite([value, reference]).all():
+        return ABSENT
+    per_cent = 100.0 * (value - reference) / abs(reference)
+    decimals = 2 if abs(per_cent) < 10.0 else 1 if abs(per_cent) < 100.0 else 0
+    return fixed(per_cent, decimals, signed=True)
+
+
+def _lines(value: object) -> list[str]:
+    if isinstance(value, Mapping):
+        return [f"{name}: {entry}" for name, entry in value.items()]
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [str(entry) for entry in value]
+    return [str(value)]

@@ -1,0 +1,264 @@
+"""Figures, one function each: matplotlib's object-oriented interface, colours that print and that colour-blind see."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dovetail.frf import Frf, unit_of
+from dovetail.measurement.disk import write_whole
+from dovetail.report.wording import unit_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["frf_figure", "robustness_figure", "save_png", "simulated_figure"]
+
+_WIDTH = 9.0
+"""Inches: 900 pixels at the usual 100 to the inch."""
+
+_INK, _MUTED, _GRID = "#1c2430", "#5b6672", "#e3e7eb"
+_MEASURED, _RECONSTRUCTED, _AGREEMENT = "#a3acb5", "#0b5fa5", "#9a4a00"
+_LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")  # Okabe and Ito
+_DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+_PHASE_CENTRE = {"receptance": -90.0, "mobility": 0.0, "accelerance": 90.0}
+"""Degrees; the phase of a passive drive point stays within 90 of it, so that is where it is not cut."""
+
+_LABEL_WIDTH = 0.07
+"""Part of the frequency axis that the label of a natural frequency takes."""
+
+
+def frf_figure(
+    measured: Frf,
+    reconstructed: Frf,
+    coherence: ArrayLike | None = None,
+    natural_frequencies: Iterable[float] = (),
+) -> Figure:
+    """Draw a measured FRF, the reconstructed one over it, and the coherence of the two beneath.
+
+    Parameters
+    ----------
+    measured, reconstructed : Frf
+        Of the same quantity. Without a measured phase only the amplitudes are drawn.
+    coherence : (n_freq,) array, optional
+        On the frequencies of `reconstructed`.
+    natural_frequencies : iterable of float
+        Hz, marked in all panels; values that are not finite or beyond the axis are left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ValueError
+        The quantities differ.
+    """
+    if measured.quantity != reconstructed.quantity:
+        raise ValueError(f"{measured.quantity} and {reconstructed.quantity} do not belong in one figure.")
+    with_phase = measured.has_phase and reconstructed.has_phase
+    heights = [2.6] + [1.5] * with_phase + [1.2] * (coherence is not None)
+    figure, panels = _stacked(heights)
+    remaining = iter(panels)
+    curves = (
+        (measured, {"color": _MEASURED, "linewidth": 2.6, "label": "measured"}),
+        (reconstructed, {"color": _RECONSTRUCTED, "linewidth": 1.2, "label": "reconstructed"}),
+    )
+    amplitude = next(remaining)
+    for frf, style in curves:
+        _draw_amplitude(amplitude, frf, style)
+    amplitude.legend(loc="lower right", ncols=2, fontsize=9.5)
+    if with_phase:
+        phase = next(remaining)
+        for frf, style in curves:
+            _draw_phase(phase, frf, style)
+    if coherence is not None:
+        _draw_coherence(next(remaining), reconstructed.frequency, np.asarray(coherence, dtype=np.float64))
+    _finish_frequency_axis(panels, reconstructed.frequency)
+    _mark_frequencies(panels, natural_frequencies)
+    return figure
+
+
+def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Figure:
+    """Draw amplitude and phase of one FRF, its label above.
+
+    Parameters
+    ----------
+    frf : Frf
+    natural_frequencies : iterable of float
+        Hz, marked; values that are not finite or beyond the axis are left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, panels = _stacked([2.6] + [1.5] * frf.has_phase)
+    style = {"color": _RECONSTRUCTED, "linewidth": 1.4}
+    _draw_amplitude(panels[0], frf, style)
+    if frf.has_phase:
+        _draw_phase(panels[1], frf, style)
+    _finish_frequency_axis(panels, frf.frequency)
+    _mark_frequencies(panels, natural_frequencies)
+    figure.suptitle(frf.label, fontsize=11, color=_INK, parse_math=False)
+    return figure
+
+
+def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw R2 and RMSE against the noise level, one line a model.
+
+    Parameters
+    ----------
+    table : sequence of mappings
+        Each with ``model``, ``level``, ``r2`` and ``rmse`` (a part of the range); None or NaN leaves a gap.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH, 3.6), layout="constrained", facecolor="white")
+    left, right = figure.subplots(1, 2)
+    for index, model in enumerate(dict.fromkeys(str(row["model"]) for row in table)):
+        rows = sorted((row for row in table if str(row["model"]) == model), key=lambda row: float(row["level"]))
+        levels = np.array([row["level"] for row in rows], dtype=np.float64)
+        style = {
+            "color": _LINES[index % len(_LINES)],
+            "linestyle": _DASHES[index % len(_DASHES)],
+            "marker": _MARKERS[index % len(_MARKERS)],
+            "markersize": 5,
+            "linewidth": 1.6,
+        }
+        for axes, key in ((left, "r2"), (right, "rmse")):
+            axes.plot(levels, np.array([row[key] for row in rows], dtype=np.float64), label=model, **style)
+    for axes, quantity in ((left, "R² [-]"), (right, "RMSE, part of the range [-]")):
+        _style(axes)
+        axes.set_xlabel("Noise level, part of the data's standard deviation [-]")
+        axes.set_ylabel(quantity)
+    if table:
+        for text in left.legend(loc="best", fontsize=9.5).get_texts():
+            text.set_parse_math(False)
+    return figure
+
+
+def save_png(figure: Figure, path: str | Path, *, dpi: int = 200) -> Path:
+    """Write a figure as PNG, whole or not at all.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    path : str or Path
+        A file that is there is replaced.
+    dpi : int
+        Pixels to the inch; 200 makes 1800 pixels of the width.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    DovetailError
+        The file cannot be written.
+    """
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    write_whole(Path(path), buffer.getvalue(), overwrite=True)
+    return Path(path)
+
+
+def _stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
+    """Return panels one above the other that share the frequency axis."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH, 1.0 + sum(heights)), layout="constrained", facecolor="white")
+    grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
+    panels = list(grid[:, 0])
+    for axes in panels:
+        _style(axes)
+    return figure, panels
+
+
+def _style(axes: Axes) -> None:
+    axes.set_axisbelow(True)
+    axes.grid(color=_GRID, linewidth=0.8)
+    axes.tick_params(colors=_MUTED, labelcolor=_INK, labelsize=9, length=3)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color(_MUTED)
+    for label in (axes.xaxis.label, axes.yaxis.label):
+        label.set(color=_INK, fontsize=9.5)
+
+
+def _draw_amplitude(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
+    axes.set_yscale("log", nonpositive="mask")
+    axes.plot(frf.frequency, np.where(frf.amplitude > 0, frf.amplitude, np.nan), **style)
+    axes.set_ylabel(f"{frf.quantity.capitalize()} [{unit_text(unit_of(frf.quantity))}]")
+
+
+def _draw_phase(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
+    centre = _PHASE_CENTRE[frf.quantity]
+    phase = (np.rad2deg(frf.phase) - centre + 180.0) % 360.0 - 180.0 + centre
+    axes.plot(*_broken_at_jumps(frf.frequency, phase), **style)
+    drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.get_lines()])
+    passive = bool(np.nanmax(np.abs(drawn - centre)) <= 110.0)
+    reach = 110.0 if passive else 180.0
+    axes.set_ylim(centre - reach, centre + reach)
+    axes.set_yticks(np.arange(centre - 90.0 * (1 + (not passive)), centre + reach + 1.0, 90.0))
+    axes.set_ylabel("Phase [°]")
+
+
+def _broken_at_jumps(
+    frequency: NDArray[np.float64], phase: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Put a gap where the phase [deg] leaves the window on one side and enters on the other."""
+    jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
+    return np.insert(frequency, jumps, frequency[jumps]), np.insert(phase, jumps, np.nan)
+
+
+def _draw_coherence(axes: Axes, frequency: NDArray[np.float64], coherence: NDArray[np.float64]) -> None:
+    mean = float(np.mean(coherence))
+    axes.plot(frequency, coherence, color=_AGREEMENT, linewidth=1.2)
+    axes.axhline(mean, color=_AGREEMENT, linewidth=0.9, linestyle=(0, (4, 3)))
+    axes.text(0.995, 0.06, f"mean {mean:.3f} (dashed)", transform=axes.transAxes, ha="right", fontsize=9, color=_INK)
+    axes.set_ylim(0.0, 1.03)
+    axes.set_yticks([0.0, 0.5, 1.0])
+    axes.set_ylabel("Coherence [-]")
+
+
+def _finish_frequency_axis(panels: Sequence[Axes], frequency: NDArray[np.float64]) -> None:
+    if frequency.size > 1:
+        panels[-1].set_xlim(float(frequency[0]), float(frequency[-1]))
+    panels[-1].set_xlabel("Frequency [Hz]")
+    panels[0].figure.align_ylabels(panels)
+
+
+def _mark_frequencies(panels: Sequence[Axes], frequencies: Iterable[float]) -> None:
+    """Draw a dotted line at each frequency, its value above; values too close to each other go into further rows."""
+    low, high = panels[0].get_xlim()
+    room = _LABEL_WIDTH * (high - low)
+    rows: list[float] = []
+    for frequency in sorted(float(f) for f in frequencies if np.isfinite(f) and low <= f <= high):
+        for axes in panels:
+            axes.axvline(frequency, color=_MUTED, linewidth=0.9, linestyle=(0, (1, 2)), zorder=1.5)
+        row = next((row for row, last in enumerate(rows) if frequency - last >= room), len(rows))
+        rows[row : row + 1] = [frequency]
+        panels[0].annotate(
+            f"{frequency:.0f} Hz",
+            (frequency, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 4 + 11 * row),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8.5,
+            color=_INK,
+        )

@@ -1,0 +1,110 @@
+"""The report of an identification: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dovetail import __version__
+from dovetail.identification import Identification
+from dovetail.measurement.disk import write_whole
+from dovetail.report import content
+from dovetail.report.figures import frf_figure
+from dovetail.report.svg import inline_svg
+from dovetail.report.truth import Truth
+from dovetail.report.wording import number
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["write_report"]
+
+
+def write_report(result: Identification, path: str | Path, *, truth: Truth | None = None) -> Path:
+    """Write an identification as one self-contained HTML file: no script, nothing loaded from anywhere.
+
+    Parameters
+    ----------
+    result : Identification
+        If its ``provenance`` holds ``evaluation`` (`Evaluation.to_dict`) and ``description`` (the description's
+        text), the report shows them in sections of their own; all else it lists as it is.
+    path : str or Path
+        A file that is there is replaced; it is written whole or not at all.
+    truth : Truth, optional
+        Shown beside what was identified, with the errors.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    DovetailError
+        The file cannot be written.
+    """
+    page = _environment().get_template("report.html.jinja").render(_context(result, truth))
+    write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
+    return Path(path)
+
+
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader("dovetail.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
+    frequency = result.frf.frequency
+    evaluation = result.provenance.get("evaluation")
+    return {
+        "assembly": str(result.provenance.get("assembly", result.frf.label)),
+        "measurement": str(result.provenance.get("measurement", result.measured.label)),
+        "method": result.method,
+        "quantity": result.frf.quantity,
+        "has_phase": result.measured.has_phase,
+        "band": f"{number(frequency[0], 5, padded=False)} to {number(frequency[-1], 5, padded=False)} Hz",
+        "lines": frequency.size,
+        "mean_coherence": f"{result.mean_coherence:.3f}",
+        "joints": list(dict.fromkeys(parameter.joint for parameter in result.parameters.values())),
+        "warnings": content.warnings_of(result, truth),
+        "truth": truth,
+        "parameters": content.parameter_rows(result, truth),
+        "known": content.known_rows(result),
+        "modes": content.mode_rows(result, truth),
+        "figure": _figure(result),
+        "evaluation": content.evaluation_rows(result),
+        "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
+        "provenance": content.provenance_rows(result.provenance),
+        "description": _pretty(result.provenance.get("description")),
+        "version": __version__,
+        "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+    }
+
+
+def _figure(result: Identification) -> Any:
+    """Return the figure of the FRFs as markup that the template sets as it stands."""
+    from markupsafe import Markup
+
+    natural = [mode.natural_frequency for mode in result.modes if np.isfinite(mode.natural_frequency)]
+    figure = frf_figure(result.measured, result.frf, result.coherence, natural)
+    return Markup(inline_svg(figure, "frf", "Measured and reconstructed FRF and their coherence"))
+
+
+def _pretty(description: object) -> str | None:
+    """Return a description's text, laid out for reading if it is JSON on one line."""
+    if not isinstance(description, str):
+        return None
+    try:
+        return json.dumps(json.loads(description), indent=2, ensure_ascii=False)
+    except (ValueError, RecursionError):
+        return description

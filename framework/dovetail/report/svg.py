@@ -1,0 +1,47 @@
+"""A figure as SVG that stands inside an HTML page."""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["inline_svg"]
+
+_REFERENCE = re.compile(r'(\bid="|url\(#|href="#)')
+_PATH = re.compile(r'\bd="[^"]*"')
+_DIGITS = re.compile(r"(\.\d\d)\d+")
+
+
+def inline_svg(figure: Figure, name: str, title: str) -> str:
+    """Return a figure as an ``<svg>`` element.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    name : str
+        Put before every id, so that several figures can stand in one page.
+    title : str
+        What a screen reader says; plain text, set by the program and not by a user.
+
+    Returns
+    -------
+    str
+        Text as paths, paths to a hundredth of a point, no metadata, no reference to anything outside.
+    """
+    import matplotlib
+
+    buffer = io.StringIO()
+    metadata = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    # These two can be set for the whole process only; without the salt every run would give other ids.
+    with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "dovetail"}):
+        figure.savefig(buffer, format="svg", metadata=metadata)
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r'^<svg[^>]*?viewBox="([^"]*)"[^>]*>', rf'<svg viewBox="\1" role="img" aria-label="{title}">', text)
+    text = text.replace("xlink:href", "href")
+    text = _REFERENCE.sub(rf"\g<1>{name}-", text)
+    return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text)

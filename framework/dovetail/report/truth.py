@@ -1,0 +1,147 @@
+"""The truth behind a synthetic measurement, to be held against what was identified."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Protocol
+
+from dovetail.errors import Fault, MeasurementError, UnitError, did_you_mean, listing
+from dovetail.measurement.disk import read_bounded
+from dovetail.units import to_si
+
+__all__ = ["Truth", "read_truth"]
+
+_KEYS = ("synthetic", "note", "parameters", "natural_frequencies_Hz")
+
+
+class _Named(Protocol):
+    """A parameter, identified or to be identified."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def unit(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the parameters and natural frequencies really are.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        SI values by name; not every parameter need be known.
+    natural_frequencies : tuple of float
+        Hz.
+    synthetic : bool
+        Whether the measurement was simulated.
+    note : str
+        Where the truth comes from, for the reader.
+    """
+
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    natural_frequencies: tuple[float, ...] = ()
+    synthetic: bool = False
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "natural_frequencies", tuple(self.natural_frequencies))
+
+
+def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
+    """Read the truth behind a measurement.
+
+    Parameters
+    ----------
+    path : str or Path
+        JSON: ``{"synthetic": true, "note": "...", "parameters": {"Dc": "34.6 mm", ...}, "natural_frequencies_Hz":
+        [1319.0, ...]}``. Each key may be missing; a value without a unit is SI.
+    parameters : iterable
+        Everything that may be named, each with ``name`` and ``unit``: ``assembly.parameters``, for example.
+
+    Returns
+    -------
+    Truth
+
+    Raises
+    ------
+    DovetailError
+        The file cannot be read; it names a parameter or a key that there is not, or gives one in a wrong dimension.
+        All such faults at once.
+    """
+    file = Path(path)
+    content = _object(file)
+    faults = [_unknown(file, key, _KEYS, "a key of a truth file") for key in content if key not in _KEYS]
+    values = _parameters(file, content.get("parameters", {}), parameters, faults)
+    frequencies = _frequencies(file, content.get("natural_frequencies_Hz", []), faults)
+    synthetic, note = content.get("synthetic", False), content.get("note", "")
+    if not isinstance(synthetic, bool):
+        faults.append(Fault(f"{file}  synthetic", f"{synthetic!r} is not a truth value.", "true, false"))
+    if not isinstance(note, str):
+        faults.append(Fault(f"{file}  note", f"{note!r} is not a text.", 'a text in "quotes"'))
+    if faults:
+        raise MeasurementError(*faults)
+    return Truth(values, frequencies, synthetic, note)
+
+
+def _object(file: Path) -> dict[str, Any]:
+    content = read_bounded(file)
+    try:
+        found = json.loads(content, object_pairs_hook=_without_duplicates)
+    except (ValueError, RecursionError) as error:
+        raise MeasurementError(Fault(str(file), f"this is not JSON: {error}.")) from None
+    if not isinstance(found, dict):
+        raise MeasurementError(
+            Fault(str(file), f"a truth file holds one object, not {found!r:.40}.", listing(_KEYS), "Write {...}.")
+        )
+    return found
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise ValueError(f"the key '{key}' stands there twice")
+        found[key] = value
+    return found
+
+
+def _parameters(file: Path, given: object, parameters: Iterable[_Named], faults: list[Fault]) -> dict[str, float]:
+    if not isinstance(given, dict):
+        faults.append(Fault(f"{file}  parameters", f"{given!r:.40} is not an object of names and values."))
+        return {}
+    units = {parameter.name: parameter.unit for parameter in parameters}
+    values = {}
+    for name, value in given.items():
+        if name not in units:
+            faults.append(_unknown(file, f"parameters.{name}", units, "a parameter of this assembly"))
+            continue
+        try:
+            values[name] = to_si(value, units[name])
+        except UnitError as error:
+            faults.append(Fault(f"{file}  parameters.{name}", error.faults[0].found, f"a unit of {units[name]}"))
+    return values
+
+
+def _frequencies(file: Path, given: object, faults: list[Fault]) -> tuple[float, ...]:
+    entries = given if isinstance(given, list) else [given]
+    try:
+        frequencies = tuple(to_si(entry, "Hz") for entry in entries)
+    except UnitError as error:
+        faults.append(Fault(f"{file}  natural_frequencies_Hz", error.faults[0].found, "a list such as [1319.0, 6446]"))
+        return ()
+    if any(frequency <= 0 for frequency in frequencies):
+        faults.append(Fault(f"{file}  natural_frequencies_Hz", "a natural frequency is not positive."))
+    return tuple(sorted(frequencies))
+
+
+def _unknown(file: Path, path: str, accepted: Iterable[str], kind: str) -> Fault:
+    names = list(accepted)
+    word = path.rpartition("parameters.")[2]
+    return Fault(f"{file}  {path}", f"'{word}' is not {kind}.", listing(names, 20), did_you_mean(word, names))

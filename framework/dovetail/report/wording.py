@@ -1,0 +1,104 @@
+"""Numbers and units as a reader wants them."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+__all__ = ["ABSENT", "DisplayUnit", "display_unit", "fixed", "number", "readable", "unit_text"]
+
+ABSENT = "\N{EN DASH}"
+"""Stands where there is no number."""
+
+_MINUS, _TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+_PREFIXED = re.compile(r"(N|Pa|W|J|Hz)(?![\w^*])")
+"""Units that take a prefix: the first symbol of the text, not raised to a power."""
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True)
+class DisplayUnit:
+    """A unit to show values in: an SI value times `factor` is in `text`."""
+
+    factor: float
+    text: str
+
+
+def unit_text(unit: str) -> str:
+    """Set a unit in pint's spelling: ``"m/(N s^2)"`` becomes ``"m/(N·s²)"``; a pure number has no unit."""
+    if unit == "1":
+        return ""
+    raised = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPT), unit)
+    return re.sub(r"\s*\*\s*|\s+", "·", raised.strip())
+
+
+def display_unit(unit: str, lower: float, upper: float) -> DisplayUnit:
+    """Choose the unit in which values of a range are easiest to read.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit in pint's spelling.
+    lower, upper : float
+        Range of the values, in `unit`.
+
+    Returns
+    -------
+    DisplayUnit
+        Millimetres for lengths, grams for small masses, kilo to giga for forces and what is built on them; for all
+        else the SI unit itself.
+    """
+    size = math.sqrt(lower * upper) if lower > 0 and upper > 0 else max(abs(lower), abs(upper))
+    if unit == "m":
+        return DisplayUnit(1e3, "mm")
+    if unit == "kg" and size < 1.0:
+        return DisplayUnit(1e3, "g")
+    if _PREFIXED.match(unit):
+        for factor, prefix in _PREFIXES:
+            if size >= factor:
+                return DisplayUnit(1.0 / factor, prefix + unit_text(unit))
+    return DisplayUnit(1.0, unit_text(unit))
+
+
+def number(value: float | None, digits: int = 4, *, padded: bool = True) -> str:
+    """Write a number with significant digits: ``"35.18"``, ``"1.2 x 10⁻⁷"`` with a cross; a dash for None and NaN.
+
+    Parameters
+    ----------
+    value : float or None
+    digits : int
+        Significant digits.
+    padded : bool
+        Keep the zeros at the end, so that a column of numbers lines up.
+
+    Returns
+    -------
+    str
+    """
+    if value is None or not math.isfinite(value):
+        return ABSENT
+    text = f"{value:{'#' if padded else ''}.{digits}g}"
+    if "e" in text and 1.0 <= abs(value) < 1e7:
+        text = f"{value:.0f}"
+    mantissa, _, power = text.partition("e")
+    return mantissa.rstrip(".").replace("-", _MINUS) + (_power_of_ten(power) if power else "")
+
+
+def fixed(value: float | None, decimals: int, *, signed: bool = False) -> str:
+    """Write a number with so many decimals, with its sign also if it is positive; a dash for None and NaN."""
+    if value is None or not math.isfinite(value):
+        return ABSENT
+    return f"{value:{'+' if signed else ''}.{decimals}f}".replace("-", _MINUS)
+
+
+def readable(text: str) -> str:
+    """Set the powers of ten in a sentence: ``"1.5e+08 N/m"`` becomes ``"1.5 x 10⁸ N/m"``, with a real cross."""
+    return re.sub(r"(?<=\d)e([+-]\d\d+)\b", lambda found: _power_of_ten(found[1]), text)
+
+
+def _power_of_ten(power: str) -> str:
+    return f" {_TIMES} 10{str(int(power)).translate(_SUPERSCRIPT)}"

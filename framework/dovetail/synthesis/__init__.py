@@ -1,0 +1,19 @@
+"""Frequency-domain substructure synthesis (FDSS)."""
+
+from dovetail.synthesis.direct import assembly_matrices, direct_receptance
+from dovetail.synthesis.engine import Engine, Point
+from dovetail.synthesis.graph import Attachment, Connection, Graph
+from dovetail.synthesis.literal import literal_receptance
+from dovetail.synthesis.modes import elastic_frequencies
+
+__all__ = [
+    "Attachment",
+    "Connection",
+    "Engine",
+    "Graph",
+    "Point",
+    "assembly_matrices",
+    "direct_receptance",
+    "elastic_frequencies",
+    "literal_receptance",
+]

@@ -1,0 +1,149 @@
+"""Symbolic elimination: the order, the fill and the program of an LDL^T that every sample and frequency shares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Program", "eliminate", "run"]
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """The steps of a complex-symmetric elimination of all DOFs but the kept ones.
+
+    Slots number the non-zeros of the lower triangle, fill included. Pivot p works on the slots
+    ``column[start[p]:start[p + 1]]`` below its diagonal; its update of the entry (i, j) is
+
+        slot[target] -= slot[left] * slot[right] / slot[diagonal[p]]
+
+    for each of ``update[update_start[p]:update_start[p + 1]]``, where left and right count from ``start[p]``.
+
+    Parameters
+    ----------
+    pivots : int
+        Number of DOFs that are eliminated.
+    order : (size,) array
+        The DOFs in the order of elimination, the kept ones last.
+    rows, columns : (n_slots,) arrays
+        Position of each slot, as DOFs; row after column in the order.
+    diagonal : (size,) array
+        Slot of each pivot.
+    start : (pivots + 1,) array
+    column : array
+        Slots below the pivots.
+    update_start : (pivots + 1,) array
+    update : (n_updates, 3) array
+        Target slot, left and right as indices into the pivot's part of `column`.
+    """
+
+    pivots: int
+    order: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    diagonal: NDArray[np.int64]
+    start: NDArray[np.int64]
+    column: NDArray[np.int64]
+    update_start: NDArray[np.int64]
+    update: NDArray[np.int64]
+
+    @property
+    def slots(self) -> int:
+        """Number of non-zeros of the lower triangle with its fill."""
+        return len(self.rows)
+
+    @property
+    def multiplications(self) -> int:
+        """Complex multiplications per frequency, divisions by the pivots included."""
+        return len(self.update) + len(self.column) + self.pivots + 1
+
+
+def eliminate(pattern: NDArray[np.bool_], keep: Sequence[int]) -> Program:
+    """Order the DOFs by minimum degree, the kept ones at the end, and write down the elimination.
+
+    Parameters
+    ----------
+    pattern : (d, d) bool array
+        Where the symmetric system has entries.
+    keep : sequence of int
+        DOFs that stay. What the elimination leaves in their slots is the Schur complement; for a single one, the
+        inverse of its final value is the receptance there.
+
+    Returns
+    -------
+    Program
+    """
+    neighbours = [set(np.flatnonzero(row).tolist()) - {dof} for dof, row in enumerate(pattern)]
+    eliminated, below, graph = _minimum_degree(neighbours, set(keep))
+    order = [*eliminated, *keep]
+    rank = {dof: place for place, dof in enumerate(order)}
+    below = [sorted(rows, key=rank.__getitem__) for rows in below]
+    left = [[row for row in graph[dof] if rank[row] > rank[dof]] for dof in keep]
+    slot: dict[tuple[int, int], int] = {}
+    for dof, rows in zip(order, [*below, *left], strict=True):
+        for row in (dof, *rows):
+            slot[row, dof] = len(slot)
+    start, update_start = [0], [0]
+    column: list[int] = []
+    update: list[tuple[int, int, int]] = []
+    for dof, rows in zip(eliminated, below, strict=True):
+        column.extend(slot[row, dof] for row in rows)
+        for right, later in enumerate(rows):
+            update.extend((slot[rows[index], later], index, right) for index in range(right, len(rows)))
+        start.append(len(column))
+        update_start.append(len(update))
+    positions = np.array(list(slot), dtype=np.int64)
+    return Program(
+        pivots=len(eliminated),
+        order=np.array(order, dtype=np.int64),
+        rows=positions[:, 0],
+        columns=positions[:, 1],
+        diagonal=np.array([slot[dof, dof] for dof in order], dtype=np.int64),
+        start=np.array(start, dtype=np.int64),
+        column=np.array(column, dtype=np.int64),
+        update_start=np.array(update_start, dtype=np.int64),
+        update=np.array(update, dtype=np.int64).reshape(-1, 3),
+    )
+
+
+def run(program: Program, slots: NDArray[np.complex128]) -> None:
+    """Carry out the elimination in place, all frequencies at once: the obvious version of the kernel.
+
+    Parameters
+    ----------
+    program : Program
+    slots : (n_slots, n_freq) complex array
+        The system's lower triangle; afterwards the kept slots hold the Schur complement.
+    """
+    for pivot in range(program.pivots):
+        column = program.column[program.start[pivot] : program.start[pivot + 1]]
+        left = slots[column] / slots[program.diagonal[pivot]]
+        for target, row, other in program.update[program.update_start[pivot] : program.update_start[pivot + 1]]:
+            slots[target] -= left[row] * slots[column[other]]
+
+
+def _minimum_degree(
+    neighbours: list[set[int]], keep: set[int]
+) -> tuple[list[int], list[list[int]], dict[int, set[int]]]:
+    """Return the order, the remaining neighbours of each pivot, and the graph that is left of the kept DOFs."""
+    graph = {dof: set(adjacent) for dof, adjacent in enumerate(neighbours)}
+    order: list[int] = []
+    below: list[list[int]] = []
+    while candidates := [dof for dof in graph if dof not in keep]:
+        pivot = min(candidates, key=lambda dof: (len(graph[dof]), _fill(graph, dof), dof))
+        adjacent = graph.pop(pivot)
+        for dof in adjacent:
+            graph[dof] |= adjacent - {dof}
+            graph[dof].discard(pivot)
+        order.append(pivot)
+        below.append(sorted(adjacent))
+    return order, below, graph
+
+
+def _fill(graph: dict[int, set[int]], pivot: int) -> int:
+    """Count the new entries that eliminating `pivot` makes, twice."""
+    adjacent = graph[pivot]
+    return sum(len(adjacent - graph[dof]) - 1 for dof in adjacent)

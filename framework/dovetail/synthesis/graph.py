@@ -1,0 +1,124 @@
+"""The graph of an assembly: substructures, the joints between them, and the DOFs they share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.interfaces import DIRECTIONS, JointModel, SubstructureModel
+
+__all__ = ["Attachment", "Connection", "Graph"]
+
+HELD = -1
+"""Global number of a DOF that does not move."""
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """A port of a joint on the nodes of a substructure.
+
+    Parameters
+    ----------
+    substructure : str
+    nodes : tuple of int
+        Indices of the substructure's nodes, in the port's order.
+    """
+
+    substructure: str
+    nodes: tuple[int, ...]
+
+    @property
+    def dofs(self) -> tuple[int, ...]:
+        """The substructure's DOFs, node by node, x then rz."""
+        return tuple(len(DIRECTIONS) * node + axis for node in self.nodes for axis in range(len(DIRECTIONS)))
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A joint model and where each of its ports is attached, in the order of its ports."""
+
+    model: JointModel
+    attachments: tuple[Attachment, ...]
+    rigid: bool = False
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Substructures and the joints that connect them.
+
+    Parameters
+    ----------
+    substructures : mapping of str to SubstructureModel
+    connections : mapping of str to Connection
+
+    Notes
+    -----
+    DOFs that a joint merges, or holds at the ground, share one global number: compatibility is met by numbering, not
+    by large stiffnesses.
+    """
+
+    substructures: Mapping[str, SubstructureModel]
+    connections: Mapping[str, Connection]
+
+    @cached_property
+    def _numbering(self) -> tuple[dict[str, NDArray[np.intp]], dict[str, NDArray[np.intp]], int]:
+        first: dict[str, int] = {}
+        count = 0
+        for name, substructure in self.substructures.items():
+            first[name] = count
+            count += len(DIRECTIONS) * len(substructure.nodes)
+        local: dict[str, NDArray[np.intp]] = {}
+        for name, connection in self.connections.items():
+            attached = [first[port.substructure] + dof for port in connection.attachments for dof in port.dofs]
+            internal = range(count, count + connection.model.internal_dofs)
+            local[name] = np.array([*attached, *internal], dtype=np.intp)
+            count += connection.model.internal_dofs
+        number = self._merged(first, local, count)
+        ends = {name: first[name] + len(DIRECTIONS) * len(s.nodes) for name, s in self.substructures.items()}
+        of_substructure = {name: number[first[name] : ends[name]] for name in self.substructures}
+        of_joint = {name: number[dofs] for name, dofs in local.items()}
+        return of_substructure, of_joint, int(number.max(initial=HELD)) + 1
+
+    def _merged(self, first: dict[str, int], local: dict[str, NDArray[np.intp]], count: int) -> NDArray[np.intp]:
+        """Give one number to each set of merged DOFs."""
+        leader = np.arange(count)
+
+        def find(dof: int) -> int:
+            while leader[dof] != dof:
+                dof = int(leader[dof])
+            return dof
+
+        for name, connection in self.connections.items():
+            pairs = connection.model.merged_dofs + (connection.model.contact_dofs if connection.rigid else ())
+            for one, other in pairs:
+                low, high = sorted((find(int(local[name][one])), find(int(local[name][other]))))
+                leader[high] = low
+        roots = np.array([find(dof) for dof in range(count)], dtype=np.intp)
+        held = {
+            int(roots[first[name] + dof])
+            for name, substructure in self.substructures.items()
+            if substructure.grounded
+            for dof in range(len(DIRECTIONS) * len(substructure.nodes))
+        }
+        free = [root for root in np.unique(roots) if root not in held]
+        new = np.full(count, HELD, dtype=np.intp)
+        new[free] = np.arange(len(free))
+        numbers: NDArray[np.intp] = new[roots]
+        return numbers
+
+    @property
+    def size(self) -> int:
+        """Number of global DOFs."""
+        return self._numbering[2]
+
+    def substructure_dofs(self, name: str) -> NDArray[np.intp]:
+        """Return the global number of each DOF of a substructure; `HELD` where it does not move."""
+        return self._numbering[0][name]
+
+    def joint_dofs(self, name: str) -> NDArray[np.intp]:
+        """Return the global number of each local DOF of a joint; `HELD` where it does not move."""
+        return self._numbering[1][name]

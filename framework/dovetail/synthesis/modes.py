@@ -1,0 +1,49 @@
+"""Natural frequencies of the undamped assembly."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from dovetail.interfaces import StructuralMatrices
+
+__all__ = ["elastic_frequencies"]
+
+_STRAIN_FLOOR = 1e-11
+"""A mode whose strain energy is below this part of the largest its amplitudes allow is a rigid-body mode."""
+
+
+def elastic_frequencies(matrices: StructuralMatrices, count: int) -> NDArray[np.float64]:
+    """Return the lowest natural frequencies of the modes that deform the structure.
+
+    Parameters
+    ----------
+    matrices : StructuralMatrices
+        Of (d, d) arrays; damping is left out.
+    count : int
+
+    Returns
+    -------
+    (<= count,) array
+        Hz, increasing. Fewer where the model has fewer elastic modes.
+
+    Notes
+    -----
+    Solves M phi = mu (K + s M) phi, which takes massless DOFs and rigid-body modes without special cases.
+    """
+    active = np.flatnonzero((abs(matrices.K) + abs(matrices.M)).any(axis=0))
+    K, M = matrices.K[np.ix_(active, active)], matrices.M[np.ix_(active, active)]
+    inertia = np.diag(M) > 0
+    if not inertia.any():
+        return np.empty(0)
+    shift = 1e-3 * float(np.median(np.diag(K)[inertia] / np.diag(M)[inertia])) or 1.0
+    mu, shapes = eigh(M, K + shift * M)
+    modes: list[float] = []
+    for value, shape in zip(mu[::-1], shapes.T[::-1], strict=True):
+        if len(modes) == count or value <= mu[-1] * 1e-14:
+            break
+        strain = shape @ K @ shape
+        if strain > _STRAIN_FLOOR * (abs(shape) @ abs(K) @ abs(shape)):
+            modes.append(np.sqrt(strain / (shape @ M @ shape)) / (2.0 * np.pi))
+    return np.array(modes)

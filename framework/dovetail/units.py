@@ -1,0 +1,171 @@
+"""Quantities with units at the edge, SI floats inside.
+
+``"583.6 GPa"`` becomes ``583.6e9`` where a pascal is wanted; a bare number is SI already. Pint is loaded when the
+first text with a unit is read, never on import.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+from pydantic_core import PydanticCustomError, core_schema
+
+from dovetail.errors import UnitError
+
+if TYPE_CHECKING:
+    import pint
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+
+__all__ = [
+    "Area",
+    "Frequency",
+    "InUnit",
+    "Inertia",
+    "Length",
+    "Mass",
+    "MassDensity",
+    "Position",
+    "Pressure",
+    "format_quantity",
+    "to_si",
+]
+
+_LONGEST_TEXT = 100
+_POWER = r"(?:\^|\*\*)\s*-?\d{1,2}(?:\.\d{1,3})?|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]{1,3}"
+_UNIT = re.compile(rf"(?:[^\W\d⁰¹²³⁴⁵⁶⁷⁸⁹]|(?:{_POWER})(?![\d.⁻⁰¹²³⁴⁵⁶⁷⁸⁹]|\s*(?:\^|\*\*))|1(?!\d)|[\s*/·()°%])*+")
+"""Names, small powers and products: a tower of powers would keep pint's parser busy for ever."""
+
+
+@cache
+def _registry() -> pint.UnitRegistry[Any]:
+    import pint
+
+    return pint.UnitRegistry(cache_folder=None)
+
+
+def to_si(value: object, unit: str) -> float:
+    """Convert a number or a text with a unit to a float in `unit`.
+
+    Parameters
+    ----------
+    value : float, int or str
+        ``0.01``, ``"10 mm"`` or ``"1e8 N/m"``. A bare number, also as text, is taken in `unit`.
+    unit : str
+        The SI unit wanted, in pint's spelling (``"N m/rad"``); ``"1"`` for a pure number.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    UnitError
+        The text is no quantity, its dimension differs from that of `unit`, or it is not finite.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise UnitError(f"a quantity in {unit} is a number or a text such as '1 {unit}', not {value!r}.")
+    number = _parse_text(value, unit) if isinstance(value, str) else float(value)
+    if not math.isfinite(number):
+        raise UnitError(f"{value!r} is not a finite quantity in {unit}.")
+    return number
+
+
+def _parse_text(text: str, unit: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    if len(text) > _LONGEST_TEXT:
+        raise UnitError(f"a quantity in {unit} was expected, not a text of {len(text)} characters.")
+    number, _, given = text.strip().partition(" ")
+    if not given.strip():
+        number, given = _split_glued(number)
+    try:
+        magnitude = float(number)
+    except ValueError:
+        raise UnitError(f"{text!r} is not a quantity: write a number, a space and a unit of {unit}.") from None
+    return magnitude * _factor(given.strip(), unit, text)
+
+
+def _split_glued(text: str) -> tuple[str, str]:
+    """Split ``"10mm"`` into ``("10", "mm")``: the longest leading part that is a number."""
+    for end in range(len(text), 0, -1):
+        try:
+            float(text[:end])
+        except ValueError:
+            continue
+        return text[:end], text[end:]
+    return text, ""
+
+
+@cache
+def _factor(given: str, wanted: str, text: str) -> float:
+    import pint
+
+    registry = _registry()
+    try:
+        if not _UNIT.fullmatch(given):
+            raise ValueError(given)
+        source, target = registry.Unit(given), registry.Unit(wanted)
+        return float(registry.convert(1.0, source, target))
+    except pint.DimensionalityError as error:
+        raise UnitError(
+            f"{text!r} has the dimension {error.dim1}, but a unit of {wanted} {error.dim2} was expected."
+        ) from None
+    except Exception:  # pint's parser raises whatever its tokenizer does
+        raise UnitError(f"{given!r} in {text!r} is not a unit; a unit of {wanted} was expected.") from None
+
+
+@dataclass(frozen=True)
+class InUnit:
+    """Pydantic annotation of a float that may be written with a unit.
+
+    Examples
+    --------
+    >>> from typing import Annotated
+    >>> from pydantic import TypeAdapter
+    >>> TypeAdapter(Annotated[float, InUnit("m")]).validate_python("10 mm")
+    0.01
+    """
+
+    unit: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self._parse, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        number = handler(schema)
+        text = {"type": "string", "description": f"a number and a unit of {self.unit}"}
+        return {"anyOf": [number, text], "x-unit": self.unit}
+
+    def _parse(self, value: object) -> float:
+        try:
+            return to_si(value, self.unit)
+        except UnitError as error:
+            raise PydanticCustomError("unit", "{reason}", {"reason": error.faults[0].found}) from None
+
+
+Position = Annotated[float, InUnit("m")]
+Length = Annotated[float, Field(gt=0), InUnit("m")]
+Area = Annotated[float, Field(gt=0), InUnit("m^2")]
+Mass = Annotated[float, Field(ge=0), InUnit("kg")]
+Inertia = Annotated[float, Field(ge=0), InUnit("kg m^2")]
+Pressure = Annotated[float, Field(gt=0), InUnit("Pa")]
+MassDensity = Annotated[float, Field(gt=0), InUnit("kg/m^3")]
+Frequency = Annotated[float, Field(gt=0), InUnit("Hz")]
+
+_DISPLAY = {"m": (1e3, "mm")}
+"""Units that engineers read more easily than the SI unit: factor and name."""
+
+
+def format_quantity(value: float, unit: str, digits: int = 5) -> str:
+    """Write an SI value for a reader: lengths in mm, everything else in its own unit."""
+    factor, shown = _DISPLAY.get(unit, (1.0, unit))
+    return f"{value * factor:.{digits}g} {shown}".rstrip() if shown != "1" else f"{value:.{digits}g}"

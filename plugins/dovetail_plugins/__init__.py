@@ -1,0 +1,32 @@
+"""The components that ship with Dovetail; they come in by the same door as anybody's."""
+
+from __future__ import annotations
+
+import dovetail
+from dovetail_plugins.joints.collet import Collet
+from dovetail_plugins.joints.rigid import Rigid
+from dovetail_plugins.joints.spring_damper import SpringDamper
+from dovetail_plugins.reducers.none import NoReducer
+from dovetail_plugins.reducers.pca import PCA
+from dovetail_plugins.reducers.umap import UMAP
+from dovetail_plugins.regressors.mlp import MLP
+from dovetail_plugins.substructures.ground import Ground
+from dovetail_plugins.substructures.lumped import Lumped
+from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
+
+
+@dovetail.hookimpl
+def dovetail_components() -> list[type[dovetail.Component]]:
+    """Return the built-in components."""
+    return [
+        TimoshenkoBeam,
+        Lumped,
+        Ground,
+        Collet,
+        SpringDamper,
+        Rigid,
+        UMAP,
+        PCA,
+        NoReducer,
+        MLP,
+    ]

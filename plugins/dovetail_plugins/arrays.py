@@ -1,0 +1,80 @@
+"""Checks of the arrays that reducers and regressors are given."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dovetail import DovetailError, Fault, State
+
+__all__ = ["checked_rows", "state_array", "state_number"]
+
+
+def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> NDArray[np.generic]:
+    """Return `values` as a finite two-dimensional array.
+
+    Parameters
+    ----------
+    values : (n_samples, n_columns) array_like
+    owner : str
+        Who asks, for the message.
+    width : int, optional
+        The number of columns that is wanted.
+
+    Raises
+    ------
+    DovetailError
+        It is not a table of numbers, has no row, another width, or a value that is not finite.
+    """
+    rows = np.asarray(values)
+    wanted = f"(n_samples, {'n_columns' if width is None else width})"
+    if rows.ndim != 2 or rows.dtype.kind not in "fiu" or 0 in rows.shape:
+        raise DovetailError(Fault(owner, f"it was given an array of {rows.dtype} with shape {rows.shape}.", wanted))
+    if width is not None and rows.shape[1] != width:
+        raise DovetailError(Fault(owner, f"it was given {rows.shape[1]} columns, but was fitted to {width}.", wanted))
+    finite = np.isfinite(rows.sum(axis=1, dtype=np.float64))
+    if not finite.all():
+        row = int(np.argmin(finite))
+        column = int(np.argmin(np.isfinite(rows[row])))
+        found = f"row {row}, column {column} is {rows[row, column]}, which is not finite."
+        raise DovetailError(Fault(owner, found, "finite numbers only"))
+    return rows
+
+
+def state_array(state: State, key: str, owner: str, shape: tuple[int | None, ...]) -> NDArray[np.generic]:
+    """Return the finite array `key` of a state.
+
+    Parameters
+    ----------
+    state : mapping
+    key : str
+    owner : str
+        Who asks, for the message.
+    shape : tuple of int or None
+        The wanted shape; None leaves a length open.
+
+    Raises
+    ------
+    DovetailError
+        It is missing, has another shape, or a value that is not finite.
+    """
+    value = np.asarray(state.get(key))
+    fits = value.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, value.shape, strict=True))
+    if value.dtype.kind not in "fiu" or not fits:
+        found = f"its state holds '{key}' as {value.dtype} with shape {value.shape}." if key in state else ""
+        wanted = ", ".join("any" if length is None else str(length) for length in shape)
+        raise DovetailError(Fault(owner, found or f"its state lacks '{key}'.", f"an array of shape ({wanted})"))
+    if not np.isfinite(value).all():
+        raise DovetailError(Fault(owner, f"its state holds values in '{key}' that are not finite."))
+    return value
+
+
+def state_number(state: State, key: str, owner: str) -> float:
+    """Return the finite number `key` of a state.
+
+    Raises
+    ------
+    DovetailError
+        It is missing or not a finite number.
+    """
+    return float(state_array(state, key, owner, ()))

@@ -1,0 +1,100 @@
+"""The spring collet between a tool and its holder, twelve parameters."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
+from dovetail_plugins.joints.contact_layer import add_contact_layer
+from dovetail_plugins.timoshenko import Material, chain, element_matrices
+
+__all__ = ["Collet"]
+
+_PARAMETERS = (
+    Parameter("Dc", "m", 26e-3, 40e-3, "linear", "equivalent outer diameter of the collet"),
+    Parameter("dc", "m", 10e-3, 18e-3, "linear", "equivalent inner diameter of the collet"),
+    Parameter("mn1", "kg", 0.02, 0.20, "linear", "nut mass on the first collet node"),
+    Parameter("mn2", "kg", 0.02, 0.20, "linear", "nut mass on the second collet node"),
+    Parameter("kt_tc", "N/m", 1e8, 2e9, "log", "translational stiffness of the tool-collet layer, per node"),
+    Parameter("kr_tc", "N m/rad", 2e3, 6e4, "log", "rotational stiffness of the tool-collet layer, per node"),
+    Parameter("ct_tc", "N s/m", 10.0, 1000.0, "log", "translational damping of the tool-collet layer, per node"),
+    Parameter("cr_tc", "N m s/rad", 0.01, 5.0, "log", "rotational damping of the tool-collet layer, per node"),
+    Parameter("kt_hc", "N/m", 3e8, 5e9, "log", "translational stiffness of the holder-collet layer, per node"),
+    Parameter("kr_hc", "N m/rad", 5e4, 2e6, "log", "rotational stiffness of the holder-collet layer, per node"),
+    Parameter("ct_hc", "N s/m", 10.0, 1000.0, "log", "translational damping of the holder-collet layer, per node"),
+    Parameter("cr_hc", "N m s/rad", 0.01, 5.0, "log", "rotational damping of the holder-collet layer, per node"),
+)
+_CONTACTS = 3
+"""Nodes of each contact layer; the middle node of the collet belongs to both."""
+_SEGMENTS = 2 * (_CONTACTS - 1)
+
+
+class Collet(JointModel):
+    """A beam of nodes c1 to c5 from the tool's side, with the nut's mass on c1 and c2.
+
+    The tool's nodes meet c1, c2, c3 and the holder's c3, c4, c5, each through a spring and a damper in translation
+    and in rotation. Micro-slip, preload-dependent stiffness and the slots of the collet are not modelled.
+    """
+
+    name = "collet"
+    summary = "Spring collet with nut between a tool and a holder: two contact layers, twelve parameters"
+    references = ("Reference method, section 4.1 and Eq. 9",)
+    parameters = _PARAMETERS
+    ports = (Port("tool", _CONTACTS), Port("holder", _CONTACTS))
+
+    class Config(ComponentConfig):
+        """Material of the collet, the distance of its contact nodes, and the elements between two of them."""
+
+        material: Material
+        segment: Annotated[float, Field(gt=0), InUnit("m")] = 10e-3
+        elements_per_segment: Annotated[int, Field(ge=1, le=100)] = 1
+
+    @property
+    def internal_dofs(self) -> int:
+        """DOFs of the collet's own nodes."""
+        return 2 * (_SEGMENTS * int(self.config.elements_per_segment) + 1)
+
+    @property
+    def contact_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Tool node i meets collet node i, holder node i collet node i + 2."""
+        return self._facing("tool") + self._facing("holder")
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the matrices for theta (n, 12); D = eta K of the collet's beam."""
+        Dc, dc, mn1, mn2, kt_tc, kr_tc, ct_tc, cr_tc, kt_hc, kr_hc, ct_hc, cr_hc = theta.T
+        joint = StructuralMatrices.zeros(len(theta), self.size)
+        self._add_beam(joint, Dc, dc)
+        for node, mass in ((0, mn1), (1, mn2)):
+            joint.M[:, self._collet_dof(node), self._collet_dof(node)] += mass
+        for port, kt, kr, ct, cr in (("tool", kt_tc, kr_tc, ct_tc, cr_tc), ("holder", kt_hc, kr_hc, ct_hc, cr_hc)):
+            add_contact_layer(joint, self._facing(port)[0::2], kt, ct)
+            add_contact_layer(joint, self._facing(port)[1::2], kr, cr)
+        return joint
+
+    def _add_beam(self, joint: StructuralMatrices, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
+        finer = int(self.config.elements_per_segment)
+        element = element_matrices(self.config.segment / finer, outer, inner, self.config.material)
+        count = _SEGMENTS * finer
+        repeated = StructuralMatrices(
+            *(np.repeat(getattr(element, name)[:, None], count, axis=1) for name in ("M", "K", "C", "D"))
+        )
+        beam, own = chain(repeated), slice(self._collet_dof(0), self.size)
+        for whole, part in ((joint.M, beam.M), (joint.K, beam.K), (joint.D, beam.D)):
+            whole[:, own, own] += part
+
+    def _collet_dof(self, node: int) -> int:
+        """Local DOF of x of collet node c1 (0) to c5 (4)."""
+        return 4 * _CONTACTS + 2 * node * int(self.config.elements_per_segment)
+
+    def _facing(self, port: str) -> tuple[tuple[int, int], ...]:
+        """Pairs (DOF of the port, DOF of the collet), x and rz in turn."""
+        first_dof, first_node = (0, 0) if port == "tool" else (2 * _CONTACTS, _CONTACTS - 1)
+        return tuple(
+            (first_dof + 2 * index + axis, self._collet_dof(first_node + index) + axis)
+            for index in range(_CONTACTS)
+            for axis in (0, 1)
+        )

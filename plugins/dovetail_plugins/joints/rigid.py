@@ -1,0 +1,43 @@
+"""A rigid connection: the nodes of two parts become one."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+
+__all__ = ["Rigid"]
+
+
+class Rigid(JointModel):
+    """Facing nodes share their DOFs: both of them, or the displacement alone (a hinge)."""
+
+    name = "rigid"
+    summary = "Rigid connection or hinge: facing nodes share their DOFs"
+    parameters: tuple[Parameter, ...] = ()
+
+    class Config(ComponentConfig):
+        """Number of facing nodes, and what they share."""
+
+        nodes: Annotated[int, Field(ge=1, le=1000)] = 1
+        direction: Literal["x", "rz", "both"] = "both"
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """The two sides, a and b."""
+        return Port("a", self.config.nodes), Port("b", self.config.nodes)
+
+    @property
+    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Facing DOFs in the connected directions."""
+        axes = {"x": (0,), "rz": (1,), "both": (0, 1)}[self.config.direction]
+        half = 2 * int(self.config.nodes)
+        return tuple((2 * node + axis, half + 2 * node + axis) for node in range(self.config.nodes) for axis in axes)
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return zeros: a rigid connection has no stiffness of its own."""
+        return StructuralMatrices.zeros(len(theta), self.size)

@@ -1,0 +1,64 @@
+"""Springs and dampers between two parts."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+from dovetail_plugins.joints.contact_layer import add_contact_layer
+
+__all__ = ["SpringDamper"]
+
+_TRANSLATION = (
+    Parameter("k", "N/m", 1e4, 1e10, "log", "translational stiffness, per node"),
+    Parameter("c", "N s/m", 1.0, 1e4, "log", "translational damping, per node"),
+)
+_ROTATION = (
+    Parameter("kr", "N m/rad", 1e2, 1e7, "log", "rotational stiffness, per node"),
+    Parameter("cr", "N m s/rad", 1e-3, 1e2, "log", "rotational damping, per node"),
+)
+
+
+class SpringDamper(JointModel):
+    """A massless contact layer between nodes that face each other, in translation, in rotation or in both.
+
+    Where a direction is left out the parts do not feel each other in it.
+    """
+
+    name = "spring_damper"
+    summary = "Massless springs and dampers between facing nodes, in translation, rotation or both"
+
+    class Config(ComponentConfig):
+        """Number of facing nodes, and the directions in which they are connected."""
+
+        nodes: Annotated[int, Field(ge=1, le=1000)] = 1
+        direction: Literal["x", "rz", "both"] = "both"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """K and c in translation, kr and cr in rotation."""
+        return {"x": _TRANSLATION, "rz": _ROTATION, "both": _TRANSLATION + _ROTATION}[self.config.direction]
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """The two sides, a and b."""
+        return Port("a", self.config.nodes), Port("b", self.config.nodes)
+
+    @property
+    def contact_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Facing DOFs in the connected directions."""
+        half = 2 * int(self.config.nodes)
+        axes = {"x": (0,), "rz": (1,), "both": (0, 1)}[self.config.direction]
+        return tuple((2 * node + axis, half + 2 * node + axis) for axis in axes for node in range(self.config.nodes))
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the matrices for theta (n, 2) or (n, 4)."""
+        joint = StructuralMatrices.zeros(len(theta), self.size)
+        by_direction = np.array_split(np.array(self.contact_dofs), len(self.parameters) // 2)
+        for index, pairs in enumerate(by_direction):
+            add_contact_layer(joint, [tuple(pair) for pair in pairs], theta[:, 2 * index], theta[:, 2 * index + 1])
+        return joint

@@ -1,0 +1,195 @@
+"""Uniform manifold approximation and projection, with a transform that treats every FRF alike."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+import dovetail
+from dovetail_plugins.arrays import checked_rows, state_array, state_number
+from dovetail_plugins.reducers.compression import METRICS, Compression, Metric
+from dovetail_plugins.reducers.neighbours import Neighbours, membership_strengths
+
+__all__ = ["UMAP", "FittedUMAP"]
+
+_OWNER = "reducer 'umap'"
+
+
+class FittedUMAP(dovetail.FittedReducer):
+    """The embedding of the training FRFs, and how any FRF finds its place in it.
+
+    Parameters
+    ----------
+    compression : Compression
+        From features to the short rows that are compared.
+    rows : (n_samples, n_directions) float16 array
+        The training FRFs, compressed, in units of `unit`.
+    unit : float
+    embedding : (n_samples, n_components) array
+        Where umap-learn put them.
+    n_neighbors : int
+        How many of them place an FRF.
+
+    Notes
+    -----
+    umap-learn places new points by a stochastic layout of the whole batch, started from an average of their neighbours:
+    the same FRF gets another place in another batch. Here the place *is* that average: of the embedding of the
+    nearest training FRFs, found exactly, weighted by umap-learn's membership strengths. A training FRF is placed
+    in the same way (it is its own nearest neighbour), not where the layout left it, so that the regressor learns from
+    the features it will meet; on the collet assembly this gives a slightly higher test R2 than the layout itself.
+
+    Only NumPy is needed here, so that a stored model answers without loading umap or numba.
+    """
+
+    def __init__(
+        self,
+        compression: Compression,
+        rows: NDArray[np.float16],
+        unit: float,
+        embedding: NDArray[np.float32],
+        n_neighbors: int,
+    ) -> None:
+        self._compression = compression
+        self._rows = rows
+        self._unit = unit
+        self._embedding = embedding
+        self._n_neighbors = n_neighbors
+        self._neighbours = Neighbours(rows.astype(np.float64) * unit)
+
+    def transform(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Place features (n_samples, n_features) in the embedding, each row by itself."""
+        values = checked_rows(features, _OWNER, width=self._compression.mean.size)
+        points = self._compression.project(values)
+        indices, squares = self._neighbours.nearest(points, self._n_neighbors)
+        strengths = membership_strengths(self._compression.distances(squares))
+        shares = strengths / strengths.sum(axis=1, keepdims=True)
+        placed = np.zeros((len(points), self._embedding.shape[1]))
+        for neighbour, share in zip(indices.T, shares.T, strict=True):
+            placed += share[:, np.newaxis] * self._embedding[neighbour]
+        return placed.astype(np.float32)
+
+    def state(self) -> dovetail.State:
+        """Return the compressed training FRFs, their embedding and what compresses a new one."""
+        return {
+            "metric": self._compression.metric,
+            "n_neighbors": self._n_neighbors,
+            "mean": self._compression.mean.astype(np.float32),
+            "directions": self._compression.directions.astype(np.float32),
+            "unit": self._unit,
+            "rows": self._rows.copy(),
+            "embedding": self._embedding.copy(),
+        }
+
+
+class UMAP(dovetail.Reducer):
+    """UMAP of the training FRFs by umap-learn, from exact nearest neighbours.
+
+    Notes
+    -----
+    The neighbours are exact, not umap-learn's approximate ones, and the layout starts from principal components: a
+    spectral start takes longer and gives no better regression. `FittedUMAP` tells how new FRFs are placed.
+    """
+
+    name = "umap"
+    summary = "uniform manifold approximation and projection (umap-learn)"
+    references = ("McInnes, Healy and Melville, arXiv:1802.03426 (2018)",)
+
+    class Config(dovetail.ComponentConfig):
+        """Options of UMAP.
+
+        Attributes
+        ----------
+        n_components : int
+            Dimension of the embedding.
+        n_neighbors : int
+            Neighbours of a training FRF in the graph that is laid out, and neighbours that place an FRF.
+        min_dist : float
+            How close two FRFs may come in the embedding.
+        metric : 'correlation', 'cosine' or 'euclidean'
+            Distance of two FRFs' features.
+        n_epochs : int, optional
+            Passes of the layout. By default umap-learn decides: 500 up to 10,000 samples, 200 beyond.
+        """
+
+        n_components: int = Field(default=100, ge=1)
+        n_neighbors: int = Field(default=15, ge=2)
+        min_dist: float = Field(default=0.1, ge=0.0, le=1.0)
+        metric: Metric = "correlation"
+        n_epochs: int | None = Field(default=None, ge=1)
+
+    def fit(self, features: NDArray[np.float32], *, seed: int) -> FittedUMAP:
+        """Fit to training features (n_samples, n_features).
+
+        Raises
+        ------
+        DovetailError
+            There are too few samples for the neighbours or the components, or all are the same.
+        """
+        config = self.config
+        values = checked_rows(features, _OWNER)
+        fewest = max(config.n_neighbors, config.n_components) + 2
+        if len(values) < fewest:
+            asked = f"{config.n_neighbors} neighbours and {config.n_components} components"
+            raise dovetail.DovetailError(
+                dovetail.Fault(_OWNER, f"{len(values)} samples are too few for {asked}.", f"{fewest} samples or more")
+            )
+        compression = Compression.fit(values, config.metric, fewest=config.n_components, seed=seed)
+        projected = compression.project(values)
+        unit = float(np.abs(projected).max())
+        if not unit > 0.0:
+            raise dovetail.DovetailError(dovetail.Fault(_OWNER, "all training rows are the same."))
+        rows = (projected / unit).astype(np.float16)
+        del projected
+        exact = rows.astype(np.float64) * unit
+        indices, squares = Neighbours(exact).nearest(exact, config.n_neighbors)
+        embedding = _layout(exact.astype(np.float32), indices, compression.distances(squares), config, seed)
+        return FittedUMAP(compression, rows, unit, embedding, config.n_neighbors)
+
+    def restore(self, state: dovetail.State) -> FittedUMAP:
+        """Rebuild the transform from its state.
+
+        Raises
+        ------
+        DovetailError
+            The state lacks something, or its arrays do not belong together.
+        """
+        metric = next((metric for metric in METRICS if metric == state.get("metric")), None)
+        if metric is None:
+            found = f"its state holds the metric {state.get('metric')!r}."
+            raise dovetail.DovetailError(dovetail.Fault(_OWNER, found, ", ".join(METRICS)))
+        directions = state_array(state, "directions", _OWNER, (None, None)).astype(np.float64)
+        mean = state_array(state, "mean", _OWNER, (directions.shape[1],)).astype(np.float64)
+        rows = state_array(state, "rows", _OWNER, (None, len(directions))).astype(np.float16)
+        embedding = state_array(state, "embedding", _OWNER, (len(rows), None)).astype(np.float32)
+        n_neighbors = int(state_number(state, "n_neighbors", _OWNER))
+        if not 2 <= n_neighbors <= len(rows):
+            found = f"its state holds {n_neighbors} neighbours among {len(rows)} rows."
+            raise dovetail.DovetailError(dovetail.Fault(_OWNER, found, f"2 to {len(rows)}"))
+        unit = state_number(state, "unit", _OWNER)
+        return FittedUMAP(Compression(metric, mean, directions), rows, unit, embedding, n_neighbors)
+
+
+def _layout(
+    rows: NDArray[np.float32], indices: NDArray[Any], distances: NDArray[Any], config: UMAP.Config, seed: int
+) -> NDArray[np.float32]:
+    """Return the embedding (n_samples, n_components) that umap-learn lays out from the neighbours of each row."""
+    import umap
+
+    estimator = umap.UMAP(
+        n_components=config.n_components,
+        n_neighbors=config.n_neighbors,
+        min_dist=config.min_dist,
+        metric="euclidean",
+        n_epochs=config.n_epochs,
+        init="pca" if config.n_components <= rows.shape[1] else "random",
+        random_state=seed,
+        n_jobs=1,
+        precomputed_knn=(indices.astype(np.int32), distances.astype(np.float32)),
+    )
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*knn_search_index.*")  # umap-learn's own transform is not used
+        return np.asarray(estimator.fit_transform(rows), dtype=np.float32)

@@ -1,0 +1,203 @@
+"""A multilayer perceptron with two hidden layers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, PositiveInt
+
+import dovetail
+from dovetail_plugins.arrays import checked_rows, state_array
+
+if TYPE_CHECKING:
+    import torch
+
+__all__ = ["MLP", "FittedMLP"]
+
+_OWNER = "regressor 'mlp'"
+_LAYERS = 3
+_BLOCK = 4096
+
+
+class FittedMLP(dovetail.FittedRegressor):
+    """Two hidden layers of rectified linear units and a linear output.
+
+    Parameters
+    ----------
+    weights : sequence of three (n_in, n_out) arrays
+    biases : sequence of three (n_out,) arrays
+
+    Notes
+    -----
+    The forward pass is NumPy in double precision: three matrix products need no torch, and a row's answer does not
+    depend on the rows beside it.
+    """
+
+    def __init__(self, weights: list[NDArray[Any]], biases: list[NDArray[Any]]) -> None:
+        self._weights = [np.ascontiguousarray(weight, dtype=np.float64) for weight in weights]
+        self._biases = [np.asarray(bias, dtype=np.float64) for bias in biases]
+
+    def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Predict targets (n_samples, n_targets) from features (n_samples, n_features)."""
+        rows = checked_rows(features, _OWNER, width=self._weights[0].shape[0])
+        blocks = [self._forward(rows[start : start + _BLOCK]) for start in range(0, len(rows), _BLOCK)]
+        return np.concatenate(blocks)
+
+    def state(self) -> dovetail.State:
+        """Return the weights and biases of the three layers."""
+        weights = {f"weight{i}": weight.astype(np.float32) for i, weight in enumerate(self._weights)}
+        biases = {f"bias{i}": bias.astype(np.float32) for i, bias in enumerate(self._biases)}
+        return weights | biases
+
+    def _forward(self, rows: NDArray[Any]) -> NDArray[np.float64]:
+        activation = rows.astype(np.float64)
+        for weight, bias in zip(self._weights[:-1], self._biases[:-1], strict=True):
+            activation = np.maximum(activation @ weight + bias, 0.0)
+        result: NDArray[np.float64] = activation @ self._weights[-1] + self._biases[-1]
+        return result
+
+
+class MLP(dovetail.Regressor):
+    """A multilayer perceptron: two hidden ReLU layers, linear output, mean squared error, Adam.
+
+    Notes
+    -----
+    Against overfitting: L2 regularisation of the weights, dropout after each hidden layer, and early stopping on a
+    part of the training samples that is held back, with the best weights kept.
+    """
+
+    name = "mlp"
+    summary = "multilayer perceptron with two hidden layers (torch)"
+    references = ("Kingma and Ba, Adam: a method for stochastic optimization, ICLR 2015",)
+
+    class Config(dovetail.ComponentConfig):
+        """Options of the network and its training.
+
+        Attributes
+        ----------
+        hidden : two int
+            Units of the first and second hidden layer.
+        dropout : float
+            Share of hidden units left out at random in each training step.
+        weight_decay : float
+            Factor of the L2 regularisation of the weights.
+        learning_rate : float
+            Of Adam, at the start; halved each time the validation loss has not fallen for a third of `patience`.
+        batch_size : int
+            Samples of a training step.
+        max_epochs : int
+            Passes over the training samples at most.
+        patience : int
+            Epochs without a better validation loss after which training stops.
+        validation_fraction : float
+            Share of the training samples held back for the validation loss.
+        """
+
+        hidden: tuple[PositiveInt, PositiveInt] = (512, 256)
+        dropout: float = Field(default=0.1, ge=0.0, lt=1.0)
+        weight_decay: float = Field(default=1e-5, ge=0.0)
+        learning_rate: float = Field(default=1e-3, gt=0.0)
+        batch_size: PositiveInt = 256
+        max_epochs: PositiveInt = 200
+        patience: PositiveInt = 20
+        validation_fraction: float = Field(default=0.1, gt=0.0, lt=1.0)
+
+    def fit(
+        self,
+        features: NDArray[np.float32],
+        targets: NDArray[np.float64],
+        *,
+        seed: int,
+        progress: dovetail.Progress = dovetail.silent,
+    ) -> FittedMLP:
+        """Fit to features (n_samples, n_features) and targets (n_samples, n_targets).
+
+        Raises
+        ------
+        DovetailError
+            The two differ in length, hold values that are not finite, or are too few for a validation part.
+        """
+        import torch
+
+        inputs = torch.from_numpy(np.array(checked_rows(features, _OWNER), dtype=np.float32))
+        outputs = torch.from_numpy(np.array(checked_rows(targets, f"{_OWNER} targets"), dtype=np.float32))
+        if len(inputs) != len(outputs):
+            found = f"it was given {len(inputs)} rows of features and {len(outputs)} of targets."
+            raise dovetail.DovetailError(dovetail.Fault(_OWNER, found))
+        held_back = max(1, round(self.config.validation_fraction * len(inputs)))
+        if len(inputs) - held_back < 2:
+            raise dovetail.DovetailError(
+                dovetail.Fault(_OWNER, f"{len(inputs)} samples are too few to train on.", "3 or more")
+            )
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            order = torch.randperm(len(inputs))
+            layers = self._train(inputs, outputs, order, held_back, progress)
+        return FittedMLP([layer[0] for layer in layers], [layer[1] for layer in layers])
+
+    def restore(self, state: dovetail.State) -> FittedMLP:
+        """Rebuild the network from its weights and biases."""
+        weights: list[NDArray[Any]] = []
+        for i in range(_LAYERS):
+            rows = weights[-1].shape[1] if weights else None
+            weights.append(state_array(state, f"weight{i}", _OWNER, (rows, None)))
+        biases = [state_array(state, f"bias{i}", _OWNER, (weight.shape[1],)) for i, weight in enumerate(weights)]
+        return FittedMLP(weights, biases)
+
+    def _network(self, n_features: int, n_targets: int) -> torch.nn.Sequential:
+        from torch import nn
+
+        first, second = self.config.hidden
+        return nn.Sequential(
+            nn.Linear(n_features, first),
+            nn.ReLU(),
+            nn.Dropout(self.config.dropout),
+            nn.Linear(first, second),
+            nn.ReLU(),
+            nn.Dropout(self.config.dropout),
+            nn.Linear(second, n_targets),
+        )
+
+    def _train(
+        self,
+        inputs: torch.Tensor,
+        outputs: torch.Tensor,
+        order: torch.Tensor,
+        held_back: int,
+        progress: dovetail.Progress,
+    ) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+        """Return weight and bias of each layer at the epoch of the lowest validation loss."""
+        import torch
+
+        config = self.config
+        network = self._network(inputs.shape[1], outputs.shape[1])
+        optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+        schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(optimizer, factor=0.5, patience=config.patience // 3)
+        validation, training = order[:held_back], order[held_back:]
+        validation_inputs, validation_outputs = inputs[validation], outputs[validation]
+        best_loss, best_epoch, best = float("inf"), 0, _layers(network)
+        for epoch in range(1, config.max_epochs + 1):
+            network.train()
+            for batch in training[torch.randperm(len(training))].split(config.batch_size):
+                optimizer.zero_grad()
+                loss = torch.nn.functional.mse_loss(network(inputs[batch]), outputs[batch])
+                loss.backward()
+                optimizer.step()
+            network.eval()
+            with torch.no_grad():
+                current = float(torch.nn.functional.mse_loss(network(validation_inputs), validation_outputs))
+            schedule.step(current)
+            if current < best_loss:
+                best_loss, best_epoch, best = current, epoch, _layers(network)
+            progress("train", epoch, config.max_epochs, f"validation loss {current:.5f}")
+            if epoch - best_epoch >= config.patience:
+                break
+        return best
+
+
+def _layers(network: torch.nn.Sequential) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+    """Return copies of the (n_in, n_out) weight and the bias of each linear layer."""
+    linear = [layer for layer in network if hasattr(layer, "weight")]
+    return [(layer.weight.detach().numpy().T.copy(), layer.bias.detach().numpy().copy()) for layer in linear]

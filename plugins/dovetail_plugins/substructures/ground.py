@@ -1,0 +1,34 @@
+"""The ground: what is connected to it is held."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated
+
+from pydantic import Field
+
+from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
+
+__all__ = ["Ground"]
+
+
+class Ground(SubstructureModel):
+    """Points that do not move."""
+
+    name = "ground"
+    summary = "Points that do not move"
+    grounded = True
+
+    class Config(ComponentConfig):
+        """Where joints may attach."""
+
+        positions: Annotated[tuple[Annotated[float, InUnit("m")], ...], Field(min_length=1)] = (0.0,)
+
+    @cached_property
+    def nodes(self) -> tuple[Node, ...]:
+        """One node for each position."""
+        return tuple(Node(f"g{index + 1}", position) for index, position in enumerate(self.config.positions))
+
+    def matrices(self) -> StructuralMatrices:
+        """Return zeros: held DOFs take no part in the motion."""
+        return StructuralMatrices.zeros(2 * len(self.nodes))

@@ -1,0 +1,152 @@
+"""The planar Timoshenko beam element: material, round sections, element matrices.
+
+Axis along s, displacement x across it, rotation rz positive where it raises x with s (rz = dx/ds in pure bending).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from dovetail import ComponentConfig, InUnit, StructuralMatrices
+
+__all__ = ["Material", "chain", "element_matrices", "shear_coefficient"]
+
+
+class Material(ComponentConfig):
+    """An isotropic linear material with structural damping."""
+
+    young: Annotated[float, Field(gt=0), InUnit("Pa")]
+    density: Annotated[float, Field(gt=0), InUnit("kg/m^3")]
+    poisson: Annotated[float, Field(ge=0, lt=0.5)] = 0.3
+    loss_factor: Annotated[float, Field(ge=0, lt=1)] = 0.0
+
+
+def shear_coefficient(ratio: ArrayLike, poisson: float) -> NDArray[np.float64]:
+    """Cowper's shear coefficient of a solid or hollow circle.
+
+    Parameters
+    ----------
+    ratio : array_like
+        Inner over outer diameter, 0 for a solid section.
+    poisson : float
+
+    References
+    ----------
+    G. R. Cowper, The shear coefficient in Timoshenko's beam theory, J. Appl. Mech. 33 (1966) 335-340.
+    """
+    squared = np.asarray(ratio, dtype=np.float64) ** 2
+    plus = (1.0 + squared) ** 2
+    return 6.0 * (1.0 + poisson) * plus / ((7.0 + 6.0 * poisson) * plus + (20.0 + 12.0 * poisson) * squared)
+
+
+def element_matrices(length: float, outer: ArrayLike, inner: ArrayLike, material: Material) -> StructuralMatrices:
+    """Return the matrices of one element between two nodes, DOFs x and rz at each.
+
+    Parameters
+    ----------
+    length : float
+        m.
+    outer, inner : (...) array_like
+        Diameters [m]; a leading shape is a batch.
+    material : Material
+
+    Returns
+    -------
+    StructuralMatrices
+        Of (..., 4, 4) arrays: shear-consistent stiffness, consistent mass with rotary inertia, D = eta K.
+
+    References
+    ----------
+    Z. Friedman, J. B. Kosmatka, An improved two-node Timoshenko beam finite element, Comput. Struct. 47 (1993)
+    473-481.
+    """
+    do, di = np.asarray(outer, dtype=np.float64), np.asarray(inner, dtype=np.float64)
+    area = np.pi / 4.0 * (do**2 - di**2)
+    inertia = np.pi / 64.0 * (do**4 - di**4)
+    shear_modulus = material.young / (2.0 * (1.0 + material.poisson))
+    shear_area = shear_coefficient(di / do, material.poisson) * area
+    bending = material.young * inertia
+    phi = 12.0 * bending / (shear_modulus * shear_area * length**2)
+    stiffness = (bending / ((1.0 + phi) * length**3))[..., None, None] * _stiffness_shape(phi, length)
+    translation = (material.density * area * length / (210.0 * (1.0 + phi) ** 2))[..., None, None]
+    rotation = (material.density * inertia / (30.0 * (1.0 + phi) ** 2 * length))[..., None, None]
+    mass = translation * _translation_shape(phi, length) + rotation * _rotation_shape(phi, length)
+    return StructuralMatrices(mass, stiffness, D=material.loss_factor * stiffness)
+
+
+def chain(elements: StructuralMatrices) -> StructuralMatrices:
+    """Join elements end to end.
+
+    Parameters
+    ----------
+    elements : StructuralMatrices
+        Of (..., n_elements, 4, 4) arrays.
+
+    Returns
+    -------
+    StructuralMatrices
+        Of (..., d, d) arrays with d = 2 (n_elements + 1).
+    """
+    count = elements.K.shape[-3]
+    joined = StructuralMatrices.zeros(*elements.K.shape[:-3], 2 * (count + 1))
+    for whole, parts in (
+        (joined.M, elements.M),
+        (joined.K, elements.K),
+        (joined.C, elements.C),
+        (joined.D, elements.D),
+    ):
+        for index in range(count):
+            here = slice(2 * index, 2 * index + 4)
+            whole[..., here, here] += parts[..., index, :, :]
+    return joined
+
+
+def _symmetric(upper: list[list[NDArray[np.float64] | float]], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Fill a symmetric (..., 4, 4) array from its upper rows."""
+    full = np.empty((*shape, 4, 4))
+    for row, entries in enumerate(upper):
+        for offset, entry in enumerate(entries):
+            full[..., row, row + offset] = full[..., row + offset, row] = entry
+    return full
+
+
+def _stiffness_shape(phi: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    near, far = (4.0 + phi) * length**2, (2.0 - phi) * length**2
+    rows: list[list[NDArray[np.float64] | float]] = [
+        [12.0, 6.0 * length, -12.0, 6.0 * length],
+        [near, -6.0 * length, far],
+        [12.0, -6.0 * length],
+        [near],
+    ]
+    return _symmetric(rows, phi.shape)
+
+
+def _translation_shape(phi: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    near, far = 70.0 * phi**2 + 147.0 * phi + 78.0, 35.0 * phi**2 + 63.0 * phi + 27.0
+    near_turn = (35.0 * phi**2 + 77.0 * phi + 44.0) * length / 4.0
+    far_turn = (35.0 * phi**2 + 63.0 * phi + 26.0) * length / 4.0
+    turn, cross = (7.0 * phi**2 + 14.0 * phi + 8.0), (7.0 * phi**2 + 14.0 * phi + 6.0)
+    square = length**2 / 4.0
+    rows: list[list[NDArray[np.float64] | float]] = [
+        [near, near_turn, far, -far_turn],
+        [turn * square, far_turn, -cross * square],
+        [near, -near_turn],
+        [turn * square],
+    ]
+    return _symmetric(rows, phi.shape)
+
+
+def _rotation_shape(phi: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    side = (15.0 * phi - 3.0) * length
+    turn, cross = (10.0 * phi**2 + 5.0 * phi + 4.0) * length**2, (5.0 * phi**2 - 5.0 * phi - 1.0) * length**2
+    rows: list[list[NDArray[np.float64] | float]] = [
+        [36.0, -side, -36.0, -side],
+        [turn, side, cross],
+        [36.0, side],
+        [turn],
+    ]
+    return _symmetric(rows, phi.shape)

@@ -1,0 +1,328 @@
+"""The model bundle: what is saved comes back, and what was tampered with does not."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file, save_file
+
+import dovetail
+from dovetail.errors import BundleError, PluginError
+
+PLUGIN = """
+import numpy as np
+import dovetail
+
+
+class FittedEveryOther(dovetail.FittedReducer):
+    def __init__(self, step):
+        self.step = step
+
+    def transform(self, features):
+        return features[:, :: self.step].copy()
+
+    def state(self):
+        return {"step": self.step}
+
+
+class EveryOther(dovetail.Reducer):
+    name = "every_other"
+    summary = "every other line"
+
+    def fit(self, features, *, seed):
+        return FittedEveryOther(2)
+
+    def restore(self, state):
+        return FittedEveryOther(state["step"])
+
+
+@dovetail.hookimpl
+def dovetail_components():
+    return [EveryOther]
+"""
+
+
+@pytest.fixture(scope="module")
+def saved(model: dovetail.Identifier, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return model.save(tmp_path_factory.mktemp("bundle") / "model")
+
+
+@pytest.fixture
+def bundle(saved: Path, tmp_path: Path) -> Path:
+    """A copy to be tampered with."""
+    return Path(shutil.copytree(saved, tmp_path / "model"))
+
+
+def change_manifest(bundle: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    manifest = json.loads((bundle / "manifest.json").read_text())
+    change(manifest)
+    (bundle / "manifest.json").write_text(json.dumps(manifest))
+
+
+def change_arrays(bundle: Path, part: str, arrays: dict[str, np.ndarray]) -> None:
+    """Rewrite a part's arrays and make the manifest agree, as a thorough forger would."""
+    file = bundle / f"{part}.safetensors"
+    merged = {**load_file(file), **arrays}
+    save_file(merged, file)
+
+    def agree(manifest: dict[str, Any]) -> None:
+        entry = manifest["files"][part]
+        entry["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
+        entry["arrays"] = {name: f"{array.dtype.name}{list(array.shape)}" for name, array in merged.items()}
+
+    change_manifest(bundle, agree)
+
+
+def test_a_loaded_model_gives_the_same_answers(
+    model: dovetail.Identifier, saved: Path, dataset: dovetail.Dataset, measured: dovetail.Frf
+) -> None:
+    loaded = dovetail.load_model(saved)
+    amplitude = np.array(dataset.amplitude[:100])
+    np.testing.assert_array_equal(loaded.predict_parameters(amplitude), model.predict_parameters(amplitude))
+    np.testing.assert_array_equal(loaded.identify(measured).frf.values, model.identify(measured).frf.values)
+    assert loaded.evaluation == model.evaluation
+    assert loaded.assembly.description.text == model.assembly.description.text
+
+
+def test_a_new_process_gives_the_same_answer(
+    model: dovetail.Identifier, saved: Path, measured: dovetail.Frf, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "amplitude.npy", measured.amplitude)
+    program = (
+        "import sys, dovetail, numpy as np\n"
+        "model = dovetail.load_model(sys.argv[1])\n"
+        "theta = model.predict_parameters(np.load(sys.argv[2])[None])[0]\n"
+        "print(*[value.hex() for value in theta.tolist()])\n"
+    )
+    arguments = [sys.executable, "-c", program, str(saved), str(tmp_path / "amplitude.npy")]
+    answer = subprocess.run(arguments, capture_output=True, text=True, check=True).stdout
+    theta = [float.fromhex(word) for word in answer.split()]
+    np.testing.assert_allclose(theta, model.predict_parameters(measured.amplitude[None])[0], rtol=1e-12)
+
+
+def test_nothing_in_a_bundle_is_pickled(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert {file.suffix for file in saved.iterdir()} == {".json", ".safetensors"}
+    assert len({file.stat().st_mode for file in saved.iterdir()}) == 1
+    for file in saved.glob("*.safetensors"):
+        content = file.read_bytes()
+        length = int.from_bytes(content[:8], "little")
+        assert "__metadata__" not in json.loads(content[8 : 8 + length])
+
+    def forbidden(*_: object, **__: object) -> None:
+        raise AssertionError("something was unpickled")
+
+    for name in ("load", "loads", "Unpickler", "_Unpickler"):
+        monkeypatch.setattr(pickle, name, forbidden)
+    dovetail.load_model(saved)
+
+
+def test_a_model_takes_the_place_of_an_older_one(model: dovetail.Identifier, bundle: Path) -> None:
+    (bundle / "reducer.safetensors").unlink()
+    model.save(bundle)
+    dovetail.load_model(bundle)
+    assert [entry.name for entry in bundle.parent.iterdir()] == ["model"]
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_nothing_else_is_overwritten(model: dovetail.Identifier, tmp_path: Path, kind: str) -> None:
+    thesis = tmp_path / "model"
+    if kind == "folder":
+        thesis.mkdir()
+        thesis = thesis / "thesis.tex"
+    thesis.write_text("mine")
+    with pytest.raises(BundleError, match="something else than a model"):
+        model.save(tmp_path / "model")
+    assert thesis.read_text() == "mine"
+
+
+def test_a_save_that_fails_leaves_the_old_model(
+    model: dovetail.Identifier, bundle: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import safetensors.numpy
+
+    def full(_: dict[str, np.ndarray], file: Path) -> None:
+        Path(file).write_bytes(b"half")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(safetensors.numpy, "save_file", full)
+    with pytest.raises(BundleError, match="no space left"):
+        model.save(bundle)
+    dovetail.load_model(bundle)
+    assert [entry.name for entry in bundle.parent.iterdir()] == ["model"]
+
+
+def test_a_state_that_is_more_than_values_is_refused(model: dovetail.Identifier, tmp_path: Path) -> None:
+    class Hoarder(dovetail.FittedReducer):
+        def __init__(self, value: object) -> None:
+            self.value = value
+
+        def transform(self, features: np.ndarray) -> np.ndarray:
+            return model.network.reducer.transform(features)
+
+        def state(self) -> dict[str, Any]:
+            return {"tree": self.value}
+
+    for value in (object(), np.array([None]), {"a": 1}, np.array(["text"])):
+        hoarder = replace(model, network=replace(model.network, reducer=Hoarder(value)))
+        with pytest.raises(PluginError, match="'tree' is"):
+            hoarder.save(tmp_path / "model")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_folder_and_no_manifest(tmp_path: Path) -> None:
+    with pytest.raises(BundleError, match="no such model folder"):
+        dovetail.load_model(tmp_path / "nowhere")
+    with pytest.raises(BundleError, match=r"has no manifest\.json"):
+        dovetail.load_model(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "cannot be read"),
+        ("{", "cannot be read"),
+        ("[" * 100_000, "cannot be read"),
+        ("[]", "not a JSON object"),
+        ("{}", "not a model of dovetail"),
+        ('{"format": "keras"}', "its format is 'keras'"),
+        ('{"format": "dovetail-model"}', "Field required"),
+        ('{"format": "dovetail-model", "version": 0}', "Input should be 1"),
+    ],
+)
+def test_a_damaged_or_foreign_manifest(bundle: Path, text: str, message: str) -> None:
+    (bundle / "manifest.json").write_text(text)
+    with pytest.raises(BundleError, match=message):
+        dovetail.load_model(bundle)
+
+
+def test_a_manifest_that_is_no_text(bundle: Path) -> None:
+    (bundle / "manifest.json").write_bytes(b"\x80\x04\x95\xff")
+    with pytest.raises(BundleError, match="cannot be read"):
+        dovetail.load_model(bundle)
+
+
+def test_a_newer_format(bundle: Path) -> None:
+    change_manifest(bundle, lambda manifest: manifest.update(version=2, surprise=True))
+    with pytest.raises(BundleError, match="format version 2") as caught:
+        dovetail.load_model(bundle)
+    assert "Upgrade dovetail-frf" in str(caught.value)
+
+
+@pytest.mark.parametrize("part", ["reducer", "feature_scaling", "regressor", "target_scaling", "check"])
+def test_a_missing_or_truncated_file(bundle: Path, part: str) -> None:
+    file = bundle / f"{part}.safetensors"
+    content = file.read_bytes()
+    file.write_bytes(content[:-7])
+    with pytest.raises(BundleError, match="not the one the manifest describes"):
+        dovetail.load_model(bundle)
+    file.unlink()
+    with pytest.raises(BundleError, match="missing"):
+        dovetail.load_model(bundle)
+
+
+def test_a_truncated_file_whose_checksum_was_made_to_fit(bundle: Path) -> None:
+    file = bundle / "regressor.safetensors"
+    file.write_bytes(file.read_bytes()[:-7])
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    change_manifest(bundle, lambda manifest: manifest["files"]["regressor"].update(sha256=digest))
+    with pytest.raises(BundleError, match="cannot be read"):
+        dovetail.load_model(bundle)
+
+
+def test_other_shapes_than_the_manifest_says(bundle: Path) -> None:
+    change_manifest(bundle, lambda m: m["files"]["regressor"]["arrays"].update(weight0="float32[1, 64]"))
+    with pytest.raises(BundleError, match="other shapes than the manifest says"):
+        dovetail.load_model(bundle)
+
+
+@pytest.mark.parametrize(
+    ("part", "arrays"),
+    [
+        ("feature_scaling", {"mean": np.zeros(7), "deviation": np.ones(7)}),
+        ("target_scaling", {"lower": np.zeros(3), "upper": np.ones(3), "logarithmic": np.zeros(3, bool)}),
+        ("target_scaling", {"lower": np.array([np.nan, 0.0])}),
+        ("reducer", {"components": np.zeros((20, 10), np.float32)}),
+        ("regressor", {"weight1": np.zeros((3, 3), np.float32)}),
+        ("regressor", {"bias2": np.full(2, np.inf, np.float32)}),
+        ("check", {"amplitude": np.zeros((3, 10), np.float32)}),
+    ],
+)
+def test_arrays_that_do_not_fit_together(bundle: Path, part: str, arrays: dict[str, np.ndarray]) -> None:
+    change_arrays(bundle, part, arrays)
+    with pytest.raises(BundleError, match="cannot be rebuilt from its arrays"):
+        dovetail.load_model(bundle)
+
+
+def test_a_part_that_lacks_an_array(bundle: Path) -> None:
+    file = bundle / "regressor.safetensors"
+    file.write_bytes((bundle / "reducer.safetensors").read_bytes())
+    change_manifest(bundle, lambda manifest: manifest["files"].update(regressor=manifest["files"]["reducer"]))
+    with pytest.raises(BundleError, match="cannot be rebuilt from its arrays"):
+        dovetail.load_model(bundle)
+
+
+def test_other_weights_give_other_answers(bundle: Path) -> None:
+    weight = load_file(bundle / "regressor.safetensors")["weight2"]
+    change_arrays(bundle, "regressor", {"weight2": weight[:, ::-1].copy()})
+    with pytest.raises(BundleError, match="answers differ from those it gave when it was trained"):
+        dovetail.load_model(bundle)
+
+
+def test_a_part_that_the_manifest_does_not_list(bundle: Path) -> None:
+    change_manifest(bundle, lambda manifest: manifest["files"].pop("regressor"))
+    with pytest.raises(BundleError, match="does not list the regressor"):
+        dovetail.load_model(bundle)
+
+
+def test_a_file_outside_the_bundle_cannot_be_named(bundle: Path) -> None:
+    change_manifest(bundle, lambda m: m["files"].update({"../../secret": m["files"]["reducer"]}))
+    with pytest.raises(BundleError, match="secret"):
+        dovetail.load_model(bundle)
+
+
+def test_a_description_that_is_broken_or_of_other_parameters(bundle: Path) -> None:
+    change_manifest(bundle, lambda manifest: manifest.update(parameters=["k", "kr"]))
+    with pytest.raises(BundleError, match=r"parameters \(k, kr\) are not those of its description"):
+        dovetail.load_model(bundle)
+    change_manifest(bundle, lambda manifest: manifest.update(description="{"))
+    with pytest.raises(BundleError, match="description is not JSON"):
+        dovetail.load_model(bundle)
+    change_manifest(bundle, lambda manifest: manifest.update(description="[]"))
+    with pytest.raises(BundleError, match="description is not a JSON object"):
+        dovetail.load_model(bundle)
+    change_manifest(bundle, lambda manifest: manifest.update(description='{"extends": "/etc/hostname"}'))
+    with pytest.raises(BundleError, match="refers to a file outside the model"):
+        dovetail.load_model(bundle)
+    change_manifest(bundle, lambda manifest: manifest.update(description='{"dovetail": 1}'))
+    with pytest.raises(BundleError, match=r"manifest\.json  "):
+        dovetail.load_model(bundle)
+
+
+def test_a_model_of_a_plugin_needs_the_plugin(
+    sdof: dovetail.Assembly, dataset: dovetail.Dataset, tmp_path: Path
+) -> None:
+    plugin = tmp_path / "every_other.py"
+    plugin.write_text(PLUGIN)
+    description = json.loads(sdof.description.text)
+    description["identification"].update(
+        reducer={"model": "every_other"}, regressor={"model": "mlp", "hidden": [8, 8], "max_epochs": 2}
+    )
+    model = dovetail.train(dovetail.load(description, plugins=[plugin]), dataset)
+    model.save(tmp_path / "model")
+    with pytest.raises(BundleError, match="'every_other' is not a reducer model") as caught:
+        dovetail.load_model(tmp_path / "model")
+    assert "reducer every_other (every_other.py)" in str(caught.value)
+    loaded = dovetail.load_model(tmp_path / "model", plugins=[plugin])
+    amplitude = np.array(dataset.amplitude[:5])
+    np.testing.assert_array_equal(loaded.predict_parameters(amplitude), model.predict_parameters(amplitude))

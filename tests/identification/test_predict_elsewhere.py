@@ -1,0 +1,101 @@
+"""The identified joint in another assembly."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.errors import ParameterError
+
+
+@pytest.fixture(scope="module")
+def result(model: dovetail.Identifier, measured: dovetail.Frf) -> dovetail.Identification:
+    return model.identify(measured)
+
+
+def another(
+    sdof: dovetail.Assembly, joints: dict[str, dict[str, Any]] | None = None, mass: str = "2 kg"
+) -> dovetail.Assembly:
+    """A heavier mass, on the joints that are given by their parameters, and another quantity."""
+    description = json.loads(sdof.description.text)
+    description["name"] = "heavier"
+    description["substructures"]["mass"]["masses"][0]["mass"] = mass
+    description["response"]["quantity"] = "receptance"
+    mount = description["joints"]["mount"]
+    if joints is not None:
+        description["joints"] = {name: {**mount, "parameters": parameters} for name, parameters in joints.items()}
+    return dovetail.load(description)
+
+
+def exact(assembly: dovetail.Assembly, stiffness: float, damping: float, mass: float = 2.0) -> np.ndarray:
+    omega = 2 * np.pi * assembly.frequency
+    return 1.0 / (stiffness + 1j * omega * damping - mass * omega**2)
+
+
+def test_the_frf_of_another_mass_on_the_same_joint(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
+    other = another(sdof)
+    frf = dovetail.predict(other, result)
+    assert frf.quantity == "receptance"
+    np.testing.assert_array_equal(frf.frequency, other.frequency)
+    np.testing.assert_allclose(frf.values, exact(other, *result.theta), rtol=1e-9)
+
+
+def test_a_joint_of_another_name_is_matched_by_its_parameters(
+    sdof: dovetail.Assembly, result: dovetail.Identification
+) -> None:
+    other = another(sdof, {"clamp": {}})
+    np.testing.assert_allclose(dovetail.predict(other, result).values, exact(other, *result.theta), rtol=1e-9)
+
+
+def test_beside_a_joint_that_is_known(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
+    other = another(sdof, {"mount": {}, "side": {"k": {"value": 1e6}, "c": {"value": 5.0}}})
+    assert [parameter.name for parameter in other.parameters] == ["mount.k", "mount.c"]
+    expected = exact(other, result.theta[0] + 1e6, result.theta[1] + 5.0)
+    np.testing.assert_allclose(dovetail.predict(other, result).values, expected, rtol=1e-9)
+
+
+def test_what_the_other_description_fixes_stays(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
+    other = another(sdof, {"mount": {"c": {"value": 7.0}}})
+    np.testing.assert_allclose(dovetail.predict(other, result).values, exact(other, result.theta[0], 7.0), rtol=1e-9)
+
+
+def test_what_was_fixed_when_identifying_goes_with_the_joint(
+    sdof: dovetail.Assembly, result: dovetail.Identification
+) -> None:
+    stiffness_only = replace(result, parameters={"k": result.parameters["k"]}, known={"mount.c": 7.0})
+    other = another(sdof)
+    np.testing.assert_allclose(
+        dovetail.predict(other, stiffness_only).values, exact(other, result.theta[0], 7.0), rtol=1e-9
+    )
+
+
+def test_a_parameter_that_was_not_identified_is_named(sdof: dovetail.Assembly) -> None:
+    with pytest.raises(ParameterError) as caught:
+        dovetail.predict(another(sdof, {"mount": {}, "side": {}}), {"mount.k": 1e6, "mount.c": 5.0, "side.k": 1e6})
+    assert len(caught.value.faults) == 1
+    assert caught.value.faults[0].where == "parameter side.c"
+    assert "mount.k, mount.c, side.k" in str(caught.value)
+
+
+def test_one_identified_joint_is_not_taken_for_two(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
+    with pytest.raises(ParameterError) as caught:
+        dovetail.predict(another(sdof, {"mount": {}, "side": {}}), result)
+    assert [fault.where for fault in caught.value.faults] == ["parameter side.k", "parameter side.c"]
+
+
+def test_a_parameter_in_another_unit_is_refused(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
+    rotational = replace(result.parameters["k"], unit="N m/rad")
+    changed = replace(result, parameters={"k": rotational, "c": result.parameters["c"]})
+    with pytest.raises(ParameterError, match="identified in N m/rad"):
+        dovetail.predict(another(sdof), changed)
+
+
+def test_values_by_name_do_as_well(sdof: dovetail.Assembly) -> None:
+    other = another(sdof)
+    for values in ({"k": 1e6, "c": 5.0}, {"mount.k": 1e6, "mount.c": 5.0}):
+        np.testing.assert_allclose(dovetail.predict(other, values).values, exact(other, 1e6, 5.0), rtol=1e-9)

@@ -1,0 +1,63 @@
+"""Resonance peaks of an FRF, also a noisy one, and the modes they belong to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.identification.modes import paired_modes, resonance_peaks
+
+FREQUENCY = np.arange(100.0, 9001.0, 2.0)
+NATURAL = np.array([1319.0, 6446.0, 8133.0])
+
+
+def modal_sum(noise: float = 0.0, seed: int = 0) -> dovetail.Frf:
+    """Three modes with 0.3 to 1 % structural damping and a rigid-body part; `noise` is relative to its spread."""
+    omega = 2 * np.pi * FREQUENCY
+    receptance = -1.0 / omega**2
+    for natural, loss, residue in zip(NATURAL, (0.003, 0.01, 0.005), (4.0, 2.0, 3.0), strict=True):
+        receptance = receptance + residue / ((2 * np.pi * natural) ** 2 * (1 + 1j * loss) - omega**2)
+    values = -(omega**2) * receptance
+    rng = np.random.default_rng(seed)
+    spread = noise * values.std() / np.sqrt(2)
+    values = values + spread * (rng.normal(size=omega.size) + 1j * rng.normal(size=omega.size))
+    return dovetail.Frf(FREQUENCY, values, "accelerance")
+
+
+def test_the_peaks_of_a_clean_frf_are_placed_between_the_lines() -> None:
+    np.testing.assert_allclose(resonance_peaks(modal_sum()), NATURAL, rtol=2e-4)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_of_one_percent_makes_no_peaks_of_its_own(seed: int) -> None:
+    np.testing.assert_allclose(resonance_peaks(modal_sum(0.01, seed)), NATURAL, rtol=1e-3)
+
+
+def test_the_quantity_and_the_phase_do_not_matter() -> None:
+    frf = modal_sum()
+    np.testing.assert_allclose(resonance_peaks(frf.to("receptance")), resonance_peaks(frf), rtol=1e-9)
+    amplitude = dovetail.Frf(FREQUENCY, frf.amplitude, "accelerance", has_phase=False)
+    np.testing.assert_allclose(resonance_peaks(amplitude), resonance_peaks(frf), rtol=1e-9)
+
+
+def test_an_frf_without_resonance_has_no_peak() -> None:
+    assert resonance_peaks(dovetail.Frf(FREQUENCY, np.ones_like(FREQUENCY), "accelerance")).size == 0
+    assert resonance_peaks(dovetail.Frf([1.0, 2.0], [1.0, 2.0], "accelerance")).size == 0
+
+
+def test_each_peak_goes_to_the_nearest_natural_frequency_only() -> None:
+    modes = paired_modes(np.array([1000.0, 1080.0, 5000.0]), np.array([1075.0, 9000.0]), np.array([900.0, 1078.0]))
+    assert [mode.reconstructed_peak for mode in modes] == [None, 1075.0, None]
+    assert [mode.measured_peak for mode in modes] == [None, 1078.0, None]
+
+
+def test_a_peak_far_away_is_not_a_counterpart() -> None:
+    (mode,) = paired_modes(np.array([1000.0]), np.array([1050.0]), np.array([1250.0]))
+    assert (mode.reconstructed_peak, mode.measured_peak) == (1050.0, None)
+
+
+def test_modes_without_peaks() -> None:
+    (mode,) = paired_modes(np.array([10.0]), np.empty(0), np.array([10.0]))
+    assert (mode.reconstructed_peak, mode.measured_peak) == (None, None)
+    assert paired_modes(np.empty(0), np.array([3.0]), np.array([3.0])) == ()

@@ -1,0 +1,33 @@
+"""A measurement, and how a file is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from measured_files import accelerance, fault_of
+
+from dovetail.frf import Frf
+
+
+@pytest.fixture
+def measured() -> Frf:
+    """An accelerance at 1.5625 Hz, with coherence."""
+    frequency = 1.5625 * np.arange(64, 400)
+    values = accelerance(frequency, (311.7, 0.01, 0.4), (540.2, 0.004, 0.7))
+    return Frf(frequency, values, "accelerance", coherence=np.linspace(0.8, 1.0, frequency.size), label="bench")
+
+
+@pytest.fixture
+def refused(tmp_path: Path) -> Callable[..., str]:
+    """Write bytes or text to a file of that name and return how it is refused."""
+
+    def refuse(name: str, content: bytes | str, **arguments: Any) -> str:
+        path = tmp_path / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return fault_of(path, **arguments)
+
+    return refuse

@@ -1,0 +1,146 @@
+"""Comma-separated FRFs: what is read, and each fault with its message."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dovetail.measurement import read_frf
+from dovetail.measurement.recording import MOST_LINES
+
+HEADERS = (
+    "Accepted: frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
+    "each with or without a last column coherence"
+)
+RECTANGULAR = "# quantity: mobility\nfrequency_Hz,real,imag\n"
+
+
+def read(tmp_path: Path, text: str | bytes, **arguments: str):
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return read_frf(path, **arguments)
+
+
+def test_real_and_imaginary_part(tmp_path: Path) -> None:
+    frf = read(tmp_path, RECTANGULAR + "10,1,-2\n20,3,4e-3\n")
+    np.testing.assert_array_equal(frf.frequency, [10, 20])
+    np.testing.assert_array_equal(frf.values, [1 - 2j, 3 + 0.004j])
+    assert (frf.quantity, frf.has_phase, frf.coherence) == ("mobility", True, None)
+
+
+def test_amplitude_and_phase(tmp_path: Path) -> None:
+    frf = read(tmp_path, "frequency_Hz,amplitude,phase_deg\n10,2,90\n20,3,-180\n", quantity="receptance")
+    np.testing.assert_allclose(frf.values, [2j, -3], atol=1e-15)
+    assert frf.has_phase
+
+
+def test_amplitude_alone_with_coherence(tmp_path: Path) -> None:
+    frf = read(tmp_path, "frequency_Hz,amplitude,coherence\n10,2,0.5\n20,3,1.00001\n", quantity="receptance")
+    np.testing.assert_array_equal(frf.values, [2, 3])
+    np.testing.assert_array_equal(frf.coherence, [0.5, 1.0])
+    assert not frf.has_phase
+
+
+def test_dialects_of_the_same_file(tmp_path: Path) -> None:
+    text = (
+        '\ufeff# from the bench\n#quantity = Mobility\n\n"Frequency_Hz", Real ,imag\r\n 10 , 1,-2\r\n\r\n20,3,4\r\n\r\n'
+    )
+    frf = read(tmp_path, text)
+    np.testing.assert_array_equal(frf.values, [1 - 2j, 3 + 4j])
+    assert frf.quantity == "mobility"
+
+
+def test_the_line_at_zero_is_left_out(tmp_path: Path) -> None:
+    frf = read(tmp_path, RECTANGULAR + "0,nan,nan\n10,1,2\n")
+    np.testing.assert_array_equal(frf.frequency, [10])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "a.csv\n  the file is empty."),
+        ("\n\n# quantity: mobility\n", f"a.csv\n  there is no header.\n  {HEADERS}"),
+        ("f,re,im\n1,2,3\n", f"a.csv:1\n  the header 'f,re,im' is not understood.\n  {HEADERS}"),
+        ("frequency_Hz;real;imag\n", f"a.csv:1\n  the header 'frequency_Hz;real;imag' is not understood.\n  {HEADERS}"),
+        ("1,2,3\n4,5,6\n", f"a.csv:1\n  the header '1,2,3' is not understood.\n  {HEADERS}"),
+        (RECTANGULAR, "a.csv\n  there is no line after the header."),
+        (
+            "# quantity: acceleration\n",
+            "a.csv:1\n  'acceleration' is not a quantity.\n"
+            "  Did you mean 'accelerance'?  Accepted: receptance, mobility, accelerance",
+        ),
+        (
+            RECTANGULAR + "1,2,3\n2,3\n",
+            "a.csv:4\n  the line has 2 columns, the header 3.\n  Accepted: frequency_Hz,real,imag",
+        ),
+        (
+            RECTANGULAR + "1,2,3,4\n",
+            "a.csv:3\n  the line has 4 columns, the header 3.\n  Accepted: frequency_Hz,real,imag",
+        ),
+        (RECTANGULAR + "1,2,3\n\n2,x y,3\n", "a.csv:5\n  'x y' in column real is not a number."),
+        (RECTANGULAR + "1,2,3\n2,,3\n", "a.csv:4\n  '' in column real is not a number."),
+        (
+            RECTANGULAR + "1,2,3\n2,3,nan\n3,1,inf\n",
+            "a.csv:4\n  the value is (3+nanj), which is not finite (2 such lines).",
+        ),
+        (RECTANGULAR + "1,2,3\n2,inf,3\n", "a.csv:4\n  the value is (inf+3j), which is not finite."),
+        (RECTANGULAR + "1,2,3\nnan,2,3\n", "a.csv:4\n  the frequency is nan, which is not finite."),
+        (RECTANGULAR + "-1,2,3\n2,2,3\n", "a.csv:3\n  the frequency -1 Hz is negative."),
+        (
+            RECTANGULAR + "1,2,3\n2,2,3\n2,2,3\n",
+            "a.csv:5\n  the frequency 2 Hz is repeated.\n  Accepted: frequencies that increase from line to line",
+        ),
+        (
+            RECTANGULAR + "1,2,3\n5,2,3\n\n4,2,3\n",
+            "a.csv:6\n  the frequency 4 Hz comes after 5 Hz.\n  Accepted: frequencies that increase from line to line",
+        ),
+        (RECTANGULAR + "0,2,3\n", "a.csv\n  there is no line but the one at 0 Hz."),
+        (
+            "# quantity: mobility\nfrequency_Hz,amplitude\n1,2\n2,-3\n",
+            "a.csv:4\n  the amplitude -3 is negative (decibels are not read).\n"
+            "  Accepted: an amplitude of zero or more",
+        ),
+        (
+            "# quantity: mobility\nfrequency_Hz,amplitude,phase_deg\n1,2,0\n2,-3,0\n",
+            "a.csv:4\n  the amplitude -3 is negative (decibels are not read).\n"
+            "  Accepted: an amplitude of zero or more",
+        ),
+        (
+            "# quantity: mobility\nfrequency_Hz,amplitude,phase_deg\n1,2,inf\n",
+            "a.csv:3\n  the value is (nan+nanj), which is not finite.",
+        ),
+        (
+            "# quantity: mobility\nfrequency_Hz,amplitude,coherence\n1,2,0\n2,3,1.5\n",
+            "a.csv:4\n  the coherence 1.5 is not between 0 and 1.",
+        ),
+        (
+            "# quantity: mobility\nfrequency_Hz,amplitude,coherence\n1,2,0\n2,3,nan\n",
+            "a.csv:4\n  the coherence is nan, which is not finite.",
+        ),
+    ],
+)
+def test_faults(refused, text: str, message: str) -> None:
+    assert refused("a.csv", text) == message
+
+
+def test_what_is_not_text(refused) -> None:
+    expected = "a.csv\n  the file is not text: byte 3 is not UTF-8.\n  Accepted: comma-separated text"
+    assert refused("a.csv", b"ab\xff\x00" * 1000) == expected
+
+
+def test_a_file_that_ends_within_a_line(refused) -> None:
+    message = "a.csv:4\n  the line has 2 columns, the header 3.\n  Accepted: frequency_Hz,real,imag"
+    assert refused("a.csv", RECTANGULAR + "1,2.5,3.5\n2,2.") == message
+
+
+def test_too_many_lines(refused) -> None:
+    assert refused("a.csv", "\n" * (MOST_LINES + 2000)) == (
+        "a.csv\n  the file has too many lines.\n  Accepted: at most 1,000,000 lines"
+    )
+
+
+def test_an_index_is_for_uff(refused) -> None:
+    message = "a.csv\n  index=1 chooses a set of a UFF file; a .csv file holds one FRF."
+    assert refused("a.csv", RECTANGULAR, index=1) == message

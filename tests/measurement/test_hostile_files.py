@@ -1,0 +1,191 @@
+"""Files that are no measurement at all: one clear error, in bounded time and memory, whatever the bytes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from measured_files import set_58, write_sets
+
+from dovetail.errors import MeasurementError
+from dovetail.frf import Frf
+from dovetail.measurement import read_frf, write_frf
+
+SUFFIXES = (".uff", ".unv", ".csv", ".npz")
+FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def read_or_refuse(path: Path, content: bytes) -> None:
+    """Anything but an FRF and a MeasurementError is a failure."""
+    path.write_bytes(content)
+    frf, message = None, ""
+    try:
+        frf = read_frf(path, quantity="accelerance")
+    except MeasurementError as error:
+        message = str(error)
+    assert str(path) in message or (frf is not None and np.all(np.isfinite(frf.values)))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@given(content=st.binary(min_size=1, max_size=3000))
+@FUZZ
+def test_random_bytes(tmp_path: Path, suffix: str, content: bytes) -> None:
+    read_or_refuse(tmp_path / f"a{suffix}", content)
+
+
+PIECES = [
+    b"    -1\n",
+    b"    58\n",
+    b"    58b     1     2          11          16\n",
+    b"NONE\n",
+    b"   164\n",
+    b"1",
+    b"\n",
+]
+
+
+@given(pieces=st.lists(st.sampled_from(PIECES) | st.binary(max_size=90), max_size=40))
+@FUZZ
+def test_pieces_of_universal_files(tmp_path: Path, pieces: list[bytes]) -> None:
+    read_or_refuse(tmp_path / "a.uff", b"".join(pieces) or b"\n")
+
+
+CELLS = st.sampled_from(["1", "2.5", "-3", "nan", "inf", "1e999", "", "x", '"', "1_0", "0"])
+
+
+@given(
+    header=st.sampled_from(
+        ["frequency_Hz,real,imag", "frequency_Hz,amplitude", "frequency_Hz,amplitude,phase_deg", "f"]
+    ),
+    rows=st.lists(st.lists(CELLS, min_size=1, max_size=4), max_size=5),
+)
+@FUZZ
+def test_random_tables(tmp_path: Path, header: str, rows: list[list[str]]) -> None:
+    read_or_refuse(tmp_path / "a.csv", "\n".join([header, *map(",".join, rows)]).encode())
+
+
+@pytest.fixture(scope="module")
+def intact(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """One small file of each form."""
+    folder = tmp_path_factory.mktemp("intact")
+    frequency = np.array([1.0, 2.0, 4.5, 8.0])
+    frf = Frf(frequency, np.array([1 + 1j, 2, -3j, 4]), "accelerance", coherence=np.ones(4))
+    contents = {}
+    for name, options in (("a.csv", {}), ("a.npz", {}), ("a.uff", {"binary": False}), ("b.uff", {"binary": True})):
+        write_frf(frf, folder / name, **options)
+        contents[name] = (folder / name).read_bytes()
+    units = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 0.0}
+    contents["c.uff"] = write_sets(folder / "c.uff", units, set_58(frequency, frf.values)).read_bytes()
+    return contents
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.npz", "a.uff", "b.uff", "c.uff"])
+@given(data=st.data())
+@FUZZ
+def test_damaged_files(tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject) -> None:
+    content = bytearray(intact[name])
+    for _ in range(data.draw(st.integers(1, 4))):
+        position = data.draw(st.integers(0, len(content) - 1))
+        if data.draw(st.booleans()):
+            content[position] = data.draw(st.integers(0, 255))
+        else:
+            del content[position : position + data.draw(st.integers(1, 30))]
+        if not content:
+            return
+    read_or_refuse(tmp_path / name, bytes(content))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.xlsx", "a.xlsx\n  '.xlsx' is not the suffix of a known format.\n  Accepted: .uff, .unv, .csv, .npz"),
+        ("a", "a\n  the name has no suffix.\n  Accepted: .uff, .unv, .csv, .npz"),
+        ("a.npz", "a.npz\n  the archive is damaged: File is not a zip file.\n  Accepted: a file of np.savez"),
+    ],
+)
+def test_names(refused, name: str, message: str) -> None:
+    assert refused(name, b"1") == message
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_files_that_are_no_files(tmp_path: Path, suffix: str, refused) -> None:
+    name = f"a{suffix}"
+    with pytest.raises(MeasurementError, match=rf"a\{suffix}\n  there is no such file\.$"):
+        read_frf(tmp_path / name)
+    assert refused(f"b{suffix}", b"") == f"b{suffix}\n  the file is empty."
+    (tmp_path / name).mkdir()
+    with pytest.raises(MeasurementError, match=rf"a\{suffix}\n  this is a directory\."):
+        read_frf(tmp_path / name)
+    with pytest.raises(MeasurementError, match=r"this is a directory\."):
+        read_frf(tmp_path)
+    os.mkfifo(tmp_path / f"c{suffix}")
+    with pytest.raises(MeasurementError, match=r"this is a device or a pipe\."):
+        read_frf(tmp_path / f"c{suffix}")
+
+
+def test_a_name_that_no_system_takes(tmp_path: Path) -> None:
+    with pytest.raises(MeasurementError, match="the file cannot be read: "):
+        read_frf(tmp_path / "a\0.csv")
+    with pytest.raises(MeasurementError, match="the file cannot be read: File name too long"):
+        read_frf(tmp_path / ("a" * 300 + ".csv"))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_200_megabytes_are_refused_unread(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    with path.open("wb") as stream:
+        stream.truncate(200_000_000)
+    with pytest.raises(MeasurementError, match="the file has 200 MB, far more than one FRF needs"):
+        read_frf(path)
+
+
+MEMORY_BOUND = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_CPU, (30, 30))
+from dovetail.errors import MeasurementError
+from dovetail.measurement import read_frf
+for path in sys.argv[1:]:
+    try:
+        read_frf(path)
+    except MeasurementError:
+        print("refused", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+def test_the_worst_files_take_bounded_time_and_memory(tmp_path: Path) -> None:
+    start = b"    -1\n    58\n" + b"NONE\n" * 5 + b"    4\n         6    999999         1\n"
+    size = 60_000_000
+    worst = {
+        "lines.uff": b"    -1\n    58\n" + b"\n" * size + b"    -1\n",
+        "data.uff": start + b"\n" * size + b"    -1\n",
+        "tags.uff": b"    -1\n" * (size // 7),
+        "noise.uff": np.random.default_rng(0).bytes(size),
+        "lines.csv": b"frequency_Hz,amplitude\n" + b"\n" * size,
+        "commas.csv": b"frequency_Hz,amplitude\n" + b"," * size,
+        "one.csv": b"frequency_Hz,amplitude\n" + b"1" * size,
+        "zeros.npz": bytes(size),
+    }
+    for name, content in worst.items():
+        (tmp_path / name).write_bytes(content)
+    result = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(MEMORY_BOUND), *(str(tmp_path / name) for name in worst)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    answers = result.stdout.split("\n")[:-1]
+    assert len(answers) == len(worst)
+    assert int(answers[-1].split()[1]) < 700, answers
+
+
+def test_a_bad_argument_is_said_before_the_file_is_read(tmp_path: Path) -> None:
+    with pytest.raises(MeasurementError, match="the argument quantity"):
+        read_frf(tmp_path / "missing.csv", quantity="speed")

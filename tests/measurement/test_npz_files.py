@@ -1,0 +1,162 @@
+"""FRFs in numpy archives: what is read, and each fault with its message."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dovetail.measurement import read_frf
+
+AXIS = np.array([1.0, 2.0, 3.0])
+
+
+def saved(**arrays: object) -> bytes:
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)
+    return stream.getvalue()
+
+
+def zipped(**members: bytes) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+    return stream.getvalue()
+
+
+def test_arrays_of_other_types(tmp_path: Path) -> None:
+    content = saved(
+        frequency=np.array([0, 1, 2], dtype=np.int32),
+        values=np.array([9, 1 + 2j, 3j], dtype=np.complex64),
+        quantity=np.array([b"receptance"]),
+        notes=np.array("not read"),
+    )
+    (tmp_path / "a.npz").write_bytes(content)
+    frf = read_frf(tmp_path / "a.npz")
+    np.testing.assert_array_equal(frf.values, [1 + 2j, 3j])
+    assert frf.quantity == "receptance"
+
+
+class Marker:
+    """Leaves a trace when it is unpickled."""
+
+    opened = False
+
+    def __reduce__(self) -> tuple:
+        return (setattr, (Marker, "opened", True))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            b"PK\x03\x04 no archive",
+            "a.npz\n  the archive is damaged: File is not a zip file.\n  Accepted: a file of np.savez",
+        ),
+        (saved(freq=AXIS), "a.npz\n  there is no array 'frequency'; there is: freq.\n  Did you mean 'freq'?"),
+        (zipped(), "a.npz\n  there is no array 'frequency'; there is: nothing."),
+        (
+            saved(frequency=AXIS),
+            "a.npz\n  the archive holds neither values nor amplitude.\n"
+            "  Accepted: values (complex) or amplitude (real)",
+        ),
+        (
+            saved(frequency=AXIS, values=1j * AXIS, amplitude=AXIS),
+            "a.npz\n  the archive holds both values and amplitude.\n  Accepted: values (complex) or amplitude (real)",
+        ),
+        (
+            saved(frequency=AXIS, values=AXIS),
+            "a.npz\n  'values' has the shape (3,) and the type float64.\n  Accepted: (n_freq,) complex numbers",
+        ),
+        (
+            saved(frequency=AXIS, amplitude=1j * AXIS),
+            "a.npz\n  'amplitude' has the shape (3,) and the type complex128.\n  Accepted: (n_freq,) real numbers",
+        ),
+        (
+            saved(frequency=np.array(["1", "2", "3"]), amplitude=AXIS),
+            "a.npz\n  'frequency' has the shape (3,) and the type <U1.\n  Accepted: (n_freq,) real numbers",
+        ),
+        (
+            saved(frequency=AXIS[:0], amplitude=AXIS[:0]),
+            "a.npz\n  'frequency' has the shape (0,) and the type float64.\n  Accepted: (n_freq,) real numbers",
+        ),
+        (
+            saved(frequency=AXIS, amplitude=AXIS[:2]),
+            "a.npz\n  'amplitude' has 2 lines, 'frequency' has 3.",
+        ),
+        (
+            saved(frequency=AXIS, amplitude=AXIS, coherence=AXIS[:1]),
+            "a.npz\n  'coherence' has 1 lines, 'frequency' has 3.",
+        ),
+        (
+            saved(frequency=AXIS, amplitude=np.ones((3, 2))),
+            "a.npz\n  'amplitude' has the shape (3, 2) of 8 bytes each.\n"
+            "  Accepted: the shape (n_freq,), at most 1,000,000 lines",
+        ),
+        (
+            saved(frequency=AXIS, amplitude=AXIS, quantity="inertance"),
+            "a.npz  quantity\n  'inertance' is not a quantity.\n"
+            "  Did you mean 'receptance'?  Accepted: receptance, mobility, accelerance",
+        ),
+        (saved(frequency=AXIS, amplitude=AXIS, quantity=3), "a.npz  quantity\n  the array is not one word."),
+        (
+            saved(frequency=AXIS, amplitude=np.array([1, np.nan, 3]), quantity="mobility"),
+            "a.npz  line 2 of the arrays\n  the value is nan, which is not finite.",
+        ),
+        (
+            saved(frequency=AXIS[::-1], amplitude=AXIS, quantity="mobility"),
+            "a.npz  line 2 of the arrays\n  the frequency 2 Hz comes after 3 Hz.\n"
+            "  Accepted: frequencies that increase from line to line",
+        ),
+        (
+            saved(frequency=AXIS, amplitude=-AXIS, quantity="mobility"),
+            "a.npz  line 1 of the arrays\n  the amplitude -1 is negative.\n"
+            "  Accepted: an amplitude of zero or more, or real and imaginary part",
+        ),
+        (
+            saved(frequency=AXIS, amplitude=np.array([Marker()], dtype=object)),
+            "a.npz\n  'amplitude' holds Python objects (pickle), which are never loaded.\n"
+            "  Accepted: an array of numbers",
+        ),
+        (
+            zipped(frequency=bytes(60_000_000)),
+            "a.npz\n  'frequency' unpacks to 60 MB.\n  Accepted: at most 40 MB",
+        ),
+        (
+            saved(frequency=AXIS).replace(b"PK\x01\x02", b"PK\x01\x03"),
+            "a.npz\n  the archive is damaged: Bad magic number for central directory.\n  Accepted: a file of np.savez",
+        ),
+    ],
+)
+def test_faults(refused, content: bytes, message: str) -> None:
+    assert refused("a.npz", content) == message
+    assert not Marker.opened
+
+
+def test_a_shape_that_is_a_lie(refused) -> None:
+    stream = io.BytesIO()
+    header = {"descr": "<f8", "fortran_order": False, "shape": (900_000_000_000,)}
+    np.lib.format.write_array_header_1_0(stream, header)
+    assert refused("a.npz", zipped(frequency=stream.getvalue())) == (
+        "a.npz\n  'frequency' has the shape (900000000000,) of 8 bytes each.\n"
+        "  Accepted: the shape (n_freq,), at most 1,000,000 lines"
+    )
+
+
+def test_a_truncated_array(refused) -> None:
+    stream = io.BytesIO()
+    np.save(stream, AXIS)
+    message = refused("a.npz", zipped(frequency=stream.getvalue()[:-8]))
+    assert message.startswith("a.npz\n  the archive is damaged: EOF: reading array data, expected 24 bytes got 16.")
+
+
+def test_millions_of_members_are_not_listed(refused) -> None:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for number in range(2000):
+            archive.writestr(f"array{number}.npy", b"")
+    assert refused("a.npz", stream.getvalue()) == "a.npz\n  the archive's directory is larger than that of any FRF."

@@ -1,0 +1,138 @@
+"""Interpolation to the assembly's grid: its error near sharp resonances, noise, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from measured_files import accelerance
+
+from dovetail.errors import MeasurementError
+from dovetail.frf import Frf
+from dovetail.measurement import complex_noise, on_grid
+
+MEASURED = 1.5625 * np.arange(64, 5761)
+GRID = np.arange(100.0, 9001.0, 2.0)
+SHARP = {
+    "one mode at 1 kHz": [(1000.37, 0.003, 1.0)],
+    "one mode at 8 kHz": [(8000.37, 0.003, 1.0)],
+    "four modes": [(1319.4, 0.003, 0.3), (3210.3, 0.003, 0.5), (6446.2, 0.005, 0.2), (8133.1, 0.004, 0.4)],
+    "free": [(1.0, 0.0, 0.6), (1319.4, 0.003, 0.3), (6446.2, 0.005, 0.2), (8133.1, 0.005, 0.4)],
+}
+
+
+def errors(modes: list, *, has_phase: bool = True) -> np.ndarray:
+    """Error of each line of the grid over its own true value."""
+    values, truth = accelerance(MEASURED, *modes), accelerance(GRID, *modes)
+    if not has_phase:
+        values, truth = np.abs(values), np.abs(truth)
+    resampled = on_grid(Frf(MEASURED, values, "accelerance", has_phase=has_phase), GRID)
+    return np.abs(resampled.values - truth) / np.abs(truth)
+
+
+@pytest.mark.parametrize("modes", SHARP.values(), ids=SHARP)
+def test_error_near_sharp_resonances(modes: list) -> None:
+    assert errors(modes).max() < 1e-7
+
+
+@pytest.mark.parametrize("modes", SHARP.values(), ids=SHARP)
+def test_error_of_an_amplitude_alone(modes: list) -> None:
+    assert errors(modes, has_phase=False).max() < 1e-4
+
+
+def test_error_between_two_modes_four_lines_apart() -> None:
+    error = errors([(1000.3, 0.003, 1.0), (1006.2, 0.003, 0.8), (5000, 0.003, 0.5)])
+    assert 0.01 < error.max() < 0.07
+    assert error[np.abs(GRID - 1003) > 20].max() < 1e-4
+
+
+def test_simpler_interpolations_are_far_worse() -> None:
+    values, truth = (accelerance(axis, *SHARP["one mode at 1 kHz"]) for axis in (MEASURED, GRID))
+    linear = np.interp(GRID, MEASURED, values.real) + 1j * np.interp(GRID, MEASURED, values.imag)
+    assert np.max(np.abs(linear - truth) / np.abs(truth)) > 0.05
+
+
+def test_noise_is_not_amplified() -> None:
+    modes = SHARP["free"]
+    values, truth = accelerance(MEASURED, *modes), accelerance(GRID, *modes)
+    floor = 0.1 * np.median(np.abs(values))
+    deviations = []
+    for seed in range(10):
+        generator = np.random.default_rng(seed)
+        normal = (generator.standard_normal(MEASURED.size) + 1j * generator.standard_normal(MEASURED.size)) / np.sqrt(2)
+        scatter = np.hypot(0.01 * np.abs(values), floor)
+        resampled = on_grid(Frf(MEASURED, values + scatter * normal, "accelerance"), GRID)
+        deviations.append(np.abs(resampled.values - truth) / np.hypot(0.01 * np.abs(truth), floor))
+    assert np.sqrt(np.mean(np.square(deviations))) < 0.95
+    assert np.max(deviations) < 4.5
+
+
+def test_noise_of_one_per_cent_stays_one_per_cent_at_the_peaks() -> None:
+    modes = SHARP["four modes"]
+    noisy = complex_noise(accelerance(MEASURED, *modes), 0.01, 0)
+    truth = accelerance(GRID, *modes)
+    deviation = np.abs(on_grid(Frf(MEASURED, noisy, "accelerance"), GRID).values - truth) / np.abs(truth)
+    assert np.sqrt(np.mean(deviation**2)) < 0.0095
+    assert deviation.max() < 0.04
+
+
+def test_the_measured_lines_themselves_come_back(measured: Frf) -> None:
+    some = measured.frequency[5:300:3]
+    resampled = on_grid(measured, some)
+    np.testing.assert_allclose(resampled.values, measured.values[5:300:3], rtol=1e-14)
+    np.testing.assert_allclose(resampled.coherence, measured.coherence[5:300:3], rtol=1e-14)
+    assert (resampled.quantity, resampled.label) == ("accelerance", "bench")
+
+
+def test_coherence_is_interpolated(measured: Frf) -> None:
+    middle = (measured.frequency[10] + measured.frequency[11]) / 2
+    expected = (measured.coherence[10] + measured.coherence[11]) / 2
+    np.testing.assert_allclose(on_grid(measured, [middle]).coherence, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("lines", [1, 2, 3, 4])
+def test_few_lines(lines: int) -> None:
+    frequency = np.arange(1.0, lines + 1)
+    resampled = on_grid(Frf(frequency, frequency + 2j, "mobility"), np.linspace(1, lines, 7)[: 7 if lines > 1 else 1])
+    np.testing.assert_allclose(resampled.values, resampled.frequency + 2j, rtol=1e-14)
+
+
+@pytest.mark.parametrize("has_phase", [True, False])
+def test_lines_that_are_zero(has_phase: bool) -> None:
+    frequency = np.arange(1.0, 10.0)
+    values = np.where(frequency == 5, 0.0, 1.0)
+    resampled = on_grid(Frf(frequency, values, "mobility", has_phase=has_phase), np.linspace(1, 9, 33))
+    assert resampled.amplitude.max() < 1.2
+    assert resampled.amplitude[16] == 0
+
+
+def test_a_grid_that_is_not_covered_is_refused(measured: Frf) -> None:
+    with pytest.raises(MeasurementError) as caught:
+        on_grid(measured, np.arange(100.0, 701.0, 2.0))
+    assert str(caught.value) == (
+        "bench\n  the measurement covers 100 to 623.4375 Hz, and 100 to 700 Hz are wanted.\n"
+        "  Nothing is extrapolated: measure the whole range, or narrow 'frequency' in the description."
+    )
+    with pytest.raises(MeasurementError, match=r"and 99\.9 to 200 Hz are wanted"):
+        on_grid(measured, [99.9, 200])
+
+
+def test_cover_has_the_tolerance_of_rounding(measured: Frf) -> None:
+    last = measured.frequency[-1]
+    resampled = on_grid(measured, [100 * (1 - 0.9e-9), last * (1 + 0.9e-9)])
+    np.testing.assert_allclose(resampled.values, measured.values[[0, -1]], rtol=1e-14)
+    for grid in ([100 * (1 - 1.1e-9), 200], [100, last * (1 + 1.1e-9)]):
+        with pytest.raises(MeasurementError, match="are wanted"):
+            on_grid(measured, grid)
+
+
+@pytest.mark.parametrize("grid", [[], [[100.0, 200.0]], [100.0, np.nan], 150.0])
+def test_a_grid_that_is_none(measured: Frf, grid: object) -> None:
+    with pytest.raises(MeasurementError, match="the grid is not a list of finite frequencies"):
+        on_grid(measured, grid)
+
+
+def test_a_grid_that_falls(measured: Frf) -> None:
+    with pytest.raises(MeasurementError, match="the frequency does not increase after line 1"):
+        on_grid(replace(measured, coherence=None), [200.0, 150.0])

@@ -1,0 +1,252 @@
+"""Discovery: good plugins come in, broken ones say why and take nobody down."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+from importlib.metadata import EntryPoint
+from types import SimpleNamespace
+
+import pytest
+
+from dovetail import StructuralMatrices, hookimpl
+from dovetail.errors import PluginError
+from dovetail.interfaces import ComponentConfig, JointModel, Parameter, Port
+from dovetail.registry import Registry, registry as module
+
+GOOD = '''
+import numpy as np
+import dovetail
+from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
+
+
+class Pad(JointModel):
+    """A pad."""
+
+    name = "pad"
+    summary = "Elastic pad"
+    parameters = (Parameter("kp", "N/m", 1e5, 1e7, "log", "stiffness"),)
+    ports = (Port("a", 1), Port("b", 1))
+
+    class Config(ComponentConfig):
+        """No options."""
+
+    def matrices(self, theta):
+        joint = StructuralMatrices.zeros(len(theta), 4)
+        sign = np.array([1.0, 0.0, -1.0, 0.0])
+        joint.K[:] = theta[:, 0, None, None] * np.outer(sign, sign)
+        return joint
+
+
+@dovetail.hookimpl
+def dovetail_components():
+    return [Pad]
+'''
+
+
+def joint(**attributes):
+    body = {
+        "name": "pad",
+        "summary": "Elastic pad",
+        "parameters": (Parameter("kp", "N/m", 1e5, 1e7, "log"),),
+        "ports": (Port("a", 1), Port("b", 1)),
+        "matrices": lambda self, theta: StructuralMatrices.zeros(len(theta), 4),
+        **attributes,
+    }
+    return type("Pad", (JointModel,), {k: v for k, v in body.items() if v is not None})
+
+
+def plugin(*components, hook="dovetail_components"):
+    def offered():
+        return list(components)
+
+    offered.__name__ = hook
+    return SimpleNamespace(**{hook: hookimpl(offered)})
+
+
+def found(error) -> str:
+    return error.value.faults[0].found
+
+
+def test_built_in_components_come_in_through_the_entry_point():
+    registry = Registry()
+    registry.load_entry_points()
+    assert registry.failures == ()
+    assert set(registry.names("substructure")) >= {"timoshenko_beam", "lumped", "ground"}
+    assert set(registry.names("joint")) >= {"collet", "spring_damper", "rigid"}
+    assert set(registry.names("reducer")) >= {"umap", "pca", "none"}
+    assert set(registry.names("regressor")) >= {"mlp"}
+    assert registry.find("joint", "collet").source.startswith("dovetail-frf ")
+
+
+def test_a_plugin_file_offers_its_components(tmp_path):
+    file = tmp_path / "pad.py"
+    file.write_text(GOOD)
+    registry = Registry()
+    registry.load_file(file)
+    offer = registry.find("joint", "pad")
+    assert offer.source == str(file)
+    assert offer.component().ports[1].name == "b"
+
+
+def test_an_unknown_model_names_the_nearest_and_what_failed_to_load(monkeypatch):
+    def broken(self):
+        raise ImportError("No module named 'felt'")
+
+    monkeypatch.setattr(EntryPoint, "load", broken)
+    registry = Registry()
+    registry.load_entry_points()
+    registry.add(plugin(joint()), "pads 1.0")
+    fault = registry.unknown("joint", "pat")
+    assert fault.found == "'pat' is not a joint model."
+    assert fault.accepted == "pad"
+    assert fault.remedy.startswith("Did you mean 'pad'?")
+    assert "ImportError: No module named 'felt'" in fault.remedy
+
+
+def test_one_broken_entry_point_takes_no_other_down(monkeypatch):
+    good, bad = (SimpleNamespace(name=n, value=n, dist=SimpleNamespace(name=n, version="2.0")) for n in ("ok", "bad"))
+    good.load = lambda: plugin(joint())
+    bad.load = lambda: (_ for _ in ()).throw(SystemExit("stop"))
+    monkeypatch.setattr(module, "entry_points", lambda group: [bad, good])
+    registry = Registry()
+    registry.load_entry_points()
+    assert registry.names("joint") == ("pad",)
+    assert [(f.source, f.reason) for f in registry.failures] == [("bad 2.0", "SystemExit: stop")]
+
+
+def test_a_name_offered_twice_names_both_and_leaves_the_others_usable():
+    registry = Registry()
+    registry.add(plugin(joint(), joint(name="felt")), "pads 1.0")
+    registry.add(plugin(joint()), "cushions 3.1")
+    assert registry.conflicts == {("joint", "pad"): ("pads 1.0", "cushions 3.1")}
+    assert registry.names("joint") == ("felt",)
+    with pytest.raises(PluginError) as error:
+        registry.find("joint", "pad")
+    assert found(error) == "the joint model 'pad' is offered by pads 1.0 and cushions 3.1."
+
+
+def test_the_same_class_offered_twice_is_no_conflict():
+    registry, component = Registry(), joint()
+    registry.add(plugin(component), "pads 1.0")
+    registry.add(plugin(component), "pads 1.0, again")
+    assert registry.names("joint") == ("pad",)
+
+
+def test_a_misspelt_hook_is_an_error():
+    with pytest.raises(PluginError) as error:
+        Registry().add(plugin(joint(), hook="dovetail_component"), "pads 1.0")
+    assert found(error) == "'dovetail_component' is not a hook of dovetail."
+    assert error.value.faults[0].remedy == "Did you mean 'dovetail_components'?"
+
+
+def test_a_module_without_the_hook_is_an_error():
+    with pytest.raises(PluginError) as error:
+        Registry().add(SimpleNamespace(dovetail_components=lambda: []), "pads 1.0")
+    assert found(error) == "it has no hook 'dovetail_components' marked with @dovetail.hookimpl."
+
+
+def test_a_hook_that_raises_is_an_error():
+    def dovetail_components():
+        raise RuntimeError("no licence")
+
+    with pytest.raises(PluginError) as error:
+        Registry().add(SimpleNamespace(dovetail_components=hookimpl(dovetail_components)), "pads 1.0")
+    assert found(error) == "its hook 'dovetail_components' raised RuntimeError: no licence"
+
+
+@pytest.mark.parametrize("returned", ["pad", 3])
+def test_a_hook_that_returns_no_list_is_an_error(returned):
+    def dovetail_components():
+        return returned
+
+    with pytest.raises(PluginError) as error:
+        Registry().add(SimpleNamespace(dovetail_components=hookimpl(dovetail_components)), "pads 1.0")
+    assert found(error) == f"its hook 'dovetail_components' returned {returned!r}, not a list of classes."
+
+
+class NoConfig:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("component", "reason"),
+    [
+        (joint(name=""), "Pad has no 'name'."),
+        (joint(name=None), "Pad has no 'name'."),
+        (joint(summary=None), "Pad has no 'summary'."),
+        (joint(name="two words"), "Pad has the name 'two words', which is not an identifier."),
+        (joint(matrices=None), "Pad does not define matrices."),
+        (joint(Config=NoConfig), "Pad.Config does not derive from dovetail.ComponentConfig."),
+        (
+            ComponentConfig,
+            "<class 'dovetail.interfaces.component.ComponentConfig'> is not a component class "
+            "(a subclass of SubstructureModel, JointModel, Reducer, Regressor).",
+        ),
+    ],
+)
+def test_an_unfit_component_is_put_aside_with_its_reason(component, reason):
+    registry = Registry()
+    registry.add(plugin(component, joint(name="felt")), "pads 1.0")
+    assert [(f.source, f.reason) for f in registry.failures] == [("pads 1.0", reason)]
+    assert registry.names("joint") == ("felt",)
+    with pytest.raises(PluginError) as error:
+        Registry().add(plugin(component), "pads.py", strict=True)
+    assert found(error) == reason
+
+
+@pytest.mark.parametrize(
+    ("code", "where", "message"),
+    [
+        ("x = 1\nimport not_there\n", ":2", "ModuleNotFoundError: No module named 'not_there'"),
+        ("x = 1\n\ndef broken(:\n", ":3", "SyntaxError"),
+        ("raise SystemExit(3)\n", ":1", "SystemExit: 3"),
+        ("x = 1\n", "", "it has no hook 'dovetail_components' marked with @dovetail.hookimpl."),
+    ],
+)
+def test_a_broken_plugin_file_says_where_and_why(tmp_path, code, where, message):
+    file = tmp_path / "pad.py"
+    file.write_text(code)
+    with pytest.raises(PluginError) as error:
+        Registry().load_file(file)
+    assert error.value.faults[0].where == f"{file}{where}"
+    assert found(error).startswith(message)
+
+
+def test_a_missing_plugin_file(tmp_path):
+    with pytest.raises(PluginError) as error:
+        Registry().load_file(tmp_path / "none.py")
+    assert found(error) == "there is no such plugin file."
+
+
+def test_a_separately_installed_package_comes_in(tmp_path):
+    """A distribution of its own, installed beside dovetail into a folder that only a subprocess sees."""
+    package = tmp_path / "dovetail-pads"
+    package.mkdir()
+    (package / "dovetail_pads.py").write_text(GOOD)
+    (package / "pyproject.toml").write_text(
+        textwrap.dedent("""
+        [build-system]
+        requires = ["hatchling"]
+        build-backend = "hatchling.build"
+        [project]
+        name = "dovetail-pads"
+        version = "0.3"
+        [project.entry-points.dovetail]
+        pads = "dovetail_pads"
+        [tool.hatch.build.targets.wheel]
+        include = ["dovetail_pads.py"]
+        """)
+    )
+    site = tmp_path / "site"
+    install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(site), str(package)]
+    subprocess.run(install, check=True)
+    script = (
+        "from dovetail.registry import Registry; r = Registry(); r.load_entry_points(); "
+        "print(r.find('joint', 'pad').source, len(r.failures))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, env={"PYTHONPATH": str(site)}
+    )
+    assert run.stdout.strip() == "dovetail-pads 0.3 0"

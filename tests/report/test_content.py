@@ -1,0 +1,86 @@
+"""What the report's tables say, before it is set."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from dovetail.identification import Identification, Mode
+from dovetail.report import Truth
+from dovetail.report.content import evaluation_rows, is_synthetic, mode_rows, parameter_rows, warnings_of
+from dovetail.report.wording import ABSENT
+
+
+def with_value(result: Identification, name: str, value: float) -> Identification:
+    parameter = replace(result.parameters[name], value=value, in_range=False)
+    return replace(result, parameters={name: parameter})
+
+
+def test_a_value_lies_on_its_range_on_the_parameters_own_scale(result: Identification, truth: Truth) -> None:
+    rows = {row.name: row for row in parameter_rows(result, truth)}
+    assert rows["Dc"].place == pytest.approx((35.18 - 26) / 14)
+    assert rows["Dc"].true_place == pytest.approx((34.9 - 26) / 14)
+    assert rows["kt_tc"].place == pytest.approx(math.log(7.31) / math.log(20))
+    assert rows["kt_hc"].place == pytest.approx(math.log(56.2 / 3) / math.log(50 / 3))
+
+
+@pytest.mark.parametrize(("name", "value"), [("kt_tc", -1e8), ("kt_tc", math.nan), ("Dc", math.nan)])
+def test_a_value_without_a_place_on_its_range_has_none(result: Identification, name: str, value: float) -> None:
+    (row,) = parameter_rows(with_value(result, name, value), None)
+    assert row.place is None
+    assert row.error == ABSENT
+
+
+def test_zero_lies_below_a_logarithmic_range(result: Identification) -> None:
+    (row,) = parameter_rows(with_value(result, "kt_tc", 0.0), None)
+    assert row.place == -math.inf
+
+
+def test_each_true_natural_frequency_is_held_against_the_identified_one_that_is_nearest(
+    result: Identification,
+) -> None:
+    rows = mode_rows(result, Truth(natural_frequencies=(1330.0, 6610.0, 8240.0)))
+    assert [row.error for row in rows] == ["+1.65", "\N{MINUS SIGN}1.06", "+1.09"]
+    assert [row.difference for row in rows] == ["+1.67", "\N{MINUS SIGN}1.06", "+1.08"]
+
+
+def test_a_natural_frequency_that_the_model_misses_has_a_row_of_its_own(result: Identification) -> None:
+    missed = replace(result, modes=(result.modes[0], result.modes[2]))
+    rows = mode_rows(missed, Truth(natural_frequencies=(1330.0, 6610.0, 8240.0, 12000.0)))
+    assert [(row.natural, row.true_natural) for row in rows] == [
+        ("1352.0", "1330.0"),
+        (ABSENT, "6610.0"),
+        ("8330.0", "8240.0"),
+    ]
+
+
+def test_a_natural_frequency_that_the_truth_does_not_have_is_held_against_none(result: Identification) -> None:
+    rows = mode_rows(result, Truth(natural_frequencies=(1330.0, 8240.0)))
+    assert [row.true_natural for row in rows] == ["1330.0", ABSENT, "8240.0"]
+
+
+def test_a_natural_frequency_that_is_no_number_comes_last(result: Identification) -> None:
+    rows = mode_rows(replace(result, modes=(Mode(math.nan, None, None), result.modes[0])), Truth({}, (1330.0,)))
+    assert [row.natural for row in rows] == ["1352.0", ABSENT]
+    assert [row.error for row in rows] == ["+1.65", ABSENT]
+
+
+def test_errors_of_the_network_are_shown_in_the_units_of_the_parameters(result: Identification) -> None:
+    rows = {row.name: row for row in evaluation_rows(result)}
+    assert (rows["Dc"].mae, rows["Dc"].unit) == ("0.420", "mm")
+    assert (rows["kt_tc"].mae, rows["kt_tc"].unit) == ("57.0", "MN/m")
+    assert rows["kt_tc"].mae_of_range == "7.0"
+
+
+def test_a_parameter_whose_r2_is_undefined_has_none(result: Identification) -> None:
+    metrics = {"Dc": {"r2": None, "mae": 0.1, "mae_si": 1e-3}}
+    undefined = replace(result, provenance={"evaluation": {"parameters": {"Dc": {**metrics["Dc"], "unit": "m"}}}})
+    assert [row.r2 for row in evaluation_rows(undefined)] == [ABSENT]
+
+
+def test_a_warning_that_already_says_synthetic_is_not_doubled(result: Identification) -> None:
+    warned = replace(result, warnings=("This measurement is synthetic.",))
+    assert is_synthetic(warned, Truth(synthetic=True))
+    assert warnings_of(warned, Truth(synthetic=True)) == ["This measurement is synthetic."]

@@ -1,0 +1,276 @@
+"""The HTML report: complete, self-contained, safe, and whole or not there."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dovetail.errors import DovetailError
+from dovetail.frf import Frf
+from dovetail.identification import Identification, Mode
+from dovetail.report import Truth, report, write_report
+
+LARGEST = 1_500_000
+"""Bytes that a report may have."""
+
+CROSS = "\N{MULTIPLICATION SIGN}"
+HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(1)>{{ 7 * 7 }}&'
+
+
+class Page(HTMLParser):
+    """Every tag of a page with its attributes, and its text."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.source = path.read_text(encoding="utf-8")
+        self.feed(self.source)
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attributes)))
+        if tag in ("td", "th", "span"):
+            self.text += " "
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+    def attribute(self, name: str) -> list[str]:
+        return [attributes[name] or "" for _, attributes in self.tags if name in attributes]
+
+
+def written(result: Identification, tmp_path: Path, truth: Truth | None = None) -> Page:
+    return Page(write_report(result, tmp_path / "report.html", truth=truth))
+
+
+def after(text: str, phrase: str) -> list[str]:
+    """The words behind a phrase."""
+    return text[text.index(phrase) + len(phrase) :].split()
+
+
+def assert_nothing_is_loaded(page: Page) -> None:
+    names = {tag for tag, _ in page.tags}
+    assert not names & {"script", "link", "img", "image", "iframe", "object", "embed", "base", "form", "video", "audio"}
+    loading = [value for name in ("src", "href", "xlink:href", "data", "srcset") for value in page.attribute(name)]
+    assert all(value.startswith("#") for value in loading)
+    assert not [name for _, attributes in page.tags for name in attributes if name.startswith("on")]
+    assert not re.search(r"url\((?!#)|@import|@font-face", page.source)
+
+
+def test_the_report_loads_nothing(result: Identification, truth: Truth, tmp_path: Path) -> None:
+    page = written(result, tmp_path, truth)
+    assert_nothing_is_loaded(page)
+    assert not re.search(r"https?://", page.source)
+
+
+def test_hostile_names_are_only_text(result: Identification, tmp_path: Path) -> None:
+    parameters = {
+        HOSTILE + name: replace(
+            parameter, name=HOSTILE + name, description=HOSTILE, joint=HOSTILE, unit=HOSTILE + parameter.unit
+        )
+        for name, parameter in result.parameters.items()
+    }
+    hostile = replace(
+        result,
+        method=HOSTILE,
+        parameters=parameters,
+        known={HOSTILE: 1.0},
+        measured=replace(result.measured, label=HOSTILE),
+        frf=replace(result.frf, label=HOSTILE),
+        warnings=(HOSTILE,),
+        provenance={
+            "assembly": HOSTILE,
+            "measurement": HOSTILE,
+            HOSTILE: {HOSTILE: HOSTILE},
+            "description": HOSTILE,
+            "packages": [HOSTILE],
+        },
+    )
+    page = written(hostile, tmp_path, Truth(note=HOSTILE, synthetic=True))
+    assert_nothing_is_loaded(page)
+    assert page.text.count("<script>alert(1)</script>") > 2 * len(parameters)
+    assert "49" not in re.findall(r"alert\(1\)>(\S+)", page.text)
+
+
+def test_a_name_that_is_not_unicode_does_not_stop_the_report(result: Identification, tmp_path: Path) -> None:
+    odd = replace(result, provenance={"measurement": "measured\udcff.uff"})
+    assert "measured?.uff" in written(odd, tmp_path).text
+
+
+def test_every_parameter_stands_there_with_value_unit_and_range(result: Identification, tmp_path: Path) -> None:
+    page = written(result, tmp_path)
+    rows = re.findall(r"<tr[^>]*>(.*?)</tr>", page.source, flags=re.S)
+    for name, value, unit, lower, upper in (
+        ("Dc", "35.18", "mm", "26", "40"),
+        ("mn1", "61.20", "g", "20", "200"),
+        ("kt_tc", "731.0", "MN/m", "100", "2000"),
+        ("kr_tc", "17.02", "kN·m/rad", "2", "60"),
+        ("kt_hc", "5.620", "GN/m", "0.3", "5"),
+        ("ct_hc", "121.0", "N·s/m", "10", "1000"),
+        ("cr_hc", "0.2160", "N·m·s/rad", "0.01", "5"),
+    ):
+        row = next(row for row in rows if f'<th scope="row">{name}' in row)
+        cells = re.findall(r">([^<>\s][^<>]*)</td>", row)
+        assert [cell for cell in cells if cell != "log"] == [value, unit, lower, upper]
+        assert result.parameters[name].description in row
+    assert all(f'<th scope="row">{name}' in page.source for name in result.parameters)
+
+
+def test_a_value_outside_its_range_is_flagged(result: Identification, tmp_path: Path) -> None:
+    flagged = re.findall(
+        r'<th scope="row">(\w+) <span class="flag">outside its range', written(result, tmp_path).source
+    )
+    assert flagged == ["kt_hc"]
+
+
+def test_warnings_stand_above_the_parameters(result: Identification, tmp_path: Path) -> None:
+    text = written(result, tmp_path).text
+    warning = "kt_hc = 5.62 x 10⁹ N/m lies outside its range, 3 x 10⁸ N/m to 5 x 10⁹ N/m.".replace("x", CROSS)
+    assert 0 < text.index(warning) < text.index("Identified parameters")
+    assert "Before you use these numbers" not in written(replace(result, warnings=()), tmp_path).text
+
+
+@pytest.mark.parametrize("says", ["truth", "label", "provenance", "measurement"])
+def test_a_synthetic_measurement_is_said_to_be_one(result: Identification, tmp_path: Path, says: str) -> None:
+    truth = Truth(synthetic=True) if says == "truth" else None
+    if says == "label":
+        result = replace(result, measured=replace(result.measured, label="SYNTHETIC H0-J-T0"))
+    if says in ("provenance", "measurement"):
+        said = {"provenance": {"synthetic": True}, "measurement": {"measurement": "synthetic.csv"}}[says]
+        result = replace(result, provenance={**result.provenance, **said})
+    assert written(result, tmp_path, truth).text.count("This measurement is synthetic") == 1
+
+
+def test_a_measurement_is_not_called_synthetic_without_reason(result: Identification, tmp_path: Path) -> None:
+    assert "synthetic" not in written(result, tmp_path, Truth({"Dc": 35e-3})).text
+
+
+def test_truth_and_error_stand_beside_the_values(result: Identification, truth: Truth, tmp_path: Path) -> None:
+    text = written(result, tmp_path, truth).text
+    assert after(text, "equivalent outer diameter of the collet")[:5] == ["35.18", "mm", "34.90", "+0.80", "26"]
+    assert truth.note in text
+    assert "Error" not in written(result, tmp_path).text
+
+
+def test_a_truth_of_some_parameters_leaves_the_others_open(result: Identification, tmp_path: Path) -> None:
+    text = written(result, tmp_path, Truth({"dc": 13e-3})).text
+    assert after(text, "equivalent inner diameter of the collet")[:4] == ["12.40", "mm", "13.00", "\N{MINUS SIGN}4.62"]
+    assert after(text, "equivalent outer diameter of the collet")[2:4] == ["\N{EN DASH}"] * 2
+
+
+def test_modes_without_peaks_and_without_numbers(result: Identification, tmp_path: Path) -> None:
+    modes = (Mode(float("nan"), None, None), Mode(1352.0, 1352.4, None), Mode(6540.0, None, None))
+    page = written(replace(result, modes=modes), tmp_path, Truth(natural_frequencies=(1330.0, 6600.0, 8240.0)))
+    assert "1352.0" in page.text
+    assert not re.search(r"\bnan\b", page.source, flags=re.I)
+    assert "Natural frequencies" not in written(replace(result, modes=()), tmp_path).text
+
+
+def test_a_measurement_without_phase(amplitude_only: Identification, tmp_path: Path) -> None:
+    page = written(amplitude_only, tmp_path)
+    assert "amplitude only" in page.text
+    assert "by their amplitudes alone" in page.text
+    assert "amplitude only" not in written(replace(amplitude_only, measured=amplitude_only.frf), tmp_path).text
+
+
+def test_the_network_is_evaluated_if_the_provenance_says_how_well_it_does(
+    result: Identification, tmp_path: Path
+) -> None:
+    text = written(result, tmp_path).text
+    assert "Over 1200 simulated joints" in text
+    assert "0.97 0.420 mm 3.0" in " ".join(text[text.index("What the network can tell") :].split())
+    bare = {key: value for key, value in result.provenance.items() if key != "evaluation"}
+    assert "What the network can tell" not in written(replace(result, provenance=bare), tmp_path).text
+
+
+def test_provenance_and_the_collapsed_description(result: Identification, tmp_path: Path) -> None:
+    page = written(replace(result, provenance={**result.provenance, "identified_at": "2025-01-02"}), tmp_path)
+    for text in ("c0ffee", "torch: 2.5.0", "joint collet: dovetail-frf 0.1.0", "Identified at", "2025-01-02"):
+        assert text in page.text
+    assert [attributes for tag, attributes in page.tags if tag == "details"] == [{}]
+    assert '"start": 100.0' in page.text
+
+
+def test_a_report_needs_no_provenance(result: Identification, tmp_path: Path) -> None:
+    text = written(replace(result, provenance={}), tmp_path).text
+    assert "h0_j_t0_60Nm.uff" in text
+
+
+def test_parameters_of_several_joints_stand_by_joint(result: Identification, tmp_path: Path) -> None:
+    parameters = {
+        name: replace(parameter, joint="flange" if name.endswith("hc") else "collet")
+        for name, parameter in result.parameters.items()
+    }
+    text = written(replace(result, parameters=parameters, known={"flange.mn1": 0.08}, warnings=()), tmp_path).text
+    places = [text.index(word) for word in ("Joint collet", "cr_tc", "Joint flange", "kt_hc", "cr_hc")]
+    assert places == sorted(places)
+    assert "flange.mn1 = 0.08" in text
+    assert "Joint collet" not in written(result, tmp_path).text
+
+
+def test_a_noisy_measurement_makes_no_large_file(result: Identification, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).standard_normal((2, result.measured.frequency.size))
+    values = result.measured.values * (1 + noise[0] + 1j * noise[1])
+    noisy = Frf(result.measured.frequency, values, "accelerance", label="noisy")
+    path = write_report(replace(result, measured=noisy), tmp_path / "report.html")
+    assert path.stat().st_size < LARGEST
+
+
+def test_ids_are_unique_and_every_reference_resolves(result: Identification, tmp_path: Path) -> None:
+    page = written(result, tmp_path)
+    ids = page.attribute("id")
+    assert len(ids) == len(set(ids)) > 0
+    assert all(name.startswith("frf-") for name in ids)  # room for a second figure in the page
+    references = {value[1:] for value in page.attribute("href")} | set(re.findall(r"url\(#([^)]*)\)", page.source))
+    assert references
+    assert references <= set(ids)
+
+
+def test_a_report_replaces_an_earlier_one(result: Identification, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    path.write_text("earlier")
+    assert result.report(path) == path
+    assert "earlier" not in path.read_text(encoding="utf-8")
+    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
+
+
+@pytest.mark.parametrize(("where", "error"), [("inline_svg", RuntimeError), ("replace", DovetailError)])
+def test_a_failure_leaves_what_was_there(
+    result: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, error: type[Exception]
+) -> None:
+    def fail(*_: Any) -> str:
+        raise RuntimeError if where == "inline_svg" else OSError("disk full")
+
+    path = tmp_path / "report.html"
+    path.write_text("earlier")
+    monkeypatch.setattr(report if where == "inline_svg" else os, where, fail)
+    with pytest.raises(error):
+        write_report(result, path)
+    assert path.read_text() == "earlier"
+    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_a_report_that_cannot_be_written_is_explained(result: Identification, tmp_path: Path) -> None:
+    with pytest.raises(DovetailError, match=r"missing.report\.html"):
+        write_report(result, tmp_path / "missing" / "report.html")
+    with pytest.raises(DovetailError, match="directory"):
+        write_report(result, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_importing_the_report_loads_nothing_heavy() -> None:
+    program = (
+        "import sys, dovetail.report, dovetail.report.figures\n"
+        "print([name for name in ('torch', 'umap', 'numba', 'matplotlib', 'jinja2') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
