@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -10,7 +12,7 @@ from dovetail import DovetailError, Fault, State
 __all__ = ["checked_rows", "state_array", "state_number"]
 
 
-def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> NDArray[np.generic]:
+def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> NDArray[Any]:
     """Return `values` as a finite two-dimensional array.
 
     Parameters
@@ -41,7 +43,7 @@ def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> 
     return rows
 
 
-def state_array(state: State, key: str, owner: str, shape: tuple[int | None, ...]) -> NDArray[np.generic]:
+def state_array(state: State, key: str, owner: str, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Return the finite array `key` of a state.
 
     Parameters

@@ -135,3 +135,10 @@ def test_a_base_that_is_no_yaml(message):
     assert message("extends: base.yaml", base="a: [") == (
         "base.yaml:1:5\n  this is not YAML: expected the node content, but found the end of the file."
     )
+
+
+def test_what_a_section_lacks_is_told_where_it_is_overridden(message, sound):
+    base = sound.replace("position: 10 mm", "quantity: mobility")
+    assert message("extends: base.yaml\nresponse:\n  at: holder\n", base=base) == (
+        "test.yaml:2:1  response.position\n  'response' lacks 'position'.\n  Accepted: a quantity in m"
+    )

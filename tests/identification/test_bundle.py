@@ -95,20 +95,41 @@ def test_a_loaded_model_gives_the_same_answers(
     assert loaded.assembly.description.text == model.assembly.description.text
 
 
-def test_a_new_process_gives_the_same_answer(
-    model: dovetail.Identifier, saved: Path, measured: dovetail.Frf, tmp_path: Path
-) -> None:
-    np.save(tmp_path / "amplitude.npy", measured.amplitude)
+def answer_of_a_new_process(bundle: Path, amplitude: np.ndarray, folder: Path) -> np.ndarray:
+    np.save(folder / "amplitude.npy", amplitude)
     program = (
         "import sys, dovetail, numpy as np\n"
         "model = dovetail.load_model(sys.argv[1])\n"
-        "theta = model.predict_parameters(np.load(sys.argv[2])[None])[0]\n"
-        "print(*[value.hex() for value in theta.tolist()])\n"
+        "np.save(sys.argv[3], model.predict_parameters(np.load(sys.argv[2])))\n"
     )
-    arguments = [sys.executable, "-c", program, str(saved), str(tmp_path / "amplitude.npy")]
-    answer = subprocess.run(arguments, capture_output=True, text=True, check=True).stdout
-    theta = [float.fromhex(word) for word in answer.split()]
-    np.testing.assert_allclose(theta, model.predict_parameters(measured.amplitude[None])[0], rtol=1e-12)
+    files = [str(bundle), str(folder / "amplitude.npy"), str(folder / "theta.npy")]
+    subprocess.run([sys.executable, "-c", program, *files], check=True)
+    return np.load(folder / "theta.npy")
+
+
+def test_a_new_process_gives_the_same_answer(
+    model: dovetail.Identifier, saved: Path, dataset: dovetail.Dataset, tmp_path: Path
+) -> None:
+    amplitude = np.array(dataset.amplitude[:20])
+    theta = answer_of_a_new_process(saved, amplitude, tmp_path)
+    np.testing.assert_allclose(theta, model.predict_parameters(amplitude), rtol=1e-12)
+
+
+def test_a_model_with_umap_answers_alike_alone_in_a_batch_and_in_a_new_process(
+    with_settings: Callable[..., dovetail.Assembly], dataset: dovetail.Dataset, tmp_path: Path
+) -> None:
+    assembly = with_settings(
+        reducer={"model": "umap", "n_components": 5, "n_epochs": 20},
+        regressor={"model": "mlp", "hidden": [16, 16], "max_epochs": 5},
+        test_fraction=0.8,
+    )
+    model = dovetail.train(assembly, dataset)
+    saved = model.save(tmp_path / "model")
+    amplitude = np.array(dataset.amplitude[:30])
+    batch = model.predict_parameters(amplitude)
+    alone = np.concatenate([model.predict_parameters(row[np.newaxis]) for row in amplitude])
+    np.testing.assert_allclose(alone, batch, rtol=1e-5)
+    np.testing.assert_allclose(answer_of_a_new_process(saved, amplitude, tmp_path), batch, rtol=1e-12)
 
 
 def test_nothing_in_a_bundle_is_pickled(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,6 +181,22 @@ def test_a_save_that_fails_leaves_the_old_model(
         model.save(bundle)
     dovetail.load_model(bundle)
     assert [entry.name for entry in bundle.parent.iterdir()] == ["model"]
+
+
+def test_an_old_model_comes_back_if_the_new_one_cannot_take_its_place(
+    model: dovetail.Identifier, bundle: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rename = Path.rename
+
+    def refuse_the_new(self: Path, target: Path) -> Path:
+        if self.name == "new":
+            raise OSError("the folder is in use")
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", refuse_the_new)
+    with pytest.raises(BundleError, match="in use"):
+        model.save(bundle)
+    dovetail.load_model(bundle)
 
 
 def test_a_state_that_is_more_than_values_is_refused(model: dovetail.Identifier, tmp_path: Path) -> None:

@@ -120,6 +120,8 @@ def test_provenance_names_description_measurement_and_versions(
     assert provenance["measurement"] == "measured.csv"
     assert provenance["seed"] == 0
     assert len(provenance["description_sha256"]) == 64
+    assert provenance["evaluation"]["test_samples"] == 300
+    assert json.loads(provenance["description"])["name"] == "sdof"
     assert {"python", "numpy", "dovetail-frf"} <= set(provenance["packages"])
     assert provenance["components"]["reducer pca"].startswith("dovetail-frf")
 

@@ -19,7 +19,7 @@ def test_complex_noise_is_circular_and_in_proportion_to_each_line() -> None:
 
 
 def test_data_noise_has_the_deviation_of_all_the_data() -> None:
-    clean = np.arange(60_000.0).reshape(300, 200)
+    clean = np.arange(60_000.0).reshape(200, 300).T
     noise = data_noise(clean, 0.2, 0) - clean
     np.testing.assert_allclose(noise.std(), 0.2 * clean.std(), rtol=0.02)
     np.testing.assert_allclose(noise[:, 0].std(), 0.2 * clean.std(), rtol=0.15)

@@ -120,7 +120,7 @@ def test_every_parameter_stands_there_with_value_unit_and_range(result: Identifi
     ):
         row = next(row for row in rows if f'<th scope="row">{name}' in row)
         cells = re.findall(r">([^<>\s][^<>]*)</td>", row)
-        assert [cell for cell in cells if cell != "log"] == [value, unit, lower, upper]
+        assert cells == [value, unit, lower, upper, result.parameters[name].scale]
         assert result.parameters[name].description in row
     assert all(f'<th scope="row">{name}' in page.source for name in result.parameters)
 

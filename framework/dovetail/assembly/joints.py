@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from dovetail.assembly.components import Built, build, read_property
+from dovetail.assembly.component_sections import Built, build, read_property
 from dovetail.assembly.description import JointEntry
 from dovetail.assembly.findings import Findings
 from dovetail.assembly.nodes import find_node

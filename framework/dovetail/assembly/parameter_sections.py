@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dovetail.assembly.components import Built
+from dovetail.assembly.component_sections import Built
 from dovetail.assembly.findings import Findings
 from dovetail.assembly.sections import ParameterSection
 from dovetail.assembly.tree import Item, Path, plain, shown

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from dovetail.assembly.components import build, read_property
+from dovetail.assembly.component_sections import build, read_property
 from dovetail.assembly.connectivity import check_connected
 from dovetail.assembly.description import Description, IdentificationSettings, JointEntry, Response
 from dovetail.assembly.findings import Findings

@@ -126,7 +126,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
         )
         for row in mode_rows(result, truth)
     ]
-    headers = ["identified", "truth", "error [%]", "its FRF's peak", "measured peak", "difference [%]"]
+    headers = ["identified", "truth", "error [%]", "FRF peak", "measured peak", "difference [%]"]
     if modes:
         table(headers, modes, numbers=headers)
     else:

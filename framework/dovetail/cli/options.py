@@ -72,13 +72,14 @@ def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: b
     DovetailError
         A file is there already.
     """
-    from dovetail.errors import DovetailError, Fault, did_you_mean, listing
+    from dovetail.errors import DovetailError, Fault, listing
 
     accepted = list(suffixes)
     for file in files:
         if file.suffix.lower() not in accepted:
-            hint = did_you_mean(file.suffix, accepted)
-            raise typer.BadParameter(f"'{file}': the suffix says what is written. {hint} Accepted: {listing(accepted)}")
+            raise typer.BadParameter(
+                f"'{file}': the suffix says what is written. Accepted: {listing(accepted)}", param_hint="--output"
+            )
         if file.exists() and not overwrite:
             raise DovetailError(
                 Fault(str(file), "there is such a file already.", remedy="Choose another name, or add --overwrite.")

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 __all__ = ["csv_text", "prepare_folder", "write_results"]
 
-RESULT = "result.json"
-_FILES = (RESULT, "report.html", "parameters.csv", "frf.csv", "frf.png")
+_RESULT = "result.json"
+_FILES = (_RESULT, "report.html", "parameters.csv", "frf.csv", "frf.png")
 
 
-def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = RESULT) -> None:
+def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RESULT) -> None:
     """Make sure, before any work, that results can be written to a folder, and make it.
 
     Parameters
@@ -68,7 +68,7 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
 
     paths = {name: folder / name for name in _FILES}
     texts = {
-        RESULT: json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _RESULT: json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         "parameters.csv": _parameters(result, truth),
         "frf.csv": _frfs(result),
     }

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
@@ -39,7 +41,13 @@ class Ranged(Protocol):
 
 
 def note(text: str) -> None:
-    """Tell the user something that is no result."""
+    """Tell the user something that is no result; on a terminal, lines that are not indented are wrapped."""
+    if sys.stderr.isatty():
+        width = shutil.get_terminal_size().columns
+        text = "\n".join(
+            line if line.startswith(" ") else textwrap.fill(line, width, break_on_hyphens=False)
+            for line in text.split("\n")
+        )
     typer.echo(text, err=True)
 
 
@@ -137,6 +145,7 @@ def progress_bars() -> Iterator[Progress]:
         adapter = _Stages(bars)
         yield adapter
         adapter.finish()
+    note("")
 
 
 def _bars() -> Bars:

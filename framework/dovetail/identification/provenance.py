@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import platform
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -22,13 +23,15 @@ _PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "to
 
 def package_versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that numbers depend on."""
-    versions = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return versions
+    return {"python": platform.python_version(), **{name: found for name in _PACKAGES if (found := _version(name))}}
+
+
+@cache
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def description_hash(text: str) -> str:
@@ -57,9 +60,10 @@ def provenance(assembly: Assembly, measured: Frf, evaluation: Evaluation) -> dic
         "measurement": measured.label,
         "measured_quantity": measured.quantity,
         "seed": evaluation.seed,
-        "training_samples": evaluation.training_samples,
         "components": component_sources(assembly),
         "packages": package_versions(),
+        "evaluation": evaluation.to_dict(),
+        "description": description.text,
     }
 
 

@@ -68,6 +68,8 @@ def read_identification(path: str | Path) -> Identification:
     file = Path(path)
     if file.is_dir():
         file = file / RESULT_FILE
+        if not file.exists():
+            raise DovetailError(Fault(str(path), f"this folder has no {RESULT_FILE}, so 'identify' did not write it."))
     content = read_bounded(file)
     try:
         stored = _Stored.model_validate_json(content)

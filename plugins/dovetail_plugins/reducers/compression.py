@@ -69,7 +69,9 @@ class Compression:
         energy = np.cumsum(np.asarray(values, dtype=np.float64) ** 2)
         kept = int(np.searchsorted(energy, _KEPT_ENERGY * np.einsum("ij,ij->", rows, rows))) + 1
         kept = min(max(kept, fewest), most)
-        return cls(metric, mean.astype(np.float32).astype(np.float64), directions[:kept].astype(np.float64))
+        return cls(
+            metric, mean.astype(np.float32).astype(np.float64), np.array(directions[:kept], dtype=np.float64, order="C")
+        )
 
     def project(self, features: NDArray[Any]) -> NDArray[np.float32]:
         """Return features (n_samples, n_features) as rows (n_samples, n_directions)."""

@@ -69,8 +69,8 @@ def membership_strengths(distances: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns
     -------
     (n_points, n_neighbors) array
-        exp(-d / sigma), with sigma such that the strengths of all but the nearest add up to log2(n_neighbors). umap-learn
-        bounds sigma from below by the mean distance over the whole batch; here it is the point's own mean distance.
+        exp(-d / sigma), with sigma such that the strengths of all but the nearest add up to log2(n_neighbors).
+        umap-learn bounds sigma from below by a part of the batch's mean distance, this by that of the point's own.
     """
     target = np.log2(distances.shape[1])
     mean = distances.mean(axis=1, keepdims=True)

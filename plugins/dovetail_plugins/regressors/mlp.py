@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +22,12 @@ if TYPE_CHECKING:
 
 __all__ = ["MLP", "FittedMLP"]
 
+Layers = list[tuple[NDArray[Any], NDArray[Any]]]
+"""Weight (n_in, n_out) and bias (n_out,) of each layer."""
+
 _OWNER = "regressor 'mlp'"
 _LAYERS = 3
+_FEWEST = 3
 _BLOCK = 4096
 
 
@@ -121,21 +131,17 @@ class MLP(dovetail.Regressor):
         """
         import torch
 
-        inputs = torch.from_numpy(np.array(checked_rows(features, _OWNER), dtype=np.float32))
-        outputs = torch.from_numpy(np.array(checked_rows(targets, f"{_OWNER} targets"), dtype=np.float32))
+        inputs = np.array(checked_rows(features, _OWNER), dtype=np.float32)
+        outputs = np.array(checked_rows(targets, f"{_OWNER}, targets"), dtype=np.float32)
         if len(inputs) != len(outputs):
             found = f"it was given {len(inputs)} rows of features and {len(outputs)} of targets."
             raise dovetail.DovetailError(dovetail.Fault(_OWNER, found))
-        held_back = max(1, round(self.config.validation_fraction * len(inputs)))
-        if len(inputs) - held_back < 2:
-            raise dovetail.DovetailError(
-                dovetail.Fault(_OWNER, f"{len(inputs)} samples are too few to train on.", "3 or more")
-            )
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
-            order = torch.randperm(len(inputs))
-            layers = self._train(inputs, outputs, order, held_back, progress)
-        return FittedMLP([layer[0] for layer in layers], [layer[1] for layer in layers])
+        if len(inputs) < _FEWEST:
+            found = f"{len(inputs)} samples are too few to train on and to validate with."
+            raise dovetail.DovetailError(dovetail.Fault(_OWNER, found, f"{_FEWEST} or more"))
+        with _own_torch(seed):
+            layers = self._train(torch.from_numpy(inputs), torch.from_numpy(outputs), progress)
+        return FittedMLP([weight for weight, _ in layers], [bias for _, bias in layers])
 
     def restore(self, state: dovetail.State) -> FittedMLP:
         """Rebuild the network from its weights and biases."""
@@ -160,44 +166,67 @@ class MLP(dovetail.Regressor):
             nn.Linear(second, n_targets),
         )
 
-    def _train(
-        self,
-        inputs: torch.Tensor,
-        outputs: torch.Tensor,
-        order: torch.Tensor,
-        held_back: int,
-        progress: dovetail.Progress,
-    ) -> list[tuple[NDArray[Any], NDArray[Any]]]:
-        """Return weight and bias of each layer at the epoch of the lowest validation loss."""
+    def _train(self, inputs: torch.Tensor, outputs: torch.Tensor, progress: dovetail.Progress) -> Layers:
+        """Return the layers at the epoch of the lowest validation loss."""
         import torch
 
         config = self.config
+        order = torch.randperm(len(inputs))
+        held_back = min(max(round(config.validation_fraction * len(inputs)), 1), len(inputs) - 1)
+        validation, training = order[:held_back], order[held_back:]
+        validation_inputs, validation_outputs = inputs[validation], outputs[validation]
         network = self._network(inputs.shape[1], outputs.shape[1])
         optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
         schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(optimizer, factor=0.5, patience=config.patience // 3)
-        validation, training = order[:held_back], order[held_back:]
-        validation_inputs, validation_outputs = inputs[validation], outputs[validation]
         best_loss, best_epoch, best = float("inf"), 0, _layers(network)
         for epoch in range(1, config.max_epochs + 1):
             network.train()
-            for batch in training[torch.randperm(len(training))].split(config.batch_size):
+            for batch in torch.split(training[torch.randperm(len(training))], config.batch_size):
                 optimizer.zero_grad()
                 loss = torch.nn.functional.mse_loss(network(inputs[batch]), outputs[batch])
-                loss.backward()
+                torch.autograd.backward(loss)
                 optimizer.step()
             network.eval()
             with torch.no_grad():
                 current = float(torch.nn.functional.mse_loss(network(validation_inputs), validation_outputs))
+            if not math.isfinite(current):
+                raise dovetail.DovetailError(_diverged(epoch, config.learning_rate))
             schedule.step(current)
             if current < best_loss:
                 best_loss, best_epoch, best = current, epoch, _layers(network)
-            progress("train", epoch, config.max_epochs, f"validation loss {current:.5f}")
+            progress("regressor", epoch, config.max_epochs, f"validation loss {current:.6g}")
             if epoch - best_epoch >= config.patience:
                 break
         return best
 
 
-def _layers(network: torch.nn.Sequential) -> list[tuple[NDArray[Any], NDArray[Any]]]:
+def _diverged(epoch: int, learning_rate: float) -> dovetail.Fault:
+    found = f"the validation loss is no longer finite after epoch {epoch}."
+    return dovetail.Fault(_OWNER, found, remedy=f"Choose a 'learning_rate' below {learning_rate:g}.")
+
+
+@contextmanager
+def _own_torch(seed: int) -> Iterator[None]:
+    """Seed torch and give it half of the cores; the caller's random numbers and threads stay as they were.
+
+    With all cores an epoch is little faster on an idle machine, and takes fifty times as long as soon as anything else
+    wants a core, since torch's threads wait for each other after every product.
+    """
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(min(threads, max(1, (os.cpu_count() or 1) // 2)))
+    try:
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _layers(network: torch.nn.Sequential) -> Layers:
     """Return copies of the (n_in, n_out) weight and the bias of each linear layer."""
-    linear = [layer for layer in network if hasattr(layer, "weight")]
+    from torch import nn
+
+    linear = [layer for layer in network if isinstance(layer, nn.Linear)]
     return [(layer.weight.detach().numpy().T.copy(), layer.bias.detach().numpy().copy()) for layer in linear]

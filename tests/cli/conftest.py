@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sysconfig
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from dovetail.cli import app
+
+SMALL = """\
+extends: {parent}
+name: small
+identification:
+  samples: 200
+  reducer: {{model: none}}
+  regressor: {{model: mlp, hidden: [32, 16], max_epochs: 30, learning_rate: 0.005}}
+"""
+
+TRUTH = {
+    "synthetic": True,
+    "parameters": {"k": "3 MN/m", "c": "40 N s/m"},
+    "natural_frequencies_Hz": [275.66],
+}
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep every test away from the user's cache, and from the width of whoever runs it."""
+    monkeypatch.setenv("DOVETAIL_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setenv("COLUMNS", "80")
+
+
+@pytest.fixture(scope="session")
+def run() -> Run:
+    """Run a command in this process: ``run("check", path)``."""
+
+    def invoke(*arguments: object, code: int = 0) -> Result:
+        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        assert result.exit_code == code, result.output
+        return result
+
+    return invoke
+
+
+@pytest.fixture(scope="session")
+def command() -> str:
+    """The installed command."""
+    return str(Path(sysconfig.get_path("scripts")) / "dovetail")
+
+
+@pytest.fixture
+def environment() -> dict[str, str]:
+    """This environment with one thread for numba and torch: what is small here gains nothing by more."""
+    return {**os.environ, "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+@pytest.fixture
+def shell(command: str, environment: dict[str, str]) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run the installed command as a user types it."""
+
+    def call(*arguments: object) -> subprocess.CompletedProcess[str]:
+        words = [command, *(str(argument) for argument in arguments)]
+        return subprocess.run(words, capture_output=True, text=True, timeout=300, env=environment)
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def bench(tmp_path_factory: pytest.TempPathFactory, assemblies: Path, run: Run) -> SimpleNamespace:
+    """A small description, a measurement of it with k = 3 MN/m and c = 40 N s/m, its truth, and a model of it."""
+    folder = tmp_path_factory.mktemp("bench")
+    description, measured, truth = folder / "small.yaml", folder / "measured.uff", folder / "truth.json"
+    description.write_text(SMALL.format(parent=assemblies / "sdof.yaml"))
+    truth.write_text(json.dumps(TRUTH))
+    run("simulate", description, "--set", "k=3 MN/m", "--set", "c=40", "-o", measured)
+    trained = run("train", description, "-o", folder / "model")
+    return SimpleNamespace(
+        folder=folder, description=description, measured=measured, truth=truth, model=folder / "model", trained=trained
+    )

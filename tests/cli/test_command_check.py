@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+
+def test_check_shows_what_the_reference_assembly_is_made_of(run, assemblies):
+    lines = run("check", assemblies / "bt40_er32.yaml").stdout.splitlines()
+    rows = [line.split() for line in lines]
+    assert ["substructure", "tool", "timoshenko_beam", "22"] in rows
+    assert ["substructure", "holder", "timoshenko_beam", "38"] in rows
+    assert ["joint", "collet,", "internal", "collet", "10"] in rows
+    assert "assembly, merged DOFs counted once                       70" in lines
+    assert "condensed system of the engine                           23" in lines
+    assert "tool           0 to 100 by 10" in lines
+    assert "holder         0, 10, 20, 31, 42, 53, 62, 71, 80, 86.54 to 145.4 by 6.54" in lines
+    assert "Response   accelerance at tool, 10 mm, direction x" in lines
+    assert "Frequency  100 to 9000 Hz, 4451 lines" in lines
+    assert max(map(len, lines)) <= 80
+
+
+def test_check_as_json(run, assemblies, collet):
+    found = json.loads(run("check", assemblies / "bt40_er32.yaml", "--json").stdout)
+    assert found["dofs"] == {"assembly": 70, "condensed": 23}
+    assert found["natural_frequencies"] == pytest.approx(collet.natural_frequencies(count=3).tolist())
+    assert [parameter["name"] for parameter in found["parameters"]] == [p.name for p in collet.parameters]
+    assert found["substructures"][0]["nodes"][-1]["position"] == pytest.approx(0.1)
+
+
+def test_check_shows_fixed_parameters_and_held_parts(run, tmp_path, assemblies):
+    description = tmp_path / "fixed.yaml"
+    description.write_text(
+        f"extends: {assemblies / 'sdof.yaml'}\njoints: {{mount: {{parameters: {{c: {{value: 20 N s/m}}}}}}}}\n"
+    )
+    rows = [line.split() for line in run("check", description).stdout.splitlines()]
+    assert ["mount.c", "20", "N", "s/m"] in rows
+    assert ["substructure", "base", "ground", "held"] in rows
+    assert not any(row[:1] == ["c"] for row in rows)
+
+
+def test_without_natural_frequencies_in_the_range_it_says_so(run, tmp_path, assemblies):
+    description = tmp_path / "low.yaml"
+    description.write_text(f"extends: {assemblies / 'sdof.yaml'}\nfrequency: {{stop: 20 Hz}}\n")
+    assert run("check", description).stdout.endswith("none lies within the frequencies\n")

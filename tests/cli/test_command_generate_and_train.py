@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import json
+import shlex
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+
+import dovetail
+
+
+def test_generate_takes_number_and_seed_from_the_command_line(run, bench, tmp_path):
+    folder = tmp_path / "data.zarr"
+    done = run("generate", bench.description, "-o", folder, "--samples", 20, "--seed", 3)
+    dataset = dovetail.Dataset(folder)
+    assert (len(dataset), dataset.seed, dataset.complete) == (20, 3, True)
+    assert done.stdout.replace("\n", " ") == f"{folder}: 20 samples of 2 parameters, 600 lines each, seed 3 ".replace(
+        "\n", " "
+    )
+
+
+def test_generate_never_touches_what_is_there(run, bench, tmp_path):
+    taken = tmp_path / "mine"
+    taken.mkdir()
+    (taken / "notes.txt").write_text("mine")
+    assert "this path is taken" in run("generate", bench.description, "-o", taken, code=1).stderr
+    assert (taken / "notes.txt").read_text() == "mine"
+
+
+def test_resume_of_another_seed_is_refused(run, bench, tmp_path):
+    folder = tmp_path / "data.zarr"
+    run("generate", bench.description, "-o", folder, "--samples", 20)
+    arguments = ["generate", bench.description, "-o", folder, "--samples", 20, "--resume"]
+    assert "begun with seed 0, not 1" in run(*arguments, "--seed", 1, code=1).stderr
+    run(*arguments)
+
+
+@pytest.mark.parametrize("arguments", [["--samples", "0"], ["--samples", "many"], ["--seed", "-1"]])
+def test_generate_refuses_impossible_numbers(run, bench, tmp_path, arguments):
+    assert arguments[0] in run("generate", bench.description, "-o", tmp_path / "d", *arguments, code=2).stderr
+
+
+def test_ctrl_c_leaves_a_dataset_to_go_on_with(command, environment, assemblies, tmp_path):
+    folder = tmp_path / "data.zarr"
+    arguments = ["generate", str(assemblies / "bt40_er32.yaml"), "-o", str(folder), "--samples", "4000"]
+    process = subprocess.Popen(
+        [command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    )
+    deadline = time.monotonic() + 120
+    while not (folder / "written" / "c" / "0").exists():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    printed, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert printed == ""
+    assert "Traceback" not in said
+    assert not dovetail.Dataset(folder).complete
+    resumed = said.splitlines()[-1].strip()
+    assert resumed == f"dovetail {shlex.join(arguments)} --resume"
+    done = subprocess.run(
+        [command, *shlex.split(resumed)[1:]], capture_output=True, text=True, env=environment, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    dataset = dovetail.Dataset(folder)
+    assert dataset.complete
+    assert np.isfinite(dataset.amplitude[:]).all()
+
+
+def test_train_prints_how_well_the_network_does(bench):
+    rows = [line.split() for line in bench.trained.stdout.splitlines()]
+    model = dovetail.load_model(bench.model)
+    (k,) = [row for row in rows if row[:1] == ["k"]]
+    metrics = model.evaluation.parameters["k"]
+    assert k[1:4] == [f"{metrics.r2:.3f}", f"{100 * metrics.mae:.1f}", f"{100 * metrics.rmse:.1f}"]
+    assert k[5] == "MN/m"
+    assert f"Mean R2 {model.evaluation.mean_r2:.3f}; trained on 160 samples, seed 0." in bench.trained.stdout
+    assert bench.trained.stderr == f"Written: {bench.model}\n"
+
+
+def test_train_on_a_dataset(run, bench, tmp_path):
+    data, folder = tmp_path / "data.zarr", tmp_path / "model"
+    run("generate", bench.description, "-o", data, "--samples", 40)
+    found = json.loads(run("train", bench.description, "--data", data, "-o", folder, "--json").stdout)
+    assert (found["training_samples"], found["test_samples"]) == (32, 8)
+    assert found["mean_r2"] == pytest.approx(dovetail.load_model(folder).evaluation.mean_r2)
+
+
+def test_train_refuses_a_dataset_of_another_assembly(run, bench, tmp_path):
+    data, other = tmp_path / "data.zarr", tmp_path / "other.yaml"
+    other.write_text(
+        f"extends: {bench.description}\nname: stiffer\njoints: {{mount: {{parameters: {{k: {{value: 1e6}}}}}}}}\n"
+    )
+    run("generate", other, "-o", data, "--samples", 10)
+    message = run("train", bench.description, "--data", data, "-o", tmp_path / "model", code=1).stderr
+    assert "made from another description ('stiffer')" in message
+    assert not (tmp_path / "model").exists()
+
+
+def test_train_looks_at_the_place_before_it_works(run, bench, tmp_path, monkeypatch):
+    monkeypatch.setattr(dovetail, "train", lambda *_, **__: pytest.fail("it trained"))
+    taken = tmp_path / "mine"
+    taken.mkdir()
+    (taken / "notes.txt").write_text("mine")
+    assert "something else than a model is there" in run("train", bench.description, "-o", taken, code=1).stderr
+    assert (taken / "notes.txt").read_text() == "mine"

@@ -1,0 +1,272 @@
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.frf import Frf
+
+FILES = ["frf.csv", "frf.png", "parameters.csv", "report.html", "result.json"]
+
+
+@pytest.fixture
+def untrained(monkeypatch):
+    """Fail where a network is trained."""
+    monkeypatch.setattr(dovetail, "train", lambda *_, **__: pytest.fail("it trained"))
+
+
+def test_identify_with_a_model(run, bench):
+    printed = run("identify", bench.model, bench.measured).stdout
+    result = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured))
+    rows = [line.split() for line in printed.splitlines()]
+    (k,) = [row for row in rows if row[:1] == ["k"]]
+    assert k[1:] == [f"{result.parameters['k'].value / 1e6:#.4g}", "MN/m", "0.1", "to", "10"]
+    assert f"Mean coherence of measured and reconstructed FRF: {result.mean_coherence:.3f}" in printed
+    assert any(row[:1] == [f"{result.modes[0].natural_frequency:.1f}"] for row in rows)
+    assert "truth" not in printed
+
+
+def test_the_truth_stands_beside_what_was_identified(run, bench):
+    printed = run("identify", bench.model, bench.measured, "--truth", bench.truth).stdout
+    header, _, k, c = (line.split() for line in printed.splitlines()[1:5])
+    assert header[:4] == ["parameter", "identified", "truth", "error"]
+    assert (k[2], c[2]) == ("3.000", "40.00")
+    assert " 275.7" in printed
+    assert "synthetic" in printed
+    assert max(map(len, printed.splitlines())) <= 80
+
+
+def test_all_files_are_written(run, bench, tmp_path):
+    folder = tmp_path / "deep" / "results"
+    done = run("identify", bench.model, bench.measured, "--truth", bench.truth, "-o", folder)
+    assert sorted(path.name for path in folder.iterdir()) == FILES
+    assert done.stderr == f"Written to {folder}: result.json, report.html, parameters.csv, frf.csv, frf.png\n"
+    result = json.loads((folder / "result.json").read_text())
+    with (folder / "parameters.csv").open() as stream:
+        parameters = {row["name"]: row for row in csv.DictReader(stream)}
+    assert float(parameters["k"]["value"]) == result["parameters"]["k"]["value"]
+    assert float(parameters["k"]["truth"]) == pytest.approx(3e6)
+    header = (folder / "frf.csv").read_text().splitlines()[:2]
+    assert header[0] == "# quantity: accelerance"
+    assert header[1] == "frequency_Hz,measured_real,measured_imag,reconstructed_real,reconstructed_imag,coherence"
+    table = np.loadtxt(folder / "frf.csv", delimiter=",", skiprows=2)
+    assert table.shape == (600, 6)
+    np.testing.assert_allclose(table[:, 5], result["coherence"])
+    np.testing.assert_allclose(table[:, 1] + 1j * table[:, 2], dovetail.read_frf(bench.measured).values, rtol=1e-6)
+    assert (folder / "frf.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_as_json(run, bench, tmp_path):
+    found = json.loads(run("identify", bench.model, bench.measured, "--json", "-o", tmp_path / "results").stdout)
+    assert found == json.loads((tmp_path / "results" / "result.json").read_text())
+
+
+def test_an_assembly_is_trained_once_and_kept(run, bench, tmp_path, monkeypatch):
+    first = run("identify", bench.description, bench.measured)
+    assert first.stderr == "Training a network for 'small' on 200 simulated FRFs; it is kept for the next time.\n"
+    (kept,) = (tmp_path / "cache" / "models").iterdir()
+    with monkeypatch.context() as patch:
+        patch.setattr(dovetail, "train", lambda *_, **__: pytest.fail("it trained"))
+        second = run("identify", bench.description, bench.measured)
+    assert second.stderr == (f"Using the model trained before from this description ({kept}); --retrain trains anew.\n")
+    assert second.stdout == first.stdout
+    assert "Training a network" in run("identify", bench.description, bench.measured, "--retrain").stderr
+
+
+@pytest.fixture
+def trains_nothing(bench, monkeypatch):
+    """Put the model of `bench` in the place of one that would be trained, and count."""
+    calls = []
+
+    def take(assembly, **_):
+        calls.append(assembly.name)
+        return dovetail.load_model(bench.model)
+
+    monkeypatch.setattr(dovetail, "train", take)
+    return calls
+
+
+def test_another_description_is_trained_anew(run, bench, tmp_path, trains_nothing):
+    run("identify", bench.description, bench.measured)
+    other = tmp_path / "other.yaml"
+    other.write_text(f"extends: {bench.description}\nidentification: {{seed: 1}}\n")
+    run("identify", other, bench.measured)
+    run("identify", bench.description, bench.measured)
+    assert len(trains_nothing) == 2
+
+
+def test_a_damaged_kept_model_is_replaced(run, bench, tmp_path, trains_nothing):
+    run("identify", bench.description, bench.measured)
+    (kept,) = (tmp_path / "cache" / "models").iterdir()
+    (kept / "regressor.safetensors").write_bytes(b"")
+    assert "cannot be used; training anew" in run("identify", bench.description, bench.measured).stderr
+    assert len(trains_nothing) == 2
+    run("identify", bench.description, bench.measured)
+    assert len(trains_nothing) == 2
+
+
+def test_without_a_place_for_the_model_the_work_goes_on(run, bench, tmp_path, trains_nothing):
+    (tmp_path / "cache").write_text("a file where the folder should be")
+    done = run("identify", bench.description, bench.measured)
+    assert "The model is not kept: " in done.stderr
+    assert "Mean coherence" in done.stdout
+    assert trains_nothing == ["small"]
+
+
+def test_results_of_an_earlier_run_are_replaced_and_nothing_else(run, bench, tmp_path):
+    folder = tmp_path / "results"
+    run("identify", bench.model, bench.measured, "-o", folder)
+    (folder / "notes.txt").write_text("mine")
+    (folder / "parameters.csv").write_text("old")
+    run("identify", bench.model, bench.measured, "-o", folder)
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert (folder / "parameters.csv").read_text() != "old"
+
+
+def test_files_of_the_user_are_never_replaced(run, bench, tmp_path):
+    mine = tmp_path / "frf.csv"
+    mine.write_text("mine")
+    message = run("identify", bench.model, bench.measured, "-o", tmp_path, code=1).stderr
+    assert message == (
+        f"{tmp_path}\n  frf.csv would be replaced, and is not of an earlier run.\n  Choose another folder.\n"
+    )
+    assert mine.read_text() == "mine"
+
+
+@pytest.mark.usefixtures("untrained")
+def test_a_measurement_that_does_not_cover_is_refused_before_training(run, bench, tmp_path):
+    whole = dovetail.read_frf(bench.measured)
+    part = Frf(whole.frequency[:300], whole.values[:300], whole.quantity)
+    dovetail.write_frf(part, tmp_path / "part.csv")
+    message = run("identify", bench.description, tmp_path / "part.csv", code=1).stderr
+    assert "the measurement covers 1 to 300 Hz" in message
+
+
+@pytest.mark.usefixtures("untrained")
+@pytest.mark.parametrize(
+    ("arguments", "code", "found"),
+    [
+        (["--method", "nettwork"], 2, "Did you mean 'network'?"),
+        (["--accelerometer-mass", "3 m"], 2, "'3 m' has the dimension [length]"),
+        (["--quantity", "mobility"], 1, "the file says that it holds accelerance"),
+        (["--quantity", "speed"], 1, "'speed' is not a quantity"),
+        (["--truth", "gone.json"], 1, "gone.json"),
+        (["--index", "0"], 2, "--index"),
+    ],
+)
+def test_wrong_options_are_refused_before_training(run, bench, arguments, code, found):
+    message = run("identify", bench.description, bench.measured, *arguments, code=code).stderr
+    assert found in message
+    assert "Traceback" not in message
+
+
+@pytest.mark.usefixtures("untrained")
+def test_missing_files(run, bench, tmp_path):
+    gone = tmp_path / "gone.uff"
+    assert run("identify", bench.description, gone, code=1).stderr == f"{gone}\n  there is no such file.\n"
+    assert run("identify", gone, bench.measured, code=1).stderr == f"{gone}\n  there is no such file.\n"
+    assert "it is not a model" in run("identify", tmp_path, bench.measured, code=1).stderr
+
+
+def test_the_mass_of_the_accelerometer_is_removed(run, bench, tmp_path):
+    from dovetail.measurement import add_accelerometer_mass
+
+    loaded = tmp_path / "loaded.csv"
+    dovetail.write_frf(add_accelerometer_mass(dovetail.read_frf(bench.measured), 0.1), loaded)
+
+    def values(*arguments):
+        found = json.loads(run("identify", bench.model, *arguments, "--json").stdout)
+        return {name: parameter["value"] for name, parameter in found["parameters"].items()}
+
+    assert values(loaded, "--accelerometer-mass", "100 g") == pytest.approx(values(bench.measured), rel=1e-6)
+    assert values(loaded) != pytest.approx(values(bench.measured), rel=1e-3)
+
+
+def test_the_quantity_may_be_given(run, bench, tmp_path):
+    frf = dovetail.read_frf(bench.measured)
+    bare = tmp_path / "bare.csv"
+    rows = zip(frf.frequency, frf.values.real, frf.values.imag, strict=True)
+    bare.write_text(
+        "frequency_Hz,real,imag\n" + "".join(f"{f!r},{a!r},{b!r}\n" for f, a, b in (map(float, r) for r in rows))
+    )
+    assert "does not say which quantity" in run("identify", bench.model, bare, code=1).stderr
+    assert "Mean coherence" in run("identify", bench.model, bare, "--quantity", "accelerance").stdout
+
+
+@pytest.fixture
+def results(run, bench, tmp_path):
+    run("identify", bench.model, bench.measured, "-o", tmp_path / "results")
+    return tmp_path / "results"
+
+
+@pytest.fixture
+def heavier(bench, tmp_path):
+    description = tmp_path / "heavier.yaml"
+    description.write_text(
+        f"extends: {bench.description}\nname: heavier\nsubstructures: {{mass: {{masses: [{{mass: 2 kg}}]}}}}\n"
+    )
+    return description
+
+
+@pytest.mark.parametrize("given", ["folder", "file"])
+def test_predict_in_another_assembly(run, results, heavier, tmp_path, given):
+    source = results if given == "folder" else results / "result.json"
+    done = run("predict", heavier, source, "-o", tmp_path / "heavier.csv", "-o", tmp_path / "heavier.png")
+    k = json.loads((results / "result.json").read_text())["parameters"]["k"]["value"]
+    assert done.stdout.splitlines()[-1] == f"{np.sqrt(k / 2) / (2 * np.pi):.1f} Hz"
+    assembly = dovetail.load(heavier)
+    c = json.loads((results / "result.json").read_text())["parameters"]["c"]["value"]
+    np.testing.assert_allclose(dovetail.read_frf(tmp_path / "heavier.csv").values, assembly.frf({"k": k, "c": c}))
+    assert (tmp_path / "heavier.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_predict_as_json(run, results, heavier):
+    found = json.loads(run("predict", heavier, results, "--json").stdout)
+    assert found["name"] == "heavier"
+    assert set(found["parameters"]) == {"k", "c"}
+
+
+def test_a_result_read_back_is_the_same(results, bench):
+    from dovetail.identification.stored import read_identification
+
+    result = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured))
+    assert read_identification(results).to_dict() == result.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("damage", "found"),
+    [
+        (lambda _: "[]", "this is not the result of an identification"),
+        (lambda text: text[: len(text) // 2], "this is not the result of an identification"),
+        (lambda text: text.replace('"accelerance"', '"speed"'), "result.json  quantity"),
+        (lambda text: text.replace('"method"', '"mode"', 1), "result.json  method"),
+        (lambda text: json.dumps({**json.loads(text), "frequency_Hz": [1.0]}), "differ in length"),
+    ],
+    ids=["a list", "half a file", "quantity", "no method", "lengths"],
+)
+def test_predict_refuses_a_damaged_result(run, results, heavier, damage, found):
+    file = results / "result.json"
+    file.write_text(damage(file.read_text()))
+    message = run("predict", heavier, results, code=1).stderr
+    assert found in message
+    assert "Traceback" not in message
+
+
+def test_predict_refuses_a_folder_without_a_result(run, heavier, tmp_path):
+    assert "this folder has no result.json" in run("predict", heavier, tmp_path, code=1).stderr
+
+
+def test_predict_says_which_parameter_is_missing(run, results, assemblies):
+    message = run("predict", assemblies / "bt40_er32.yaml", results, code=1).stderr
+    assert "parameter Dc\n  assembly 'bt40-er32-t0' needs it, and the identification does not hold it." in message
+
+
+def test_a_model_folder_may_be_moved(run, bench, tmp_path):
+    shutil.copytree(bench.model, tmp_path / "moved")
+    printed = run("identify", tmp_path / "moved", bench.measured).stdout
+    assert printed == run("identify", bench.model, bench.measured).stdout

@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import dovetail
+
+
+def test_what_is_not_set_stands_in_the_middle(run, assemblies, collet):
+    arguments = ["simulate", assemblies / "bt40_er32.yaml", "--set", "Dc=30mm", "--set", "collet.kt_tc=500 MN/m"]
+    found = json.loads(run(*arguments, "--json").stdout)
+    middle = dict(zip((p.name for p in collet.parameters), collet.from_unit(np.full(12, 0.5)).tolist(), strict=True))
+    expected = {**middle, "Dc": 0.03, "kt_tc": 5e8}
+    assert found["parameters"] == pytest.approx(expected)
+    assert found["natural_frequencies"] == pytest.approx(collet.natural_frequencies(expected).tolist())
+
+
+def test_it_prints_parameters_and_natural_frequencies(run, assemblies):
+    printed = run("simulate", assemblies / "sdof.yaml", "--set", "k=3 MN/m", "--set", "c=500").stdout.splitlines()
+    rows = [line.split() for line in printed]
+    assert ["k", "3.000", "MN/m", "0.1", "to", "10", "MN/m"] in rows
+    assert ["c", "500.0", "N·s/m", "1", "to", "100", "N·s/m", "outside", "the", "range"] in rows
+    assert printed[-1] == f"{np.sqrt(3e6) / (2 * np.pi):.1f} Hz"
+
+
+@pytest.mark.parametrize("suffix", ["csv", "uff", "npz"])
+def test_written_files_hold_the_frf(run, sdof, assemblies, tmp_path, suffix):
+    file = tmp_path / "new" / f"frf.{suffix}"
+    run("simulate", assemblies / "sdof.yaml", "--set", "k=3e6", "--set", "c=40", "-o", file)
+    read = dovetail.read_frf(file)
+    assert read.quantity == "accelerance"
+    np.testing.assert_allclose(read.values, sdof.frf({"k": 3e6, "c": 40.0}), rtol=1e-9)
+
+
+def test_several_files_at_once_and_a_figure(run, assemblies, tmp_path):
+    table, figure = tmp_path / "frf.csv", tmp_path / "frf.png"
+    done = run("simulate", assemblies / "sdof.yaml", "-o", table, "-o", figure)
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert table.exists()
+    assert done.stderr == f"Written: {table}\nWritten: {figure}\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["frf.csv", "frf.png"]
+
+
+@pytest.mark.parametrize("name", ["frf.csv", "frf.png"])
+def test_a_file_that_is_there_stays(run, assemblies, tmp_path, name):
+    file = tmp_path / name
+    file.write_text("mine")
+    message = run("simulate", assemblies / "sdof.yaml", "-o", file, code=1).stderr
+    assert message == f"{file}\n  there is such a file already.\n  Choose another name, or add --overwrite.\n"
+    assert file.read_text() == "mine"
+    run("simulate", assemblies / "sdof.yaml", "-o", file, "--overwrite")
+    assert file.read_bytes() != b"mine"
+
+
+def test_unknown_parameter(run, assemblies):
+    message = run("simulate", assemblies / "sdof.yaml", "--set", "kk=1", code=1).stderr
+    assert message == ("parameter kk\n  the assembly has no such parameter.\n  Did you mean 'k'?  Accepted: k, c\n")
+
+
+def test_wrong_unit(run, assemblies):
+    message = run("simulate", assemblies / "sdof.yaml", "--set", "k=3 mm", code=1).stderr
+    assert message.startswith("parameter k\n  '3 mm' has the dimension [length], but a unit of N/m")
+    assert "Traceback" not in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "found"),
+    [
+        (["--set", "k"], "'k' is not NAME=VALUE"),
+        (["--set", "=3"], "'=3' is not NAME=VALUE"),
+        (["--set", "k=1", "--set", "k=2"], "'k' is set twice"),
+        (["-o", "frf.pdf"], "Accepted: .csv, .uff, .unv, .npz, .png"),
+        (["--sett", "k=1"], "No such option"),
+    ],
+)
+def test_wrong_command_lines(run, assemblies, arguments, found):
+    message = run("simulate", assemblies / "sdof.yaml", *arguments, code=2).stderr
+    assert message.startswith("Usage: ")
+    assert found in message
+
+
+def test_missing_file(run, tmp_path):
+    file = tmp_path / "gone.yaml"
+    done = run("simulate", file, code=1)
+    assert done.stdout == ""
+    assert done.stderr == f"{file}\n  there is no such file.\n"
+
+
+def test_a_place_that_cannot_be_written(run, assemblies, tmp_path):
+    blocker = tmp_path / "file"
+    blocker.write_text("")
+    message = run("simulate", assemblies / "sdof.yaml", "-o", blocker / "frf.csv", code=1).stderr
+    assert message.startswith(f"{blocker}\n  the system refuses: ")

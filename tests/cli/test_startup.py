@@ -1,0 +1,74 @@
+"""The command starts fast, and what is heavy stays unloaded until it is needed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+HEAVY = ("torch", "umap", "numba", "matplotlib")
+
+LOADED_AFTER = f"""
+import sys
+{{code}}
+print([name for name in {HEAVY!r} if name in sys.modules])
+"""
+
+RUN_APP = """
+from dovetail.cli import app
+try:
+    app({arguments!r})
+except SystemExit as exit:
+    assert exit.code == 0, exit.code
+"""
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import dovetail",
+        RUN_APP.format(arguments=["--help"]),
+        RUN_APP.format(arguments=["plugins"]),
+        RUN_APP.format(arguments=["describe", "collet"]),
+    ],
+    ids=["import dovetail", "--help", "plugins", "describe"],
+)
+def test_heavy_packages_stay_unloaded(code):
+    script = LOADED_AFTER.format(code=code)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def fastest(command: list[str]) -> float:
+    seconds = []
+    for _ in range(5):
+        start = time.perf_counter()
+        subprocess.run(command, capture_output=True, check=True, timeout=60)
+        seconds.append(time.perf_counter() - start)
+    return min(seconds)
+
+
+def test_help_answers_at_once(command):
+    """Against Python's own start, so that a slow machine does not fail; NumPy alone takes half of what is allowed."""
+    python, help_ = fastest([sys.executable, "-c", "pass"]), fastest([command, "--help"])
+    print(f"dovetail --help: {help_:.3f} s; python -c pass: {python:.3f} s")
+    assert help_ < 25 * python
+
+
+def test_version(shell):
+    import dovetail
+
+    assert shell("--version").stdout == f"dovetail {dovetail.__version__}\n"
+
+
+def test_help_lists_every_command(shell):
+    done = shell("--help")
+    assert done.returncode == 0
+    listed = [line.split()[0] for line in done.stdout.partition("Commands:\n")[2].splitlines() if line.strip()]
+    assert listed == [
+        "plugins", "describe", "check", "simulate", "generate", "train", "identify", "predict", "robustness",
+    ]  # fmt: skip
+    assert max(len(line) for line in done.stdout.splitlines()) <= 80

@@ -1,0 +1,119 @@
+"""What is shown on a terminal, and how quiet it is in a pipe."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f]")
+
+
+def test_a_pipe_gets_results_and_no_control_characters(shell, bench, tmp_path):
+    done = shell("identify", bench.description, bench.measured, "-o", tmp_path / "results")
+    assert done.returncode == 0, done.stderr
+    assert not CONTROL.search(done.stdout)
+    assert done.stderr == (
+        "Training a network for 'small' on 200 simulated FRFs; it is kept for the next time.\n"
+        f"Written to {tmp_path / 'results'}: result.json, report.html, parameters.csv, frf.csv, frf.png\n"
+    )
+
+
+def on_a_terminal(command: list[str], environment: dict[str, str]) -> str:
+    """Return everything that a command writes to a terminal of 80 columns."""
+    pty = pytest.importorskip("pty")
+    import fcntl
+    import struct
+    import termios
+
+    own, terminal = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 80, 0, 0))
+    shown = {**environment, "TERM": "xterm-256color"}
+    shown.pop("COLUMNS", None)
+    process = subprocess.Popen(command, stdin=terminal, stdout=terminal, stderr=terminal, env=shown)
+    os.close(terminal)
+    written = bytearray()
+    while True:
+        try:
+            part = os.read(own, 65536)
+        except OSError:  # the terminal closes with the last process that holds it
+            break
+        if not part:
+            break
+        written += part
+    os.close(own)
+    assert process.wait(timeout=60) == 0, written.decode()
+    return written.decode()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are of POSIX")
+def test_a_terminal_gets_a_bar_a_stage_and_the_time_left(command, environment, bench, tmp_path):
+    written = on_a_terminal([command, "train", str(bench.description), "-o", str(tmp_path / "model")], environment)
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", written)
+    final = plain[plain.rindex("generate") : plain.index("small: errors on 40 test samples")]
+    stages = [line.split() for line in final.replace("\r", "").splitlines() if line.strip()]
+    assert [stage[0] for stage in stages][:3] == ["generate", "features", "reducer"]
+    assert len(stages) == 5
+    assert stages[0][2] == "200/200"
+    assert all(re.fullmatch(r"\d\d:\d\d", stage[3]) for stage in stages)
+    assert "validation loss" in final
+    assert max(len(line) for line in final.replace("\r", "").splitlines()) <= 80
+
+
+ENDLESS = """
+import time
+from pathlib import Path
+import dovetail
+
+
+class Endless(dovetail.Regressor):
+    name = "endless"
+    summary = "A regressor that is never done"
+
+    def fit(self, features, targets, *, seed, progress=dovetail.silent):
+        Path(__file__).with_name("begun").touch()
+        while True:
+            time.sleep(0.01)
+
+    def restore(self, state):
+        raise NotImplementedError
+
+
+@dovetail.hookimpl
+def dovetail_components():
+    return [Endless]
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are of POSIX")
+def test_ctrl_c_in_training_ends_without_a_traceback(command, environment, bench, tmp_path):
+    plugin, description = tmp_path / "endless.py", tmp_path / "endless.yaml"
+    plugin.write_text(ENDLESS)
+    small = bench.description.read_text()
+    description.write_text(small[: small.index("  regressor:")] + "  regressor: {model: endless}\n")
+    words = [command, "identify", str(description), str(bench.measured), "--plugin", str(plugin)]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "begun").exists():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    printed, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert printed == ""
+    assert said.splitlines()[1:] == ["", "Interrupted."]
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_pipe_that_closes_early_is_no_fault(command, environment):
+    done = subprocess.run(
+        f"'{command}' describe collet --json | head -c 10", shell=True, capture_output=True, text=True, env=environment
+    )
+    assert done.stdout.startswith("[")
+    assert done.stderr == ""

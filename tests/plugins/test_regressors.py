@@ -1,0 +1,251 @@
+"""The multilayer perceptron: it learns, it stops in time, and it answers the same everywhere."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydantic import ValidationError
+from safetensors.numpy import save_file
+
+import dovetail
+from dovetail_plugins.regressors.mlp import MLP
+
+SMALL = {"hidden": (24, 12), "batch_size": 32, "learning_rate": 1e-2, "dropout": 0.0}
+
+
+def recipe(**options: object) -> MLP:
+    return MLP(MLP.Config(**{**SMALL, **options}))
+
+
+def samples(count: int, seed: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Four features and two targets that are smooth functions of them."""
+    features = np.random.default_rng(seed).standard_normal((count, 4)).astype(np.float32)
+    targets = np.stack([np.tanh(features[:, 0] + features[:, 1]), 0.5 * features[:, 2] ** 2], axis=1)
+    return features, targets.astype(np.float64)
+
+
+@pytest.fixture(scope="module")
+def training() -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    return samples(500, 0)
+
+
+@pytest.fixture(scope="module")
+def rows() -> NDArray[np.float32]:
+    return samples(80, 1)[0]
+
+
+@pytest.fixture(scope="module")
+def fitted(training) -> dovetail.FittedRegressor:
+    return recipe(max_epochs=60).fit(*training, seed=0)
+
+
+class Log:
+    """Keeps what `progress` is told."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, int, int, str]] = []
+
+    def __call__(self, stage: str, done: int, total: int, note: str = "") -> None:
+        self.calls.append((stage, done, total, note))
+
+    @property
+    def losses(self) -> list[float]:
+        return [float(re.fullmatch(r"validation loss (\S+)", note).group(1)) for *_, note in self.calls]
+
+
+def test_it_learns_a_smooth_function(fitted, rows):
+    wanted = samples(80, 1)[1]
+    error = ((fitted.predict(rows) - wanted) ** 2).mean(axis=0)
+    assert np.all(1.0 - error / wanted.var(axis=0) > 0.95)
+
+
+def test_prediction_is_the_forward_pass_of_torch(fitted, rows):
+    torch = pytest.importorskip("torch")
+    state = {name: torch.from_numpy(value).double() for name, value in fitted.state().items()}
+    activation = torch.from_numpy(rows).double()
+    for layer in range(3):
+        activation = torch.nn.functional.linear(activation, state[f"weight{layer}"].T, state[f"bias{layer}"])
+        activation = activation if layer == 2 else torch.relu(activation)
+    np.testing.assert_allclose(fitted.predict(rows), activation.numpy(), rtol=1e-12, atol=1e-14)
+
+
+def test_there_are_two_hidden_layers_of_the_sizes_asked_for(fitted):
+    shapes = [fitted.state()[f"weight{layer}"].shape for layer in range(3)]
+    assert shapes == [(4, 24), (24, 12), (12, 2)]
+
+
+def test_one_row_alone_gives_what_it_gives_in_any_batch(fitted, rows):
+    together = fitted.predict(rows)
+    assert together.dtype == np.float64
+    alone = np.concatenate([fitted.predict(rows[i : i + 1]) for i in range(len(rows))])
+    np.testing.assert_allclose(alone, together, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fitted.predict(np.tile(rows, (100, 1)))[-80:], together, rtol=0, atol=1e-12)
+
+
+def test_a_new_process_gives_the_same_after_loading_without_torch(fitted, rows, tmp_path):
+    save_file(dict(fitted.state()), tmp_path / "state.safetensors")
+    np.save(tmp_path / "rows.npy", rows)
+    script = """
+import sys
+import numpy as np
+from safetensors.numpy import load_file
+from dovetail_plugins.regressors.mlp import MLP
+np.save("answer.npy", MLP().restore(load_file("state.safetensors")).predict(np.load("rows.npy")))
+print(*{"torch", "umap", "numba", "sklearn"} & set(sys.modules))
+"""
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+    np.testing.assert_allclose(np.load(tmp_path / "answer.npy"), fitted.predict(rows), rtol=0, atol=1e-12)
+
+
+def test_the_same_seed_gives_the_same_network_and_another_seed_another(training, fitted):
+    again = recipe(max_epochs=60).fit(*training, seed=0)
+    for name, value in fitted.state().items():
+        np.testing.assert_array_equal(again.state()[name], value)
+    other = recipe(max_epochs=1).fit(*training, seed=1).state()["weight0"]
+    assert not np.allclose(other, recipe(max_epochs=1).fit(*training, seed=0).state()["weight0"])
+
+
+def test_training_leaves_the_callers_torch_as_it_was(training):
+    torch = pytest.importorskip("torch")
+    torch.manual_seed(7)
+    random_state, threads = torch.get_rng_state(), torch.get_num_threads()
+    recipe(max_epochs=2).fit(*training, seed=0)
+    assert torch.equal(torch.get_rng_state(), random_state)
+    assert torch.get_num_threads() == threads
+
+
+def test_training_does_not_depend_on_the_callers_random_numbers(training):
+    torch = pytest.importorskip("torch")
+    torch.manual_seed(1)
+    first = recipe(max_epochs=2, dropout=0.3).fit(*training, seed=0).state()["weight0"]
+    torch.manual_seed(2)
+    np.testing.assert_array_equal(recipe(max_epochs=2, dropout=0.3).fit(*training, seed=0).state()["weight0"], first)
+
+
+def test_progress_tells_every_epoch_and_its_validation_loss(training):
+    log = Log()
+    recipe(max_epochs=5).fit(*training, seed=0, progress=log)
+    assert [call[:3] for call in log.calls] == [("regressor", epoch, 5) for epoch in range(1, 6)]
+    assert log.losses[-1] < log.losses[0]
+
+
+def test_training_stops_when_the_validation_loss_no_longer_falls():
+    generator = np.random.default_rng(0)
+    features = generator.standard_normal((200, 4)).astype(np.float32)
+    noise = generator.standard_normal((200, 2))
+    log = Log()
+    recipe(max_epochs=200, patience=6).fit(features, noise, seed=0, progress=log)
+    best = int(np.argmin(log.losses)) + 1
+    assert len(log.calls) == best + 6
+    assert log.calls[-1][1:3] == (best + 6, 200)
+
+
+def test_the_network_of_the_best_epoch_is_kept():
+    generator = np.random.default_rng(0)
+    features = generator.standard_normal((200, 4)).astype(np.float32)
+    noise = generator.standard_normal((200, 2))
+    log = Log()
+    stopped = recipe(max_epochs=200, patience=6).fit(features, noise, seed=0, progress=log)
+    best = int(np.argmin(log.losses)) + 1
+    until_best = recipe(max_epochs=best, patience=6).fit(features, noise, seed=0)
+    np.testing.assert_array_equal(stopped.state()["weight0"], until_best.state()["weight0"])
+    one_more = recipe(max_epochs=best + 1, patience=6).fit(features, noise, seed=0)
+    np.testing.assert_array_equal(one_more.state()["weight0"], until_best.state()["weight0"])
+
+
+def test_l2_regularisation_makes_the_weights_smaller(training):
+    free, held = (recipe(max_epochs=10, weight_decay=decay).fit(*training, seed=0) for decay in (0.0, 0.1))
+    assert np.linalg.norm(held.state()["weight0"]) < 0.5 * np.linalg.norm(free.state()["weight0"])
+
+
+def test_dropout_changes_training_and_not_prediction(training, rows):
+    dropped = recipe(max_epochs=3, dropout=0.5).fit(*training, seed=0)
+    assert not np.allclose(
+        dropped.state()["weight0"], recipe(max_epochs=3, dropout=0.0).fit(*training, seed=0).state()["weight0"]
+    )
+    np.testing.assert_array_equal(dropped.predict(rows), dropped.predict(rows))
+
+
+def test_changing_the_state_afterwards_changes_nothing(fitted, rows):
+    before = fitted.predict(rows)
+    for value in fitted.state().values():
+        value[...] = 0.0
+    np.testing.assert_array_equal(fitted.predict(rows), before)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_values_that_are_not_finite_are_refused(fitted, training, rows, value):
+    rows = rows.copy()
+    rows[5, 2] = value
+    with pytest.raises(dovetail.DovetailError, match=r"row 5, column 2 is -?(nan|inf), which is not finite"):
+        fitted.predict(rows)
+    features, targets = training[0].copy(), training[1].copy()
+    features[5, 2] = value
+    with pytest.raises(dovetail.DovetailError, match=r"mlp'\n.*row 5, column 2"):
+        recipe().fit(features, training[1], seed=0)
+    targets[9, 1] = value
+    with pytest.raises(dovetail.DovetailError, match=r"mlp', targets\n.*row 9, column 1"):
+        recipe().fit(training[0], targets, seed=0)
+
+
+def test_another_width_is_refused(fitted, rows):
+    with pytest.raises(dovetail.DovetailError, match=r"given 3 columns, but was fitted to 4"):
+        fitted.predict(rows[:, :3])
+
+
+def test_one_row_without_its_sample_axis_is_refused(fitted, rows):
+    with pytest.raises(dovetail.DovetailError, match=r"shape \(4,\)"):
+        fitted.predict(rows[0])
+
+
+def test_features_and_targets_of_different_length_are_refused(training):
+    with pytest.raises(dovetail.DovetailError, match=r"500 rows of features and 499 of targets"):
+        recipe().fit(training[0], training[1][:-1], seed=0)
+
+
+def test_too_few_samples_are_refused(training):
+    with pytest.raises(dovetail.DovetailError, match=r"2 samples are too few"):
+        recipe().fit(training[0][:2], training[1][:2], seed=0)
+
+
+@pytest.mark.parametrize("name", ["weight0", "weight2", "bias1"])
+def test_a_damaged_state_is_refused(fitted, name):
+    state = dict(fitted.state())
+    with pytest.raises(dovetail.DovetailError, match=f"lacks '{name}'"):
+        MLP().restore({key: value for key, value in state.items() if key != name})
+    with pytest.raises(dovetail.DovetailError, match="holds"):
+        MLP().restore({**state, name: state[name][..., :-1]})
+    with pytest.raises(dovetail.DovetailError, match="not finite"):
+        MLP().restore({**state, name: np.full_like(state[name], np.nan)})
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"hidden": (512,)},
+        {"hidden": (512, 256, 128)},
+        {"hidden": (512, 0)},
+        {"dropout": 1.0},
+        {"weight_decay": -1e-3},
+        {"learning_rate": 0.0},
+        {"batch_size": 0},
+        {"max_epochs": 0},
+        {"patience": 0},
+        {"validation_fraction": 1.0},
+        {"layers": 3},
+    ],
+)
+def test_options_out_of_bounds_are_refused(options):
+    with pytest.raises(ValidationError):
+        MLP.Config(**options)
+
+
+def test_training_that_diverges_is_explained(training):
+    with pytest.raises(dovetail.DovetailError, match=r"no longer finite after epoch \d+\.\n.*'learning_rate' below"):
+        recipe(learning_rate=1e30, max_epochs=20).fit(*training, seed=0)
