@@ -10,10 +10,11 @@ import pytest
 
 import dovetail
 
+# Before torch or numba load OpenMP: threads that spin while they wait starve each other on a busy machine.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
 ROOT = Path(__file__).resolve().parent.parent
 ASSEMBLIES = ROOT / "assemblies"
-
-os.environ.setdefault("MPLBACKEND", "Agg")
 
 
 @pytest.fixture(scope="session")

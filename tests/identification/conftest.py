@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from typing import Any
 
@@ -11,9 +10,6 @@ import numpy as np
 import pytest
 
 import dovetail
-
-# Before torch or numba load OpenMP: threads that spin while they wait starve each other on a busy machine.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 WithSettings = Callable[..., dovetail.Assembly]
 

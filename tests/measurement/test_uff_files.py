@@ -56,9 +56,9 @@ def test_single_precision_binary_as_an_analyser_writes_it(tmp_path: Path, order:
 
 
 def test_carriage_returns_padding_blank_lines_and_latin_labels(tmp_path: Path) -> None:
-    one = set_58(FREQUENCY, VALUES, abscissa_spacing=1, id1="K~rper", ordinate_axis_units_lab="m/s~")
+    one = set_58(FREQUENCY, VALUES, abscissa_spacing=1, id1="K~rper_", ordinate_axis_units_lab="m/s~")
     path = file_of(tmp_path, one)
-    lines = path.read_bytes().replace(b"K~rper", b"K\xf6rper").replace(b"m/s~", b"m/s\xb2").split(b"\n")
+    lines = path.read_bytes().replace(b"K~rper_", b"K\xf6rper\x85").replace(b"m/s~", b"m/s\xb2").split(b"\n")
     lines = [line.ljust(80) for line in lines[:-2]] + [b" " * 80] + lines[-2:]
     path.write_bytes(b"\r\n".join(lines))
     np.testing.assert_allclose(read_frf(path).values, VALUES, rtol=1e-11)

@@ -13,7 +13,8 @@ import pytest
 from dovetail import StructuralMatrices, hookimpl
 from dovetail.errors import PluginError
 from dovetail.interfaces import ComponentConfig, JointModel, Parameter, Port
-from dovetail.registry import Registry, registry as module
+from dovetail.registry import Registry
+from dovetail.registry import registry as module
 
 GOOD = '''
 import numpy as np

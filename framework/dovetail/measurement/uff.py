@@ -92,7 +92,10 @@ def _data(content: bytes, one: UffSet) -> tuple[NDArray[np.float64], NDArray[Any
     _check_form(one)
     fields = one.fields
     payload = content[one.header_end : one.end]
-    payload = _binary_data(one, payload) if fields["binary"] else _ascii_data(one, content, payload)
+    if fields["binary"]:
+        _check_size(one, payload)
+    else:
+        payload = _ascii_data(one, content, payload)
     parsed = parsed_set(clean_header(content[one.start : one.header_end]) + payload + END)
     if not parsed:
         raise MeasurementError(
@@ -134,7 +137,7 @@ def _check_form(one: UffSet) -> None:
         )
 
 
-def _binary_data(one: UffSet, payload: bytes) -> bytes:
+def _check_size(one: UffSet, payload: bytes) -> None:
     fields = one.fields
     numbers = (1 if fields["ord_data_type"] in _REAL else 2) + (fields["abscissa_spacing"] == 0)
     expected = fields["num_pts"] * numbers * (8 if fields["ord_data_type"] in _DOUBLE else 4)
@@ -147,7 +150,6 @@ def _binary_data(one: UffSet, payload: bytes) -> bytes:
                 remedy="The file is truncated or damaged: export it again.",
             )
         )
-    return payload[:expected]
 
 
 def _ascii_data(one: UffSet, content: bytes, payload: bytes) -> bytes:

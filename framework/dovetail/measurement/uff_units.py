@@ -26,8 +26,6 @@ _QUANTITY_OF: dict[int, Quantity] = {number: quantity for quantity, (number, _, 
 _NO_LABEL = ("", "none")
 _SQUARE = re.compile(r"(?<=[a-z])2|²")
 _GRAVITY = re.compile(r"^[gG](?=/|$)")
-_PLAIN_UNIT = re.compile(r"(?:[A-Za-zµμ_()/*·. ]|\^-?[1-4](?![\^\d])|(?<![\d^])1(?=/))+")
-"""Numbers only as small exponents and as 1 over something: pint computes whatever a stranger's label says."""
 _SI_SYSTEM = 1
 
 
@@ -115,8 +113,6 @@ def _spelled(one: UffSet, field: str) -> str:
 def _converted(label: str, unit: str) -> float | None:
     if label == unit:
         return 1.0
-    if not _PLAIN_UNIT.fullmatch(label):
-        return None
     try:
         return to_si(f"1 {label}", unit)
     except UnitError:
