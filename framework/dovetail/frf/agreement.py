@@ -9,7 +9,7 @@ __all__ = ["coherence_spectrum"]
 
 
 def coherence_spectrum(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
-    """Agreement of two complex FRFs line by line: |h1 + h2|^2 / (2 (|h1|^2 + |h2|^2)).
+    """Agreement of two complex FRFs, line by line.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def coherence_spectrum(first: ArrayLike, second: ArrayLike) -> NDArray[np.float6
     Returns
     -------
     (..., n_freq) array
-        1 where they are equal, 0 where they are opposite. Two zeros agree.
+        ``|h1 + h2|^2 / (2 (|h1|^2 + |h2|^2))``: 1 where they are equal, 0 where they are opposite. Two zeros agree.
 
     References
     ----------
