@@ -44,7 +44,7 @@ def test_all_files_are_written(run, bench, tmp_path):
     folder = tmp_path / "deep" / "results"
     done = run("identify", bench.model, bench.measured, "--truth", bench.truth, "-o", folder)
     assert sorted(path.name for path in folder.iterdir()) == FILES
-    assert done.stderr == f"Written to {folder}: result.json, report.html, parameters.csv, frf.csv, frf.png\n"
+    assert done.stderr == f"Written to {folder}: report.html, result.json, parameters.csv, frf.csv, frf.png\n"
     result = json.loads((folder / "result.json").read_text())
     with (folder / "parameters.csv").open() as stream:
         parameters = {row["name"]: row for row in csv.DictReader(stream)}

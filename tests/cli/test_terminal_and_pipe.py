@@ -20,7 +20,7 @@ def test_a_pipe_gets_results_and_no_control_characters(shell, bench, tmp_path):
     assert not CONTROL.search(done.stdout)
     assert done.stderr == (
         "Training a network for 'small' on 200 simulated FRFs; it is kept for the next time.\n"
-        f"Written to {tmp_path / 'results'}: result.json, report.html, parameters.csv, frf.csv, frf.png\n"
+        f"Written to {tmp_path / 'results'}: report.html, result.json, parameters.csv, frf.csv, frf.png\n"
     )
 
 
@@ -60,7 +60,7 @@ def test_a_terminal_gets_a_bar_a_stage_and_the_time_left(command, environment, b
     assert [stage[0] for stage in stages][:3] == ["generate", "features", "reducer"]
     assert len(stages) == 5
     assert stages[0][2] == "200/200"
-    assert all(re.fullmatch(r"\d\d:\d\d", stage[3]) for stage in stages)
+    assert all(any(re.fullmatch(r"\d\d:\d\d", word) for word in stage[2:4]) for stage in stages)
     assert "validation loss" in final
     assert max(len(line) for line in final.replace("\r", "").splitlines()) <= 80
 
@@ -120,3 +120,13 @@ def test_a_pipe_that_closes_early_is_no_fault(command, environment):
     os.close(writer)
     assert done.stderr == ""
     assert done.returncode == 1
+
+
+def test_a_stage_that_ends_early_is_shown_as_done():
+    from dovetail.cli.bars import StageBars
+
+    with StageBars() as bars:
+        bars("regressor", 30, 200, "validation loss 0.1")
+        bars("evaluation", 1, 4)
+        assert [task.finished for task in bars._bars.tasks] == [True, False]
+    assert [task.finished for task in bars._bars.tasks] == [True, True]

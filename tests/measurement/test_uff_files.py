@@ -98,13 +98,13 @@ AN_ANALYSER = """\
     58
 hammer
 NONE
-23-Mar-17 19:02:23
+01-Jan-20 12:00:00
 NONE
 H1
     4         0    0         0 NONE               0   0 NONE               0   0
-         5         3         1 0.00000e+00  1.95313e-01  0.00000e+00
+         5         3         1 0.00000e+00  2.50000e-01  0.00000e+00
         18    0    0    0 NONE                 Hz
-         1    0    0    0 Frequency Function   (1/N)*(m/s²)
+         1    0    0    0 Response per force   (1/N)*(m/s²)
          0    0    0    0 NONE                 NONE
          0    0    0    0 NONE                 NONE
  4.00000e-01  0.00000e+00 -5.00000e-02 -6.00000e-02  2.50000e-02 -2.00000e-04
@@ -118,7 +118,7 @@ def test_general_data_with_the_unit_of_an_frf(tmp_path: Path, encoding: str) -> 
     path = tmp_path / "a.uff"
     path.write_bytes(AN_ANALYSER.encode(encoding))
     frf = read_frf(path)
-    np.testing.assert_allclose(frf.frequency, [0.195313, 0.390626])
+    np.testing.assert_allclose(frf.frequency, [0.25, 0.5])
     np.testing.assert_allclose(frf.values, [-0.05 - 0.06j, 0.025 - 0.0002j])
     assert frf.quantity == "accelerance"
 
@@ -315,6 +315,13 @@ def test_the_announced_number_of_lines_must_be_there(tmp_path: Path) -> None:
     assert fault_of(binary) == (
         f"a.uff: set 1\n  the header announces 8 lines, which take 192 bytes, and there are 168.\n  {again}"
     )
+
+
+def test_one_endless_line_of_data(tmp_path: Path) -> None:
+    path = edited(file_of(tmp_path), rb"( 6 {9})7( {9}\d)", rb"\g<1>1\2")
+    lines = path.read_bytes().split(b"\n")
+    path.write_bytes(b"\n".join([*lines[:13], b"".join(lines[13:-2]), *lines[-2:]]))
+    assert fault_of(path) == "a.uff: set 1\n  there are more data than the 1 lines that the header announces."
 
 
 def test_forms_that_are_not_read(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ Exit codes: 0; 1 for a fault that is explained in one block; 2 for a wrong comma
 from __future__ import annotations
 
 import io
+import os
 import sys
 from typing import Annotated
 
@@ -61,6 +62,8 @@ for command in (plugins, describe, check, simulate, generate, train, identify, p
 
 def main() -> None:
     """Run the command line."""
+    # Threads that spin while they wait starve each other on a busy machine; OpenMP reads this when it is loaded.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that cannot show a sign shows a question mark

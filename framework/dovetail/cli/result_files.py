@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["csv_text", "prepare_folder", "write_results"]
 
 _RESULT = "result.json"
-_FILES = (_RESULT, "report.html", "parameters.csv", "frf.csv", "frf.png")
+_FILES = ("report.html", _RESULT, "parameters.csv", "frf.csv", "frf.png")
 
 
 def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RESULT) -> None:

@@ -14,7 +14,6 @@ import typer
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.progress import Progress as Bars
 
     from dovetail.interfaces import Progress
 
@@ -141,48 +140,8 @@ def progress_bars() -> Iterator[Progress]:
 
         yield silent
         return
-    with _bars() as bars:
-        adapter = _Stages(bars)
-        yield adapter
-        adapter.finish()
+    from dovetail.cli.bars import StageBars
+
+    with StageBars() as bars:
+        yield bars
     note("")
-
-
-def _bars() -> Bars:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=20),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(compact=True, elapsed_when_finished=True),
-        TextColumn("{task.fields[note]}"),
-        console=Console(stderr=True),
-    )
-
-
-class _Stages:
-    """One bar a stage; a stage is over when the next begins."""
-
-    def __init__(self, bars: Bars) -> None:
-        self._bars = bars
-        self._stage = ""
-        self._task: Any = None
-
-    def __call__(self, stage: str, done: int, total: int, note: str = "") -> None:
-        if stage != self._stage:
-            self.finish()
-            self._stage = stage
-            self._task = self._bars.add_task(f"{stage:<13}", total=None, note="")
-        # a single step tells nothing of how far it is: until it is done the bar only moves
-        known = None if total <= 1 and done < total else total
-        self._bars.update(self._task, completed=done, total=known)
-        if note:
-            self._bars.update(self._task, note=note)
-
-    def finish(self) -> None:
-        """Fill the bar of the stage at hand, which may have ended early."""
-        if self._task is not None:
-            (task,) = [task for task in self._bars.tasks if task.id == self._task]
-            self._bars.update(self._task, total=max(task.completed, 1), completed=max(task.completed, 1))

@@ -49,7 +49,8 @@ class RobustnessRow:
     def flat(self) -> dict[str, float | str]:
         """Return one row of a table, the parameters' R2 as columns of their own."""
         row = asdict(self)
-        return {**row, **{f"r2 {name}": value for name, value in row.pop("r2_by_parameter").items()}}
+        by_parameter = row.pop("r2_by_parameter")
+        return row | {f"r2 {name}": value for name, value in by_parameter.items()}
 
 
 def robustness(

@@ -26,6 +26,7 @@ Layers = list[tuple[NDArray[Any], NDArray[Any]]]
 _OWNER = "regressor 'mlp'"
 _LAYERS = 3
 _FEWEST = 3
+_LARGE = 500_000
 _BLOCK = 4096
 
 
@@ -137,7 +138,8 @@ class MLP(dovetail.Regressor):
         if len(inputs) < _FEWEST:
             found = f"{len(inputs)} samples are too few to train on and to validate with."
             raise dovetail.DovetailError(dovetail.Fault(_OWNER, found, f"{_FEWEST} or more"))
-        with _own_torch(seed):
+        first, second = self.config.hidden
+        with _own_torch(seed, first * (inputs.shape[1] + second)):
             layers = self._train(torch.from_numpy(inputs), torch.from_numpy(outputs), progress)
         return FittedMLP([weight for weight, _ in layers], [bias for _, bias in layers])
 
@@ -204,22 +206,24 @@ def _diverged(epoch: int, learning_rate: float) -> dovetail.Fault:
 
 
 @contextmanager
-def _own_torch(seed: int) -> Iterator[None]:
-    """Seed torch and give it half of the cores; the caller's random numbers and threads stay as they were.
+def _own_torch(seed: int, weights: int) -> Iterator[None]:
+    """Seed torch and choose its threads; the caller's random numbers and threads stay as they were.
 
-    With all cores an epoch is little faster on an idle machine, and takes fifty times as long as soon as anything else
-    wants a core, since torch's threads wait for each other after every product.
+    A small network is trained on one thread, a large one on half of the cores. More gain little on an idle machine,
+    and where anything else wants a core an epoch takes up to fifty times as long, since threads wait for each other
+    after every product.
     """
     import torch
 
-    threads = torch.get_num_threads()
-    torch.set_num_threads(min(threads, max(1, (os.cpu_count() or 1) // 2)))
+    before = torch.get_num_threads()
+    wanted = 1 if weights < _LARGE else max(1, (os.cpu_count() or 1) // 2)
+    torch.set_num_threads(min(before, wanted))
     try:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             yield
     finally:
-        torch.set_num_threads(threads)
+        torch.set_num_threads(before)
 
 
 def _layers(network: torch.nn.Sequential) -> Layers:
