@@ -18,7 +18,7 @@ from dovetail.evaluation.robustness import with_reducer
 def study(sdof, tmp_path_factory):
     description = json.loads(sdof.description.text)
     description["identification"].update(
-        samples=400, reducer={"model": "pca", "n_components": 12}, regressor={"model": "mlp", "max_epochs": 40}
+        samples=1000, reducer={"model": "pca", "n_components": 12}, regressor={"model": "mlp", "batch_size": 64}
     )
     assembly = dovetail.load(description)
     dataset = dovetail.generate(assembly, tmp_path_factory.mktemp("study") / "data.zarr")
