@@ -113,6 +113,7 @@ print(*{{"torch", "umap", "numba", "sklearn"}} & set(sys.modules))
         fitted.transform(rows)[...] = 0.0
         np.testing.assert_array_equal(rows, test_rows)
         np.testing.assert_array_equal(fitted.transform(test_rows), before)
+        assert all(np.any(value) for value in fitted.state().values())
 
     def test_the_same_seed_gives_the_same_and_leaves_the_callers_random_numbers_alone(self, case, training, test_rows):
         recipe, fitted = case
@@ -234,6 +235,11 @@ class TestNeighbours:
         np.testing.assert_allclose(squares, np.sort(distances, axis=1)[:, :15], rtol=1e-12, atol=1e-18)
         np.testing.assert_allclose(np.take_along_axis(distances, indices, axis=1), squares, rtol=1e-12, atol=1e-18)
 
+    def test_they_are_found_where_rounding_hides_them_from_the_matrix_product(self):
+        near = 1e6 + 1e-5 * np.arange(23.0)[::-1, np.newaxis] * np.ones((1, 3))
+        indices, _ = Neighbours(np.concatenate([near, near + 1.0])).nearest(near[22:], 15)
+        np.testing.assert_array_equal(indices, [np.arange(22, 7, -1)])
+
     def test_their_strengths_are_umap_learns(self, training, test_rows):
         umap_ = pytest.importorskip("umap.umap_")
         distances = np.sort(cdist(test_rows, training), axis=1)[:, :15]
@@ -243,6 +249,10 @@ class TestNeighbours:
             2
         ]
         np.testing.assert_allclose(membership_strengths(distances), wanted.reshape(distances.shape), atol=1e-4)
+
+    def test_strengths_of_a_point_do_not_depend_on_the_points_beside_it(self):
+        distances = np.array([[0.0] * 14 + [1e-3], [1.0] * 15])
+        np.testing.assert_array_equal(membership_strengths(distances)[:1], membership_strengths(distances[:1]))
 
     def test_neighbours_at_no_distance_count_alike(self):
         np.testing.assert_array_equal(membership_strengths(np.zeros((1, 5))), np.ones((1, 5)))

@@ -113,11 +113,16 @@ def test_the_same_seed_gives_the_same_network_and_another_seed_another(training,
 
 def test_training_leaves_the_callers_torch_as_it_was(training):
     torch = pytest.importorskip("torch")
-    torch.manual_seed(7)
-    random_state, threads = torch.get_rng_state(), torch.get_num_threads()
-    recipe(max_epochs=2).fit(*training, seed=0)
-    assert torch.equal(torch.get_rng_state(), random_state)
-    assert torch.get_num_threads() == threads
+    threads = torch.get_num_threads()
+    torch.set_num_threads(3)
+    try:
+        torch.manual_seed(7)
+        random_state = torch.get_rng_state()
+        recipe(max_epochs=2).fit(*training, seed=0)
+        assert torch.equal(torch.get_rng_state(), random_state)
+        assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(threads)
 
 
 def test_training_does_not_depend_on_the_callers_random_numbers(training):
@@ -133,6 +138,13 @@ def test_progress_tells_every_epoch_and_its_validation_loss(training):
     recipe(max_epochs=5).fit(*training, seed=0, progress=log)
     assert [call[:3] for call in log.calls] == [("regressor", epoch, 5) for epoch in range(1, 6)]
     assert log.losses[-1] < log.losses[0]
+
+
+def test_the_validation_loss_is_that_of_the_network_without_dropout():
+    features, targets = np.ones((50, 4), dtype=np.float32), np.ones((50, 2))
+    log = Log()
+    network = recipe(max_epochs=1, dropout=0.5).fit(features, targets, seed=0, progress=log)
+    assert log.losses == [pytest.approx(np.mean((network.predict(features) - targets) ** 2), rel=1e-4)]
 
 
 def test_training_stops_when_the_validation_loss_no_longer_falls():

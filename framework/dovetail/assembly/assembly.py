@@ -81,7 +81,8 @@ class Assembly:
 
     def _engine(self, points: Sequence[Point]) -> Engine:
         random = np.random.default_rng(0).random((_PROBES, len(self.parameters)))
-        return Engine(self.graph, self.frequency, points, self._by_joint(self.from_unit(random)))
+        sought = {name: self._space.sought_columns(name) for name in self.graph.connections}
+        return Engine(self.graph, self.frequency, points, self._by_joint(self.from_unit(random)), sought)
 
     def _by_joint(self, batch: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         return self._space.by_joint(batch)
@@ -145,16 +146,27 @@ class Assembly:
             Per unit of each parameter.
         """
         batch, single = self._space.batch(theta)
-        receptance, derivatives = self.engine.drive_point_jacobian(self._by_joint(batch))
+        receptance, jacobian = self.engine.jacobian(self._by_joint(batch))
         factor = conversion(self.frequency, "receptance", self.description.response.quantity)
-        sought = [
-            derivatives[name][..., self._space.sought_columns(name)] for name in self.graph.connections
-            if name in derivatives
-        ]  # fmt: skip
-        shape = (*receptance.shape, 0)
-        jacobian = np.concatenate([np.empty(shape, dtype=np.complex128), *sought], axis=-1) * factor[:, None]
-        values = receptance * factor
+        values, jacobian = receptance * factor, jacobian * factor[:, None]
         return (values[0], jacobian[0]) if single else (values, jacobian)
+
+    def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
+        """Amplitude of the accelerance at the drive point, in single precision.
+
+        Parameters
+        ----------
+        theta : as in `frf`
+
+        Returns
+        -------
+        (n_freq,) or (n, n_freq) float32 array
+            m/(N s^2).
+        """
+        batch, single = self._space.batch(theta)
+        factor = np.abs(conversion(self.frequency, "receptance", "accelerance"))
+        amplitude = self.engine.amplitude(self._by_joint(batch), factor)
+        return amplitude[0] if single else amplitude
 
     def receptance(
         self, theta: Theta, outputs: Sequence[tuple[str, float, str]], inputs: Sequence[tuple[str, float, str]]
@@ -174,8 +186,7 @@ class Assembly:
         vector = self.vector(theta)
         rows, columns = [self.point(*p) for p in outputs], [self.point(*p) for p in inputs]
         engine = self._engine(list(dict.fromkeys([*rows, *columns])))
-        receptance: NDArray[np.complex128] = engine.receptance(self._by_joint(vector[None, :]), rows, columns)[0]
-        return receptance
+        return engine.receptance(self._by_joint(vector[None, :]), rows, columns)
 
     def point(self, substructure: str, position: float, direction: str = "x") -> Point:
         """Return the DOF of a substructure at a node's position.

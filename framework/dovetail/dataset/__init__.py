@@ -1,7 +1,7 @@
 """Datasets: Latin hypercube samples and their FRFs, streamed to disk."""
 
 from dovetail.dataset.dataset import Dataset
-from dovetail.dataset.generation import accelerance_amplitude, generate
+from dovetail.dataset.generation import generate
 from dovetail.dataset.sampling import latin_hypercube
 
-__all__ = ["Dataset", "accelerance_amplitude", "generate", "latin_hypercube"]
+__all__ = ["Dataset", "generate", "latin_hypercube"]

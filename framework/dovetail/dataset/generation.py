@@ -15,7 +15,6 @@ from dovetail.assembly import Assembly
 from dovetail.dataset.dataset import FORMAT, Dataset
 from dovetail.dataset.sampling import latin_hypercube
 from dovetail.errors import DatasetError, Fault
-from dovetail.frf import conversion
 from dovetail.interfaces import Progress, silent
 
 __all__ = ["generate"]
@@ -132,7 +131,7 @@ def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
     with ThreadPoolExecutor(max_workers=1) as writer:
         pending: Future[None] | None = None
         for index in missing:
-            values = accelerance_amplitude(assembly, parameters[index * chunk : (index + 1) * chunk])
+            values = assembly.accelerance_amplitude(parameters[index * chunk : (index + 1) * chunk])
             if pending is not None:
                 pending.result()
             pending = writer.submit(write, index, values)
@@ -140,10 +139,3 @@ def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
             progress("generate", done, samples)
         if pending is not None:
             pending.result()
-
-
-def accelerance_amplitude(assembly: Assembly, theta: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the amplitude of the accelerance, (n, n_freq), for parameter vectors (n, n_params)."""
-    factor = conversion(assembly.frequency, assembly.description.response.quantity, "accelerance")
-    amplitude: NDArray[np.float32] = (np.abs(assembly.frf(theta)) * np.abs(factor)).astype(np.float32)
-    return amplitude

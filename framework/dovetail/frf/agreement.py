@@ -27,7 +27,5 @@ def coherence_spectrum(first: ArrayLike, second: ArrayLike) -> NDArray[np.float6
     """
     h1, h2 = np.asarray(first, dtype=np.complex128), np.asarray(second, dtype=np.complex128)
     energy = 2.0 * (np.abs(h1) ** 2 + np.abs(h2) ** 2)
-    agreement: NDArray[np.float64] = np.divide(
-        np.abs(h1 + h2) ** 2, energy, out=np.ones_like(energy), where=energy > 0
-    )
+    agreement: NDArray[np.float64] = np.divide(np.abs(h1 + h2) ** 2, energy, out=np.ones_like(energy), where=energy > 0)
     return agreement

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, load
-from dovetail.dataset import accelerance_amplitude
 from dovetail.errors import BundleError, DescriptionError, Fault, PluginError, listing
 from dovetail.identification.identifier import Identifier
 from dovetail.identification.manifest import (
@@ -171,7 +170,7 @@ def _answers(identifier: Identifier) -> State:
     """Return a few FRFs of the assembly and what the network answers to them."""
     assembly = identifier.assembly
     fractions = np.repeat(np.array(_CHECK_FRACTIONS)[:, np.newaxis], len(assembly.parameters), axis=1)
-    amplitude = accelerance_amplitude(assembly, assembly.from_unit(fractions))
+    amplitude = assembly.accelerance_amplitude(assembly.from_unit(fractions))
     return {"amplitude": amplitude, "theta": identifier.predict_parameters(amplitude)}
 
 

@@ -1,10 +1,11 @@
 """Frequency-domain substructure synthesis (FDSS)."""
 
 from dovetail.synthesis.direct import assembly_matrices, direct_receptance
-from dovetail.synthesis.engine import Engine, Point
+from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Attachment, Connection, Graph
 from dovetail.synthesis.literal import literal_receptance
 from dovetail.synthesis.modes import elastic_frequencies
+from dovetail.synthesis.system import Point
 
 __all__ = [
     "Attachment",

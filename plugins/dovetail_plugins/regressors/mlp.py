@@ -176,7 +176,9 @@ class MLP(dovetail.Regressor):
         validation, training = order[:held_back], order[held_back:]
         validation_inputs, validation_outputs = inputs[validation], outputs[validation]
         network = self._network(inputs.shape[1], outputs.shape[1])
-        optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+        optimizer = torch.optim.Adam(
+            network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
+        )
         schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(optimizer, factor=0.5, patience=config.patience // 3)
         best_loss, best_epoch, best = float("inf"), 0, _layers(network)
         for epoch in range(1, config.max_epochs + 1):

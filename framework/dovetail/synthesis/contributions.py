@@ -1,0 +1,238 @@
+"""What substructures and joints contribute to each slot of the elimination, as columns of arrays for the kernel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import DovetailError
+from dovetail.interfaces import StructuralMatrices
+from dovetail.synthesis.code import Derivative, Term
+from dovetail.synthesis.elimination import Program
+from dovetail.synthesis.system import CoupledSystem, Theta, depends_on_frequency, filled_entries
+
+__all__ = ["Contributions"]
+
+_PARTS = "KDCM"
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Which entries of a joint's matrices go to which columns.
+
+    Parameters
+    ----------
+    entries : array of int
+        Flat local entries, row * d + column.
+    columns : array of int
+    repeated : bool
+        Whether a column occurs twice, where local DOFs are merged.
+    """
+
+    entries: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    repeated: bool
+
+    def add(self, total: NDArray[np.float64], matrices: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
+        values = matrices.reshape(len(matrices), -1)[:, self.entries] * weights
+        if self.repeated:
+            np.add.at(total.T, self.columns, values.T)
+        else:
+            total[:, self.columns] += values
+
+
+class Contributions:
+    """The bookkeeping between a coupled system and its elimination program.
+
+    Parameters
+    ----------
+    system : CoupledSystem
+    program : Program
+        Over the system's active DOFs.
+    sought : mapping of str to list of int
+        Parameters of each joint by which to differentiate, as columns of its theta.
+    """
+
+    def __init__(self, system: CoupledSystem, program: Program, sought: dict[str, list[int]]) -> None:
+        self._system = system
+        self._program = program
+        self._sought = sought
+        self._slot_of = np.full((len(system.active),) * 2, -1, dtype=np.intp)
+        for slot, (row, column) in enumerate(zip(program.rows, program.columns, strict=True)):
+            self._slot_of[row, column] = self._slot_of[column, row] = slot
+
+    @cached_property
+    def static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
+        """Slot and part of each non-zero row that substructures contribute, and the rows (n_rows, n_freq)."""
+        values = np.zeros((self._program.slots, len(self._system.frequency)), dtype=np.complex128)
+        for numbers, Z in self._system.condensed.values():
+            local, places = self._system.located(numbers)
+            for row, column, slot in self._entries(places, np.ones((len(places),) * 2, dtype=bool)):
+                values[slot] += Z[:, local[row], local[column]]
+        parts = np.stack([values.real, values.imag], axis=1)
+        keys = tuple((int(slot), int(part)) for slot, part in np.argwhere(parts.any(axis=-1)))
+        return keys, np.array([parts[key] for key in keys]).reshape(len(keys), -1)
+
+    @cached_property
+    def terms(self) -> tuple[Term, ...]:
+        """Slot and part of each column that joints contribute."""
+        found = {
+            (slot, part)
+            for name, filled in self._filled_parts.items()
+            for part in _PARTS
+            for _, slot in self._local_slots(name, filled[part])
+        }
+        return tuple(sorted(found))
+
+    @cached_property
+    def general(self) -> tuple[int, ...]:
+        """Slots to which joints that depend on frequency contribute."""
+        found = {
+            slot
+            for name, connection in self._system.graph.connections.items()
+            if depends_on_frequency(connection.model)
+            for _, slot in self._local_slots(name, self._system.filled[name])
+        }
+        return tuple(sorted(found))
+
+    @cached_property
+    def derivatives(self) -> tuple[Derivative, ...]:
+        """Parameter, slot and part of each column of the derivatives."""
+        found: set[Derivative] = set()
+        for parameter, name, filled in self._filled_derivatives:
+            for part in _PARTS:
+                found.update((parameter, slot, part) for _, slot in self._local_slots(name, filled[part]))
+        return tuple(sorted(found))
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters by which to differentiate."""
+        return sum(len(columns) for columns in self._sought.values())
+
+    @cached_property
+    def _filled_parts(self) -> dict[str, dict[str, NDArray[np.bool_]]]:
+        """Entries of each part of each joint's matrices that any probe fills."""
+        found = {}
+        for name, connection in self._system.graph.connections.items():
+            if not depends_on_frequency(connection.model):
+                found[name] = _filled_by_part(connection.model.matrices(self._system.probe[name]))
+        return found
+
+    @cached_property
+    def _filled_derivatives(self) -> list[tuple[int, str, dict[str, NDArray[np.bool_]]]]:
+        """The same for the derivative by each sought parameter."""
+        found, parameter = [], 0
+        for name, columns in self._sought.items():
+            model = self._system.graph.connections[name].model
+            jacobian = model.matrices_jacobian(self._system.probe[name]) if columns else ()
+            for column in columns:
+                found.append((parameter, name, _filled_by_part(jacobian[column])))
+                parameter += 1
+        return found
+
+    def _entries(self, places: NDArray[np.intp], filled: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
+        """Local (row, column, slot) that make up the lower triangle; both halves where two local DOFs are merged."""
+        entries = []
+        for row, column in zip(*np.nonzero(filled), strict=True):
+            slot = int(self._slot_of[places[row], places[column]])
+            if slot >= 0 and (column <= row or places[row] == places[column]):
+                entries.append((int(row), int(column), slot))
+        return entries
+
+    def _local_slots(self, name: str, filled: NDArray[np.bool_]) -> list[tuple[int, int]]:
+        """Flat local entry and slot of a joint's filled entries."""
+        local, places = self._system.located(self._system.graph.joint_dofs(name))
+        size = len(filled)
+        entries = self._entries(places, filled[np.ix_(local, local)])
+        return [(int(local[row]) * size + int(local[column]), slot) for row, column, slot in entries]
+
+    def _columns(self, name: str, filled: NDArray[np.bool_], column_of: dict[int, int]) -> _Columns:
+        pairs = self._local_slots(name, filled)
+        columns = np.array([column_of[slot] for _, slot in pairs], dtype=np.intp)
+        entries = np.array([entry for entry, _ in pairs], dtype=np.intp)
+        return _Columns(entries, columns, len(set(columns.tolist())) < len(columns))
+
+    @cached_property
+    def _term_columns(self) -> list[tuple[str, str, _Columns]]:
+        by_part: dict[str, dict[int, int]] = {part: {} for part in _PARTS}
+        for column, (slot, part) in enumerate(self.terms):
+            by_part[part][slot] = column
+        return [
+            (name, part, self._columns(name, filled[part], by_part[part]))
+            for name, filled in self._filled_parts.items()
+            for part in _PARTS
+        ]
+
+    @cached_property
+    def _weight_columns(self) -> list[tuple[int, str, str, _Columns]]:
+        columns: dict[tuple[int, str], dict[int, int]] = {}
+        for column, (parameter, slot, part) in enumerate(self.derivatives):
+            columns.setdefault((parameter, part), {})[slot] = column
+        return [
+            (parameter, name, part, self._columns(name, filled[part], columns.get((parameter, part), {})))
+            for parameter, name, filled in self._filled_derivatives
+            for part in _PARTS
+        ]
+
+    def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
+        """Return what the joints contribute to each term, (n, n_terms).
+
+        Raises
+        ------
+        DovetailError
+            A joint fills entries of its matrices for some parameters only.
+        """
+        total = np.zeros((count, len(self.terms)))
+        matrices: dict[str, StructuralMatrices] = {}
+        for name in self._filled_parts:
+            model = self._system.graph.connections[name].model
+            matrices[name] = model.matrices(theta[name])
+            stray = filled_entries(matrices[name]) & ~self._system.filled[name]
+            if stray.any():
+                row, column = np.argwhere(stray)[0]
+                raise DovetailError(
+                    f"joint '{name}' ({model.name}) fills the entry ({row}, {column}) of its matrices for some "
+                    "parameters only; it must be filled for all, or for none."
+                )
+        for name, part, columns in self._term_columns:
+            columns.add(total, getattr(matrices[name], part), np.ones(len(columns.entries)))
+        return total
+
+    def gather_general(self, theta: Theta, count: int) -> NDArray[np.float64]:
+        """Return what joints that depend on frequency contribute, (n, n_slots, 2, n_freq)."""
+        frequency = self._system.frequency
+        total = np.zeros((count, len(self.general), 2, len(frequency)))
+        row_of = {slot: row for row, slot in enumerate(self.general)}
+        for name, connection in self._system.graph.connections.items():
+            if not depends_on_frequency(connection.model):
+                continue
+            Z = connection.model.dynamic_stiffness(frequency, theta[name])
+            flat = Z.reshape(count, len(frequency), -1)
+            for entry, slot in self._local_slots(name, self._system.filled[name]):
+                total[:, row_of[slot], 0] += flat[..., entry].real
+                total[:, row_of[slot], 1] += flat[..., entry].imag
+        return total
+
+    def gather_weights(self, theta: Theta, count: int) -> NDArray[np.float64]:
+        """Return the derivatives of the terms by the sought parameters, (n, n_derivatives), signed for -x^T dZ x."""
+        total = np.zeros((count, len(self.derivatives)))
+        jacobians = {
+            name: self._system.graph.connections[name].model.matrices_jacobian(theta[name])
+            for name, columns in self._sought.items()
+            if columns
+        }
+        own = {name: iter(columns) for name, columns in self._sought.items()}
+        column_of = {parameter: next(own[name]) for parameter, name, _ in self._filled_derivatives}
+        twice = self._program.rows != self._program.columns
+        for parameter, name, part, columns in self._weight_columns:
+            slots = np.array([self.derivatives[column][1] for column in columns.columns], dtype=np.intp)
+            matrix = getattr(jacobians[name][column_of[parameter]], part)
+            columns.add(total, matrix, np.where(twice[slots], -2.0, -1.0))
+        return total
+
+
+def _filled_by_part(matrices: StructuralMatrices) -> dict[str, NDArray[np.bool_]]:
+    return {part: (getattr(matrices, part) != 0).any(axis=0) for part in _PARTS}

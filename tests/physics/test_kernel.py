@@ -1,0 +1,200 @@
+"""The compiled kernel against the obvious elimination, and at its edges: short axes, zeros, vanishing pivots."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail import ComponentConfig, JointModel, Parameter, Port
+from dovetail.dataset import latin_hypercube
+from dovetail.registry import Registry
+from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
+from dovetail.synthesis.code import WIDTH
+from dovetail.synthesis.elimination import eliminate, run
+
+FREQUENCY = np.linspace(20.0, 900.0, 61)
+
+
+def obvious(engine: Engine, theta: dict) -> np.ndarray:
+    """Drive-point receptance by `run`, from the system's own dynamic stiffness."""
+    Z = engine.system.dynamic_stiffness(theta, slice(None))
+    program = engine.program
+    slots = np.ascontiguousarray(Z[:, program.rows, program.columns].T)
+    run(program, slots)
+    return 1.0 / slots[program.diagonal[-1], : len(engine.frequency)]
+
+
+def test_the_kernel_does_what_the_obvious_elimination_does(collet):
+    theta = collet._by_joint(latin_hypercube(collet, 3, seed=5))
+    found = collet.engine.drive_point(theta)
+    for sample in range(3):
+        one = {name: values[sample : sample + 1] for name, values in theta.items()}
+        np.testing.assert_allclose(found[sample], obvious(collet.engine, one), rtol=1e-9)
+
+
+def test_the_program_of_the_collet_is_small(collet):
+    assert len(collet.engine.program.order) == 23
+    assert collet.engine.program.multiplications <= 320
+
+
+@pytest.mark.parametrize("size", [1, 2, 7, 20])
+@pytest.mark.parametrize("kept", [1, 3])
+def test_elimination_leaves_the_schur_complement(size, kept):
+    kept = min(size, kept)
+    rng = np.random.default_rng(size)
+    pattern = rng.random((size, size)) < 0.2
+    pattern = pattern | pattern.T | np.eye(size, dtype=bool)
+    matrix = np.where(pattern, rng.standard_normal((size, size)) + 1j * rng.standard_normal((size, size)), 0)
+    matrix = matrix + matrix.T + 4 * np.eye(size)
+    keep = rng.permutation(size)[:kept]
+    program = eliminate(pattern, keep.tolist())
+    slots = matrix[program.rows, program.columns][:, None]
+    run(program, slots)
+    left = np.zeros((size, size), dtype=complex)
+    left[program.rows, program.columns] = left[program.columns, program.rows] = slots[:, 0]
+    inner = np.setdiff1d(np.arange(size), keep)
+    coupling = matrix[np.ix_(inner, keep)]
+    schur = matrix[np.ix_(keep, keep)] - coupling.T @ np.linalg.solve(matrix[np.ix_(inner, inner)], coupling)
+    np.testing.assert_allclose(left[np.ix_(keep, keep)], schur, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("lines", [1, WIDTH - 1, WIDTH, WIDTH + 1, 3 * WIDTH, 3 * WIDTH + 5])
+def test_any_number_of_lines(sdof, lines):
+    description = json.loads(sdof.description.text)
+    description["frequency"] = {"start": 10, "stop": 10 + 7 * (lines - 1) + 1e-3, "lines": lines} if lines > 1 else None
+    theta = [2.5e6, 40.0]
+    if lines == 1:
+        engine = Engine(sdof.graph, np.array([50.0]), [sdof.drive_point], sdof._by_joint(np.array([theta])))
+        frequency, found = np.array([50.0]), engine.drive_point(sdof._by_joint(np.array([theta])))[0]
+    else:
+        assembly = dovetail.load(description)
+        frequency = assembly.frequency
+        found = -assembly.frf(theta) / (2 * np.pi * frequency) ** 2
+    omega = 2 * np.pi * frequency
+    np.testing.assert_allclose(found, 1 / (2.5e6 - omega**2 + 40j * omega), rtol=1e-12)
+
+
+def test_amplitude_is_the_magnitude_in_single_precision(collet):
+    theta = latin_hypercube(collet, 70, seed=6)
+    amplitude = collet.accelerance_amplitude(theta)
+    assert amplitude.dtype == np.float32
+    np.testing.assert_allclose(amplitude, np.abs(collet.frf(theta)), rtol=3e-7)
+
+
+def test_threads_change_nothing(collet):
+    theta = collet._by_joint(latin_hypercube(collet, 200, seed=7))
+    engine = collet.engine
+    before = engine.threads
+    try:
+        engine.threads = 1
+        alone = engine.drive_point(theta)
+        engine.threads = 3
+        np.testing.assert_array_equal(engine.drive_point(theta), alone)
+    finally:
+        engine.threads = before
+
+
+def undamped(collet):
+    description = json.loads(collet.description.text)
+    for part in [*description["substructures"].values(), description["joints"]["collet"]]:
+        part["material"]["loss_factor"] = 0
+    names = ("ct_tc", "cr_tc", "ct_hc", "cr_hc")
+    description["joints"]["collet"]["parameters"].update({name: {"value": 0} for name in names})
+    return dovetail.load(description)
+
+
+def test_without_damping_the_frf_is_real_and_exact_away_from_resonance(collet):
+    assembly = undamped(collet)
+    theta = latin_hypercube(assembly, 10, seed=8)
+    found = assembly.engine.drive_point(assembly._by_joint(theta))
+    assert np.all(found.imag == 0)
+    name, dof = assembly.drive_point
+    number = int(assembly.graph.substructure_dofs(name)[dof])
+    for vector, receptance in zip(theta, found, strict=True):
+        by_joint = {joint: values[0] for joint, values in assembly._by_joint(vector[None, :]).items()}
+        truth = direct_receptance(assembly.graph, assembly.frequency, by_joint, [number], [number])[:, 0, 0]
+        modes = assembly.natural_frequencies(vector, count=8)
+        away = np.min(np.abs(assembly.frequency[:, None] / modes - 1), axis=1) > 0.01
+        zeros = np.abs(truth) < 0.02 * np.median(np.abs(truth))  # no route is exact next to an antiresonance
+        error = np.abs(receptance - truth)[away & ~zeros] / np.abs(truth)[away & ~zeros]
+        assert error.max() < 1e-8
+
+
+class Bar(JointModel):
+    """A mass between two springs, undamped, so that a pivot can vanish."""
+
+    name, summary = "bar", "Test joint"
+    parameters = (Parameter("k", "N/m", 1e3, 1e7, "log"), Parameter("m", "kg", 0.1, 10.0))
+    ports = (Port("a", 1), Port("b", 1))
+    internal_dofs = 1
+
+    def matrices(self, theta):
+        k, m = theta.T
+        joint = dovetail.StructuralMatrices.zeros(len(theta), 5)
+        for port in (0, 2):
+            joint.K[:, port, port] += k
+            joint.K[:, 4, 4] += k
+            joint.K[:, port, 4] -= k
+            joint.K[:, 4, port] -= k
+        joint.M[:, 4, 4] = m
+        return joint
+
+
+def two_masses(joint: JointModel) -> tuple[Graph, list]:
+    registry = Registry()
+    registry.load_entry_points()
+    lumped = registry.find("substructure", "lumped").component
+    parts = {name: lumped(lumped.Config(masses=[{"mass": 1.0}])) for name in ("left", "right")}
+    graph = Graph(parts, {"j": Connection(joint, (Attachment("left", (0,)), Attachment("right", (0,))))})
+    return graph, [("left", 0)]
+
+
+def test_a_vanishing_pivot_is_solved_with_pivoting_and_counted():
+    graph, points = two_masses(Bar())
+    frequency = np.sort(np.append(FREQUENCY, 1000 / (2 * np.pi) * (1 + 1e-13)))
+    theta = {"j": np.array([[1e6, 0.7]])}  # the right mass of 1 kg alone resonates on its spring at 1000 rad/s
+    engine = Engine(graph, frequency, points, theta)
+    found = engine.drive_point(theta)[0]
+    truth = direct_receptance(graph, frequency, {"j": theta["j"][0]}, [0], [0])[:, 0, 0]
+    assert engine.pivoted_lines == 1
+    np.testing.assert_allclose(found, truth, rtol=1e-8)
+    amplitude = engine.amplitude(theta, np.ones(len(frequency)))[0]
+    np.testing.assert_allclose(amplitude, np.abs(truth), rtol=1e-6)
+    assert engine.pivoted_lines == 2
+
+
+class Viscoelastic(JointModel):
+    """A layer with a fractional derivative: k + c (i omega)^alpha between the ports (Bagley and Torvik 1983)."""
+
+    name, summary = "viscoelastic", "Test joint"
+    parameters = (
+        Parameter("k", "N/m", 1e5, 1e7, "log"),
+        Parameter("c", "N s^alpha/m", 1e2, 1e4, "log"),
+        Parameter("alpha", "1", 0.2, 0.8),
+    )
+    ports = (Port("a", 1), Port("b", 1))
+
+    class Config(ComponentConfig):
+        """No options."""
+
+    def matrices(self, theta):
+        raise AssertionError("the dynamic stiffness says all")
+
+    def dynamic_stiffness(self, frequency, theta):
+        k, c, alpha = (column[:, None] for column in theta.T)
+        spring = k + c * (2j * np.pi * frequency) ** alpha
+        sign = np.array([1.0, 0.0, -1.0, 0.0])
+        return spring[..., None, None] * np.outer(sign, sign)
+
+
+def test_a_joint_with_a_fractional_derivative_runs_through_the_same_elimination():
+    graph, points = two_masses(Viscoelastic())
+    theta = {"j": np.array([[1e6, 1e3, 0.5], [3e6, 5e2, 0.3], [2e5, 8e3, 0.7]])}
+    engine = Engine(graph, FREQUENCY, points, theta)
+    omega = 2 * np.pi * FREQUENCY
+    for found, (k, c, alpha) in zip(engine.drive_point(theta), theta["j"], strict=True):
+        s = k + c * (1j * omega) ** alpha
+        np.testing.assert_allclose(found, (s - omega**2) / ((s - omega**2) ** 2 - s**2), rtol=1e-10)
