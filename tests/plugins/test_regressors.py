@@ -261,3 +261,11 @@ def test_options_out_of_bounds_are_refused(options):
 def test_training_that_diverges_is_explained(training):
     with pytest.raises(dovetail.DovetailError, match=r"no longer finite after epoch \d+\.\n.*'learning_rate' below"):
         recipe(learning_rate=1e30, max_epochs=20).fit(*training, seed=0)
+
+
+def test_training_takes_arrays_that_must_not_be_written_and_leaves_the_others_alone(training):
+    features, targets = training[0].copy(), training[1].astype(np.float32)
+    writable = recipe(max_epochs=2).fit(features, targets, seed=0).state()["weight0"]
+    np.testing.assert_array_equal(features, training[0])
+    features.flags.writeable = targets.flags.writeable = False
+    np.testing.assert_array_equal(recipe(max_epochs=2).fit(features, targets, seed=0).state()["weight0"], writable)

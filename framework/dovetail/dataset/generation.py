@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from concurrent.futures import Future, ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
@@ -52,7 +53,8 @@ def generate(
     Raises
     ------
     DatasetError
-        The path is taken, or what is to be resumed was made with another description, seed or number of samples.
+        The path is taken, what is to be resumed was made with another description, seed or number of samples, or the
+        disk refuses to be written; what is there can then be resumed.
     """
     settings = assembly.description.identification
     count = settings.samples if samples is None else samples
@@ -62,11 +64,15 @@ def generate(
     if count < 1:
         raise DatasetError(f"{count} samples were asked for; at least 1 is needed.")
     folder = Path(path)
-    if folder.exists():
-        _check_resumable(folder, assembly, count, its_seed, resume)
-    else:
-        _create(folder, assembly, count, its_seed)
-    _fill(folder, assembly, progress)
+    try:
+        if folder.exists():
+            _check_resumable(folder, assembly, count, its_seed, resume)
+        else:
+            _create(folder, assembly, count, its_seed)
+        _fill(folder, assembly, progress)
+    except OSError as error:
+        remedy = "Make room for it and go on with --resume."
+        raise DatasetError(Fault(str(folder), f"it cannot be written: {error}.", remedy=remedy)) from error
     return Dataset(folder)
 
 
@@ -91,32 +97,36 @@ def _create(folder: Path, assembly: Assembly, samples: int, seed: int) -> None:
     chunk = max(1, min(samples, int(_CHUNK_BYTES / (4 * lines))))
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.new")
     temporary.parent.mkdir(parents=True, exist_ok=True)
-    group = zarr.open_group(temporary, mode="w")
-    group.create_array("parameters", data=latin_hypercube(assembly, samples, seed))
-    group.create_array("frequency", data=np.asarray(assembly.frequency))
-    group.create_array(
-        "amplitude", shape=(samples, lines), chunks=(chunk, lines), dtype="float32", compressors=None, fill_value=np.nan
-    )
-    group.create_array("written", shape=(-(-samples // chunk),), chunks=(1,), dtype="uint8", compressors=None)
-    group.attrs.update(
-        {
-            "dovetail_dataset": FORMAT,
-            "dovetail_version": version("dovetail-frf"),
-            "name": assembly.name,
-            "description": assembly.description.text,
-            "fingerprint": assembly.description.fingerprint,
-            "parameter_names": [parameter.name for parameter in assembly.parameters],
-            "quantity": "amplitude of the accelerance",
-            "seed": seed,
-        }
-    )
-    temporary.rename(folder)
+    attributes: dict[str, Any] = {
+        "dovetail_dataset": FORMAT,
+        "dovetail_version": version("dovetail-frf"),
+        "name": assembly.name,
+        "description": assembly.description.text,
+        "fingerprint": assembly.description.fingerprint,
+        "parameter_names": [parameter.name for parameter in assembly.parameters],
+        "quantity": "amplitude of the accelerance",
+        "seed": seed,
+    }
+    plain: dict[str, Any] = {"compressors": None}
+    try:
+        group = zarr.open_group(temporary, mode="w", attributes=attributes)
+        group.create_array("parameters", data=latin_hypercube(assembly, samples, seed))
+        group.create_array("frequency", data=np.asarray(assembly.frequency))
+        group.create_array(
+            "amplitude", shape=(samples, lines), chunks=(chunk, lines), dtype="float32", fill_value=np.nan, **plain
+        )
+        group.create_array("written", shape=(-(-samples // chunk),), chunks=(1,), dtype="uint8", **plain)
+        temporary.rename(folder)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
     """Compute the chunks that are missing; the one before is written while the next is computed."""
     import zarr
 
+    for unfinished in folder.rglob("*.partial"):  # what a killed run was writing
+        unfinished.unlink(missing_ok=True)
     group: Any = zarr.open_group(folder, mode="r+")
     parameters, amplitude, written = np.asarray(group["parameters"]), group["amplitude"], group["written"]
     chunk, samples = amplitude.chunks[0], len(parameters)

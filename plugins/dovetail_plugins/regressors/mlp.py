@@ -130,8 +130,8 @@ class MLP(dovetail.Regressor):
         """
         import torch
 
-        inputs = np.array(checked_rows(features, _OWNER), dtype=np.float32)
-        outputs = np.array(checked_rows(targets, f"{_OWNER}, targets"), dtype=np.float32)
+        inputs = np.require(checked_rows(features, _OWNER), np.float32, ["C", "W"])
+        outputs = np.require(checked_rows(targets, f"{_OWNER}, targets"), np.float32, ["C", "W"])
         if len(inputs) != len(outputs):
             found = f"it was given {len(inputs)} rows of features and {len(outputs)} of targets."
             raise dovetail.DovetailError(dovetail.Fault(_OWNER, found))
