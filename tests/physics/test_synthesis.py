@@ -7,7 +7,7 @@ import pytest
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.synthesis import direct_receptance, literal_receptance
+from dovetail.synthesis import LiteralSynthesis, direct_receptance
 
 
 def by_joint(assembly, theta):
@@ -42,7 +42,7 @@ def test_engine_equals_the_direct_solve_at_every_line(collet):
 
 def test_literal_synthesis_equals_the_direct_solve(collet, torque_20):
     name, dof = collet.drive_point
-    literal = literal_receptance(collet.graph, collet.frequency, by_joint(collet, torque_20), name, dof)
+    literal = LiteralSynthesis(collet.graph, collet.frequency, name, dof).receptance(by_joint(collet, torque_20))
     assert relative(literal, direct(collet, torque_20)) < 1e-6
     assert relative(receptance(collet, torque_20)[0], literal) < 1e-6
 

@@ -3,7 +3,7 @@
 from dovetail.synthesis.direct import assembly_matrices, direct_receptance
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Attachment, Connection, Graph
-from dovetail.synthesis.literal import literal_receptance
+from dovetail.synthesis.literal import LiteralSynthesis
 from dovetail.synthesis.modes import elastic_frequencies
 from dovetail.synthesis.system import Point
 
@@ -12,9 +12,9 @@ __all__ = [
     "Connection",
     "Engine",
     "Graph",
+    "LiteralSynthesis",
     "Point",
     "assembly_matrices",
     "direct_receptance",
     "elastic_frequencies",
-    "literal_receptance",
 ]
