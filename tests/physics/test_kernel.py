@@ -84,6 +84,15 @@ def test_amplitude_is_the_magnitude_in_single_precision(collet):
     np.testing.assert_allclose(amplitude, np.abs(collet.frf(theta)), rtol=3e-7)
 
 
+def test_the_collets_own_derivatives_are_the_differences_of_its_matrices(collet):
+    model = collet.graph.connections["collet"].model
+    theta = latin_hypercube(collet, 4, seed=9)
+    for own, difference in zip(model.matrices_jacobian(theta), JointModel.matrices_jacobian(model, theta), strict=True):
+        for part in "MKCD":
+            expected = getattr(difference, part)
+            np.testing.assert_allclose(getattr(own, part), expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
+
+
 def test_threads_change_nothing(collet):
     theta = collet._by_joint(latin_hypercube(collet, 200, seed=7))
     engine = collet.engine
@@ -161,7 +170,7 @@ def test_a_vanishing_pivot_is_solved_with_pivoting_and_counted():
     truth = direct_receptance(graph, frequency, {"j": theta["j"][0]}, [0], [0])[:, 0, 0]
     assert engine.pivoted_lines == 1
     np.testing.assert_allclose(found, truth, rtol=1e-8)
-    amplitude = engine.amplitude(theta, np.ones(len(frequency)))[0]
+    amplitude = engine.amplitude(theta, np.ones(len(frequency), dtype=complex))[0]
     np.testing.assert_allclose(amplitude, np.abs(truth), rtol=1e-6)
     assert engine.pivoted_lines == 2
 

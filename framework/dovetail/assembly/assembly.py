@@ -79,6 +79,11 @@ class Assembly:
         response = self.description.response
         return response.substructure, len(DIRECTIONS) * response.node + DIRECTIONS.index(response.direction)
 
+    @cached_property
+    def _conversion(self) -> NDArray[np.complex128]:
+        """What turns a receptance into the response's quantity."""
+        return conversion(self.frequency, "receptance", self.description.response.quantity)
+
     def _engine(self, points: Sequence[Point]) -> Engine:
         random = np.random.default_rng(0).random((_PROBES, len(self.parameters)))
         sought = {name: self._space.sought_columns(name) for name in self.graph.connections}
@@ -128,8 +133,7 @@ class Assembly:
         ParameterError
         """
         batch, single = self._space.batch(theta)
-        receptance = self.engine.drive_point(self._by_joint(batch))
-        values = receptance * conversion(self.frequency, "receptance", self.description.response.quantity)
+        values = self.engine.drive_point(self._by_joint(batch), self._conversion)
         return values[0] if single else values
 
     def frf_jacobian(self, theta: Theta = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -146,9 +150,7 @@ class Assembly:
             Per unit of each parameter.
         """
         batch, single = self._space.batch(theta)
-        receptance, jacobian = self.engine.jacobian(self._by_joint(batch))
-        factor = conversion(self.frequency, "receptance", self.description.response.quantity)
-        values, jacobian = receptance * factor, jacobian * factor[:, None]
+        values, jacobian = self.engine.jacobian(self._by_joint(batch), self._conversion)
         return (values[0], jacobian[0]) if single else (values, jacobian)
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
@@ -164,7 +166,7 @@ class Assembly:
             m/(N s^2).
         """
         batch, single = self._space.batch(theta)
-        factor = np.abs(conversion(self.frequency, "receptance", "accelerance"))
+        factor = conversion(self.frequency, "receptance", "accelerance")
         amplitude = self.engine.amplitude(self._by_joint(batch), factor)
         return amplitude[0] if single else amplitude
 

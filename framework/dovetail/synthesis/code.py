@@ -27,6 +27,8 @@ Derivative = tuple[int, int, str]
 """A parameter, a slot, and the part of it that depends on the parameter."""
 _Complex = tuple[str | None, str | None]
 """Names of real and imaginary part; None is zero."""
+_FACTOR: _Complex = ("%factor", "%factor_imaginary")
+"""What turns a receptance into the quantity that is stored."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ class _Kernel:
             self._store_amplitude(scale)
         else:
             inverse = self._spoilt(inverse[0]), inverse[1]
-            self._store("%out", "%place", inverse)
+            self._store("%out", "%place", self._write.complex_product(inverse, _FACTOR))
         if self._layout.derivatives:
             self._differentiate(inverse)
         return _frame(self._write.lines, self._layout)
@@ -224,7 +226,7 @@ class _Kernel:
         """Store factor * |H| in single precision."""
         write = self._write
         root = write.value(f"call {_VECTOR} @llvm.sqrt.v{WIDTH}f64({_VECTOR} {scale})")
-        value = self._spoilt(write.product(root, "%factor"))
+        value = self._spoilt(write.product(root, _FACTOR[0]))
         single = write.value(f"fptrunc {_VECTOR} {value} to <{WIDTH} x float>")
         address = write.value("getelementptr float, ptr %out, i64 %place")
         write.emit(f"store <{WIDTH} x float> {single}, ptr {address}, align 4")
@@ -250,7 +252,7 @@ class _Kernel:
             row = write.value(f"add i64 %derivative_row, {parameter}")
             offset = write.value(f"mul i64 {row}, %lines")
             place = write.value(f"add i64 {offset}, %line")
-            self._store("%derived", place, self._derivative(parts, products))
+            self._store("%derived", place, write.complex_product(self._derivative(parts, products), _FACTOR))
 
     def _derivative(self, parts: dict[str, list[tuple[int, int]]], products: dict[int, _Complex]) -> _Complex:
         """Add up K + iD + i omega C - omega^2 M, each times the product of motions at its entry."""
@@ -298,8 +300,11 @@ def _frame(body: Sequence[str], layout: Layout) -> str:
             f"  %minus_omega = fneg {_VECTOR} %omega",
             f"  %minus_omega2 = fmul {_VECTOR} %omega, %minus_omega",
             f"  %omega2 = fmul {_VECTOR} %omega, %omega",
-            f"  %factor_at = getelementptr {_VECTOR}, ptr %factors, i64 %vector",
+            "  %factor_row = mul i64 %vector, 2",
+            f"  %factor_at = getelementptr {_VECTOR}, ptr %factors, i64 %factor_row",
             f"  %factor = load {_VECTOR}, ptr %factor_at, align 8",
+            f"  %factor_imaginary_at = getelementptr {_VECTOR}, ptr %factor_at, i64 1",
+            f"  %factor_imaginary = load {_VECTOR}, ptr %factor_imaginary_at, align 8",
             f"  %static_row = mul i64 %vector, {len(layout.static)}",
             f"  %static_here = getelementptr {_VECTOR}, ptr %static, i64 %static_row",
             f"  %line_of_vector = mul i64 %vector, {WIDTH}",
@@ -341,7 +346,7 @@ def kernel_source(program: Program, layout: Layout, *, amplitude: bool = False) 
         With a single kept DOF.
     layout : Layout
     amplitude : bool
-        Store a factor times the magnitude in single precision, in place of the complex value.
+        Store the factor's real part times the magnitude in single precision, in place of factor times value.
 
     Returns
     -------

@@ -25,8 +25,8 @@ class _Columns:
 
     Parameters
     ----------
-    entries : array of int
-        Flat local entries, row * d + column.
+    entries : array of (int, int)
+        Local rows and columns, (n_entries, 2).
     columns : array of int
     repeated : bool
         Whether a column occurs twice, where local DOFs are merged.
@@ -37,7 +37,7 @@ class _Columns:
     repeated: bool
 
     def add(self, total: NDArray[np.float64], matrices: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
-        values = matrices.reshape(len(matrices), -1)[:, self.entries] * weights
+        values = matrices[:, self.entries[:, 0], self.entries[:, 1]] * weights
         if self.repeated:
             np.add.at(total.T, self.columns, values.T)
         else:
@@ -142,17 +142,16 @@ class Contributions:
                 entries.append((int(row), int(column), slot))
         return entries
 
-    def _local_slots(self, name: str, filled: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Flat local entry and slot of a joint's filled entries."""
+    def _local_slots(self, name: str, filled: NDArray[np.bool_]) -> list[tuple[tuple[int, int], int]]:
+        """Local row and column, and slot, of a joint's filled entries."""
         local, places = self._system.located(self._system.graph.joint_dofs(name))
-        size = len(filled)
         entries = self._entries(places, filled[np.ix_(local, local)])
-        return [(int(local[row]) * size + int(local[column]), slot) for row, column, slot in entries]
+        return [((int(local[row]), int(local[column])), slot) for row, column, slot in entries]
 
     def _columns(self, name: str, filled: NDArray[np.bool_], column_of: dict[int, int]) -> _Columns:
         pairs = self._local_slots(name, filled)
         columns = np.array([column_of[slot] for _, slot in pairs], dtype=np.intp)
-        entries = np.array([entry for entry, _ in pairs], dtype=np.intp)
+        entries = np.array([entry for entry, _ in pairs], dtype=np.intp).reshape(-1, 2)
         return _Columns(entries, columns, len(set(columns.tolist())) < len(columns))
 
     @cached_property
@@ -210,10 +209,9 @@ class Contributions:
             if not depends_on_frequency(connection.model):
                 continue
             Z = connection.model.dynamic_stiffness(frequency, theta[name])
-            flat = Z.reshape(count, len(frequency), -1)
-            for entry, slot in self._local_slots(name, self._system.filled[name]):
-                total[:, row_of[slot], 0] += flat[..., entry].real
-                total[:, row_of[slot], 1] += flat[..., entry].imag
+            for (row, column), slot in self._local_slots(name, self._system.filled[name]):
+                total[:, row_of[slot], 0] += Z[..., row, column].real
+                total[:, row_of[slot], 1] += Z[..., row, column].imag
         return total
 
     def gather_weights(self, theta: Theta, count: int) -> NDArray[np.float64]:

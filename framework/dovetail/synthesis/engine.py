@@ -112,52 +112,59 @@ class Engine:
     def _omega(self) -> NDArray[np.float64]:
         return as_vectors(2.0 * np.pi * self.system.frequency, WIDTH)
 
-    def drive_point(self, theta: Theta) -> NDArray[np.complex128]:
-        """Receptance at the first point for each parameter vector.
+    def drive_point(self, theta: Theta, factor: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
+        """FRF at the first point for each parameter vector.
 
         Parameters
         ----------
         theta : mapping of str to (n, n_params) array
             All parameters of each joint, by the joint's name.
+        factor : (n_freq,) complex array, optional
+            What turns a receptance into the wanted quantity; the receptance by default.
 
         Returns
         -------
         (n, n_freq) complex array
         """
-        result = np.empty((_count(theta), len(self.system.frequency)), dtype=np.complex128)
-        self._run(self._receptance_kernel, theta, result)
-        self._repair(theta, result, lambda H, _: H)
+        padded = self._padded(factor)
+        result = np.empty((_count(theta), len(padded)), dtype=np.complex128)
+        self._run(self._receptance_kernel, theta, padded, result)
+        self._repair(theta, result, lambda H, lines: H * padded[lines])
         return result[:, : self._lines]
 
-    def amplitude(self, theta: Theta, factor: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Magnitude of the receptance at the first point times a factor for each line, in single precision.
+    def amplitude(self, theta: Theta, factor: NDArray[np.complex128]) -> NDArray[np.float32]:
+        """Magnitude of the FRF at the first point, in single precision.
 
         Parameters
         ----------
         theta : mapping of str to (n, n_params) array
-        factor : (n_freq,) array
-            omega^2 for the accelerance.
+        factor : (n_freq,) complex array
+            What turns a receptance into the wanted quantity.
 
         Returns
         -------
         (n, n_freq) float32 array
         """
-        padded = np.concatenate([factor, np.repeat(factor[-1:], len(self.system.frequency) - self._lines)])
+        padded = np.abs(self._padded(factor))
         result = np.empty((_count(theta), len(padded)), dtype=np.float32)
-        self._run(self._amplitude_kernel, theta, result, factor=as_vectors(padded, WIDTH))
+        self._run(self._amplitude_kernel, theta, padded, result)
         self._repair(theta, result, lambda H, lines: np.abs(H) * padded[lines])
         return result[:, : self._lines]
 
-    def jacobian(self, theta: Theta) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Receptance at the first point and its derivatives, by the adjoint: dH/dp = -x^T (dZ/dp) x, x = Z^-1 e.
+    def jacobian(
+        self, theta: Theta, factor: NDArray[np.complex128] | None = None
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """FRF at the first point and its derivatives, by the adjoint: dH/dp = -x^T (dZ/dp) x, x = Z^-1 e.
 
         Parameters
         ----------
         theta : mapping of str to (n, n_params) array
+        factor : (n_freq,) complex array, optional
+            What turns a receptance into the wanted quantity; the receptance by default.
 
         Returns
         -------
-        receptance : (n, n_freq) complex array
+        frf : (n, n_freq) complex array
         jacobian : (n, n_freq, n_sought) complex array
             Joint by joint, per unit of the parameter.
 
@@ -169,21 +176,26 @@ class Engine:
         for name, columns in self._sought.items():
             if columns and depends_on_frequency(self.graph.connections[name].model):
                 raise DovetailError(f"joint '{name}' depends on frequency: its sensitivities are not available.")
-        count, found = _count(theta), self._contributions
-        result = np.empty((count, len(self.system.frequency)), dtype=np.complex128)
-        derived = np.empty((count, found.parameters, len(self.system.frequency)), dtype=np.complex128)
+        count, found, padded = _count(theta), self._contributions, self._padded(factor)
+        result = np.empty((count, len(padded)), dtype=np.complex128)
+        derived = np.empty((count, found.parameters, len(padded)), dtype=np.complex128)
         weights = found.gather_weights(theta, count)
-        self._run(self._jacobian_kernel, theta, result, weights=weights, derived=derived)
-        self._repair(theta, result, lambda H, _: H)
+        self._run(self._jacobian_kernel, theta, padded, result, weights=weights, derived=derived)
+        self._repair(theta, result, lambda H, lines: H * padded[lines])
         return result[:, : self._lines], np.swapaxes(derived, 1, 2)[:, : self._lines]
+
+    def _padded(self, factor: NDArray[np.complex128] | None) -> NDArray[np.complex128]:
+        """Return one factor for each line that the kernel computes."""
+        given = np.ones(self._lines) if factor is None else factor
+        return np.concatenate([given, np.repeat(given[-1:], len(self.system.frequency) - self._lines)])
 
     def _run(
         self,
         kernel: MachineKernel,
         theta: Theta,
+        factor: NDArray[Any],
         result: NDArray[Any],
         *,
-        factor: NDArray[np.float64] | None = None,
         weights: NDArray[np.float64] | None = None,
         derived: NDArray[np.complex128] | None = None,
     ) -> None:
@@ -193,7 +205,7 @@ class Engine:
         terms = self._contributions.gather(theta, count)
         general = self._contributions.gather_general(theta, count) if self._contributions.general else none
         by_sample = (none if weights is None else weights, result, none if derived is None else derived)
-        shared = (self._omega, self._omega if factor is None else factor, self._static)
+        shared = (self._omega, as_vectors(np.stack([factor.real, factor.imag]), WIDTH), self._static)
 
         def run_block(first: int) -> None:
             block = slice(first, min(first + _SAMPLES_AT_ONCE, count))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -65,15 +66,37 @@ class Collet(JointModel):
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, 12); D = eta K of the collet's beam."""
-        Dc, dc, mn1, mn2, kt_tc, kr_tc, ct_tc, cr_tc, kt_hc, kr_hc, ct_hc, cr_hc = theta.T
         joint = StructuralMatrices.zeros(len(theta), self.size)
-        self._add_beam(joint, Dc, dc)
+        self._add_beam(joint, theta[:, 0], theta[:, 1])
+        self._add_nut_and_layers(joint, theta[:, 2:])
+        return joint
+
+    def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
+        """Return the derivatives: of the beam by central differences, of everything else as it stands, linear."""
+        derivatives = [self._beam_derivative(theta, column) for column in (0, 1)]
+        for one in np.eye(len(_PARAMETERS) - 2)[:, None, :]:
+            joint = StructuralMatrices.zeros(1, self.size)
+            self._add_nut_and_layers(joint, one)
+            shape = (len(theta), self.size, self.size)
+            derivatives.append(StructuralMatrices(*(np.broadcast_to(part, shape) for part in _parts(joint))))
+        return derivatives
+
+    def _beam_derivative(self, theta: NDArray[np.float64], column: int) -> StructuralMatrices:
+        step = 1e-5 * theta[:, :2] * np.eye(2)[column]
+        above, below = (StructuralMatrices.zeros(len(theta), self.size) for _ in range(2))
+        self._add_beam(above, *(theta[:, :2] + step).T)
+        self._add_beam(below, *(theta[:, :2] - step).T)
+        width = 2.0 * step[:, column, None, None]
+        high, low = _parts(above), _parts(below)
+        return StructuralMatrices(*((upper - lower) / width for upper, lower in zip(high, low, strict=True)))
+
+    def _add_nut_and_layers(self, joint: StructuralMatrices, theta: NDArray[np.float64]) -> None:
+        mn1, mn2, kt_tc, kr_tc, ct_tc, cr_tc, kt_hc, kr_hc, ct_hc, cr_hc = theta.T
         for node, mass in ((0, mn1), (1, mn2)):
             joint.M[:, self._collet_dof(node), self._collet_dof(node)] += mass
         for port, kt, kr, ct, cr in (("tool", kt_tc, kr_tc, ct_tc, cr_tc), ("holder", kt_hc, kr_hc, ct_hc, cr_hc)):
             add_contact_layer(joint, self._facing(port)[0::2], kt, ct)
             add_contact_layer(joint, self._facing(port)[1::2], kr, cr)
-        return joint
 
     def _add_beam(self, joint: StructuralMatrices, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
         finer = int(self.config.elements_per_segment)
@@ -98,3 +121,7 @@ class Collet(JointModel):
             for index in range(_CONTACTS)
             for axis in (0, 1)
         )
+
+
+def _parts(matrices: StructuralMatrices) -> tuple[NDArray[np.float64], ...]:
+    return matrices.M, matrices.K, matrices.C, matrices.D
