@@ -226,3 +226,10 @@ def test_several_joints_are_identified_together_under_their_full_names():
 
 def test_fewer_elastic_modes_than_asked_for_are_nan(sdof):
     assert np.isnan(sdof.natural_frequencies(count=3)[1:]).all()
+
+
+def test_a_negative_stiffness_has_an_frf_but_no_natural_frequencies(sdof):
+    omega = 2 * np.pi * sdof.frequency
+    np.testing.assert_allclose(sdof.frf([-5.0, 1.0]), -(omega**2) / (-5.0 - omega**2 + 1j * omega), rtol=1e-12)
+    with pytest.raises(dovetail.DovetailError, match="a stiffness or a mass is negative"):
+        sdof.natural_frequencies([-5.0, 1.0])

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from dovetail.errors import DovetailError
 from dovetail.interfaces import StructuralMatrices
 
 __all__ = ["elastic_frequencies"]
@@ -28,6 +29,11 @@ def elastic_frequencies(matrices: StructuralMatrices, count: int) -> NDArray[np.
     (<= count,) array
         Hz, increasing. Fewer where the model has fewer elastic modes.
 
+    Raises
+    ------
+    DovetailError
+        The structure is not stable: a stiffness or a mass is negative.
+
     Notes
     -----
     Solves M phi = mu (K + s M) phi, which takes massless DOFs and rigid-body modes without special cases.
@@ -38,7 +44,12 @@ def elastic_frequencies(matrices: StructuralMatrices, count: int) -> NDArray[np.
     if not inertia.any():
         return np.empty(0)
     shift = 1e-3 * float(np.median(np.diag(K)[inertia] / np.diag(M)[inertia])) or 1.0
-    mu, shapes = eigh(M, K + shift * M)
+    try:
+        mu, shapes = eigh(M, K + shift * M)
+    except np.linalg.LinAlgError:
+        raise DovetailError(
+            "there are no natural frequencies: with these parameters a stiffness or a mass is negative."
+        ) from None
     modes: list[float] = []
     for value, shape in zip(mu[::-1], shapes.T[::-1], strict=True):
         if len(modes) == count or value <= mu[-1] * 1e-14:
