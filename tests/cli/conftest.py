@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sysconfig
 from collections.abc import Callable
@@ -60,8 +61,25 @@ def command() -> str:
 
 @pytest.fixture
 def environment() -> dict[str, str]:
-    """This environment with one thread for numba and torch: what is small here gains nothing by more."""
-    return {**os.environ, "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    """This environment with one thread for torch: what is small here gains nothing by more."""
+    return {**os.environ, "OMP_NUM_THREADS": "1"}
+
+
+@pytest.fixture
+def interruptible(command: str, environment: dict[str, str]) -> Callable[..., subprocess.Popen[str]]:
+    """Start the installed command so that Ctrl-C reaches it, also where this process was started to ignore it."""
+
+    def start(*arguments: object) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [command, *(str(argument) for argument in arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
+
+    return start
 
 
 @pytest.fixture

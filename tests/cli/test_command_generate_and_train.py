@@ -42,12 +42,33 @@ def test_generate_refuses_impossible_numbers(run, bench, tmp_path, arguments):
     assert arguments[0] in run("generate", bench.description, "-o", tmp_path / "d", *arguments, code=2).stderr
 
 
-def test_ctrl_c_leaves_a_dataset_to_go_on_with(command, environment, assemblies, tmp_path):
-    folder = tmp_path / "data.zarr"
-    arguments = ["generate", str(assemblies / "bt40_er32.yaml"), "-o", str(folder), "--samples", "4000"]
-    process = subprocess.Popen(
-        [command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
-    )
+SLOW = """
+import time
+import dovetail
+from dovetail_plugins.joints.spring_damper import SpringDamper
+
+
+class Slow(SpringDamper):
+    name = "slow"
+    summary = "A spring and damper that takes its time"
+
+    def matrices(self, theta):
+        time.sleep(0.2 if len(theta) > 100 else 0.0)
+        return super().matrices(theta)
+
+
+@dovetail.hookimpl
+def dovetail_components():
+    return [Slow]
+"""
+
+
+def test_ctrl_c_leaves_a_dataset_to_go_on_with(command, interruptible, environment, assemblies, tmp_path):
+    folder, plugin, description = tmp_path / "data.zarr", tmp_path / "slow.py", tmp_path / "slow.yaml"
+    plugin.write_text(SLOW)
+    description.write_text((assemblies / "sdof.yaml").read_text().replace("spring_damper", "slow"))
+    arguments = ["generate", str(description), "-o", str(folder), "--samples", "40000", "--plugin", str(plugin)]
+    process = interruptible(*arguments)
     deadline = time.monotonic() + 120
     while not (folder / "written" / "c" / "0").exists():
         assert process.poll() is None, process.communicate()

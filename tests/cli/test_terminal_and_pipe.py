@@ -91,13 +91,12 @@ def dovetail_components():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are of POSIX")
-def test_ctrl_c_in_training_ends_without_a_traceback(command, environment, bench, tmp_path):
+def test_ctrl_c_in_training_ends_without_a_traceback(interruptible, bench, tmp_path):
     plugin, description = tmp_path / "endless.py", tmp_path / "endless.yaml"
     plugin.write_text(ENDLESS)
     small = bench.description.read_text()
     description.write_text(small[: small.index("  regressor:")] + "  regressor: {model: endless}\n")
-    words = [command, "identify", str(description), str(bench.measured), "--plugin", str(plugin)]
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    process = interruptible("identify", description, bench.measured, "--plugin", plugin)
     deadline = time.monotonic() + 60
     while not (tmp_path / "begun").exists():
         assert process.poll() is None, process.communicate()
