@@ -11,7 +11,7 @@ import dovetail
 from dovetail import ComponentConfig, JointModel, Parameter, Port
 from dovetail.dataset import latin_hypercube
 from dovetail.registry import Registry
-from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
+from dovetail.synthesis import Attachment, Connection, Engine, Graph, assembly_matrices, direct_receptance
 from dovetail.synthesis.code import WIDTH
 from dovetail.synthesis.elimination import eliminate, run
 
@@ -207,3 +207,7 @@ def test_a_joint_with_a_fractional_derivative_runs_through_the_same_elimination(
     for found, (k, c, alpha) in zip(engine.drive_point(theta), theta["j"], strict=True):
         s = k + c * (1j * omega) ** alpha
         np.testing.assert_allclose(found, (s - omega**2) / ((s - omega**2) ** 2 - s**2), rtol=1e-10)
+    with pytest.raises(dovetail.DovetailError, match="joint 'j' depends on frequency"):
+        assembly_matrices(graph, {"j": theta["j"][0]})
+    with pytest.raises(dovetail.DovetailError, match="joint 'j' depends on frequency"):
+        engine.jacobian(theta)

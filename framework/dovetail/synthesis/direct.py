@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dovetail.errors import DovetailError
 from dovetail.interfaces import StructuralMatrices
 from dovetail.synthesis.graph import Graph
+from dovetail.synthesis.system import depends_on_frequency
 
 __all__ = ["assembly_matrices", "direct_receptance"]
 
@@ -31,7 +32,7 @@ def assembly_matrices(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) ->
     Raises
     ------
     DovetailError
-        A substructure is known by its FRFs only.
+        A substructure is known by its FRFs only, or a joint depends on frequency otherwise than through matrices.
     """
     whole = StructuralMatrices.zeros(graph.size)
     for name, substructure in graph.substructures.items():
@@ -40,6 +41,8 @@ def assembly_matrices(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) ->
             raise DovetailError(f"substructure '{name}' has no matrices, so the assembly has none either.")
         _add(whole, matrices, graph.substructure_dofs(name))
     for name, connection in graph.connections.items():
+        if depends_on_frequency(connection.model):
+            raise DovetailError(f"joint '{name}' depends on frequency, so the assembly has no matrices.")
         batch = connection.model.matrices(theta[name][None, :])
         single = StructuralMatrices(batch.M[0], batch.K[0], batch.C[0], batch.D[0])
         _add(whole, single, graph.joint_dofs(name))
