@@ -243,11 +243,20 @@ def test_a_separately_installed_package_comes_in(tmp_path):
     site = tmp_path / "site"
     install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(site), str(package)]
     subprocess.run(install, check=True)
+    assembly = {
+        "dovetail": 1,
+        "name": "padded",
+        "frequency": {"start": 1, "stop": 100, "step": 1},
+        "substructures": {"m": {"model": "lumped", "masses": [{"mass": 1}]}, "g": {"model": "ground"}},
+        "joints": {"j": {"model": "pad", "connect": {"a": {"to": "m", "at": 0}, "b": {"to": "g", "at": 0}}}},
+        "response": {"at": "m", "position": 0},
+    }
     script = (
         "from dovetail.registry import Registry; r = Registry(); r.load_entry_points(); "
-        "print(r.find('joint', 'pad').source, len(r.failures))"
+        "print(r.find('joint', 'pad').source, len(r.failures)); "
+        f"import dovetail; print(round(float(dovetail.load({assembly!r}).natural_frequencies([1e6], count=1)[0]), 3))"
     )
     run = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, env={"PYTHONPATH": str(site)}
     )
-    assert run.stdout.strip() == "dovetail-pads 0.3 0"
+    assert run.stdout.splitlines() == ["dovetail-pads 0.3 0", "159.155"]
