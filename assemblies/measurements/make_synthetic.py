@@ -61,7 +61,7 @@ def main(torque: float = 60.0) -> None:
         assembly.frequency,
         complex_noise(assembly.frf(theta), NOISE, SEED),
         "accelerance",
-        label=f"SYNTHETIC H0-J-T0 {torque:g} N m, 1 % noise",
+        note=f"SYNTHETIC H0-J-T0 {torque:g} N m, 1 % noise",
     )
     name = f"h0_j_t0_{torque:g}Nm"
     dovetail.write_frf(measured, HERE / f"{name}.uff", overwrite=True)

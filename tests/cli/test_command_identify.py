@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import shutil
 
@@ -270,3 +271,14 @@ def test_a_model_folder_may_be_moved(run, bench, tmp_path):
     shutil.copytree(bench.model, tmp_path / "moved")
     printed = run("identify", tmp_path / "moved", bench.measured).stdout
     assert printed == run("identify", bench.model, bench.measured).stdout
+
+
+def test_the_shipped_measurement_is_said_to_be_synthetic_by_its_own_file(run, bench, assemblies, tmp_path):
+    shipped = dovetail.read_frf(assemblies / "measurements" / "h0_j_t0_60Nm.uff")
+    assert shipped.note == "SYNTHETIC H0-J-T0 60 N m, 1 % noise"
+    noted = dataclasses.replace(dovetail.read_frf(bench.measured), note="SYNTHETIC mass on a spring")
+    dovetail.write_frf(noted, tmp_path / "noted.uff")
+    for given, said in ((tmp_path / "noted.uff", True), (bench.measured, False)):
+        done = run("identify", bench.model, given, "-o", tmp_path / f"results-{said}")
+        assert ("synthetic" in (done.stdout + done.stderr).lower()) == said
+        assert ("measurement is synthetic" in (tmp_path / f"results-{said}" / "report.html").read_text()) == said

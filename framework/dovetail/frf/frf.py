@@ -36,6 +36,8 @@ class Frf:
         False for a measurement of the amplitude alone.
     label : str
         Where it comes from, for figures and reports.
+    note : str
+        What its file says of it in words.
 
     Raises
     ------
@@ -49,6 +51,7 @@ class Frf:
     coherence: NDArray[np.float64] | None = None
     has_phase: bool = True
     label: str = field(default="FRF")
+    note: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency", _frozen(self.frequency, np.float64))

@@ -58,6 +58,7 @@ def provenance(assembly: Assembly, measured: Frf, evaluation: Evaluation) -> dic
         "assembly": description.name,
         "description_sha256": description_hash(description.text),
         "measurement": measured.label,
+        "measurement_note": measured.note,
         "measured_quantity": measured.quantity,
         "seed": evaluation.seed,
         "components": component_sources(assembly),

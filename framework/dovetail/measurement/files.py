@@ -62,7 +62,7 @@ def read_frf(
     Returns
     -------
     Frf
-        `label` is the file's name.
+        `label` is the file's name, `note` what the file says of it in words (the first id line of a UFF set).
 
     Raises
     ------

@@ -46,6 +46,8 @@ class Recording:
         From the index of a line to its place in the file.
     how_to_state_quantity : str
         How a file of this format says its quantity.
+    note : str
+        What the file says of it in words.
     """
 
     where: str
@@ -58,6 +60,7 @@ class Recording:
     coherence: NDArray[np.float64] | None
     place: Callable[[int], str] = field(repr=False)
     how_to_state_quantity: str
+    note: str = ""
 
     def to_frf(self, quantity: str | None) -> Frf:
         """Check everything and return the FRF; a line at 0 Hz is left out.
@@ -86,6 +89,7 @@ class Recording:
             coherence=self._clipped_coherence(first),
             has_phase=self.has_phase,
             label=self.label,
+            note=self.note,
         )
 
     def _agreed_quantity(self, given: str | None) -> Quantity:

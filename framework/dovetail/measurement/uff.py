@@ -72,6 +72,7 @@ def decode(path: Path, content: bytes, index: int | None) -> Recording:
         coherence=_coherence(content, chosen, sets, frequency),
         place=lambda line: f"{chosen.where}, line {line + 1} of its data",
         how_to_state_quantity="data types 8, 11 or 12 over 13 in the set's header",
+        note="" if chosen.fields["id1"].strip() == "NONE" else chosen.fields["id1"].strip(),
     )
 
 
@@ -192,7 +193,7 @@ def encode(frf: Frf, path: Path, binary: bool | None) -> bytes:
         "binary": int(spacing is None if binary is None else binary),
         "x": frf.frequency,
         "abscissa_spacing": spacing or 0,
-        "id1": _id_line(frf.label),
+        "id1": _id_line(frf.note or frf.label),
         "rsp_node": 1,
         "rsp_dir": 1,
         "ref_node": 1,

@@ -88,10 +88,10 @@ class EvaluationRow:
 
 
 def is_synthetic(result: Identification, truth: Truth | None) -> bool:
-    """Return whether the measurement's name, the provenance or the truth says that it was simulated."""
+    """Return whether the measurement's name or note, the provenance or the truth says that it was simulated."""
     if truth is not None and truth.synthetic:
         return True
-    said = (result.measured.label, result.provenance.get("measurement", ""))
+    said = (result.measured.label, *(result.provenance.get(key, "") for key in ("measurement", "measurement_note")))
     return bool(result.provenance.get("synthetic")) or any("synthetic" in str(text).lower() for text in said)
 
 
