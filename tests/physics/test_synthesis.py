@@ -233,3 +233,61 @@ def test_a_negative_stiffness_has_an_frf_but_no_natural_frequencies(sdof):
     np.testing.assert_allclose(sdof.frf([-5.0, 1.0]), -(omega**2) / (-5.0 - omega**2 + 1j * omega), rtol=1e-12)
     with pytest.raises(dovetail.DovetailError, match="a stiffness or a mass is negative"):
         sdof.natural_frequencies([-5.0, 1.0])
+
+
+def direct_error(description: dict) -> float:
+    assembly = dovetail.load(description)
+    return relative(receptance(assembly, assembly.vector(None))[0], direct(assembly, assembly.vector(None)))
+
+
+def test_massless_rotations_that_nothing_holds_take_no_part():
+    description = {
+        "dovetail": 1,
+        "name": "pair",
+        "frequency": {"start": 1, "stop": 600, "step": 1},
+        "substructures": {n: {"model": "lumped", "masses": [{"mass": m}]} for n, m in (("a", 1.0), ("b", 2.0))},
+        "joints": {"s": {"model": "spring_damper", "connect": {p: {"to": p, "at": 0} for p in "ab"}}},
+        "response": {"at": "a", "position": 0, "quantity": "receptance"},
+    }
+    assembly = dovetail.load(description)
+    k, c = 1e6, 10.0
+    omega = 2 * np.pi * assembly.frequency
+    spring = k + 1j * omega * c
+    expected = (spring - 2 * omega**2) / ((spring - omega**2) * (spring - 2 * omega**2) - spring**2)
+    np.testing.assert_allclose(assembly.frf([k, c, 1e3, 1.0]), expected, rtol=1e-10)
+    natural = assembly.natural_frequencies([k, c, 1e3, 1.0], count=1)[0]
+    assert natural == pytest.approx(np.sqrt(k * 1.5) / (2 * np.pi), rel=1e-9)
+
+
+def test_one_body_on_two_nodes_of_a_beam_equals_the_direct_solve():
+    description = two_beams({"model": "rigid"})
+    beam = description["substructures"]["left"]
+    parts = {"left": beam, "body": {"model": "lumped", "masses": [{"mass": 0.2, "inertia": 1e-5}]}}
+    ends = {f"r{i}": {"a": {"to": "left", "at": at}, "b": {"to": "body", "at": 0}} for i, at in enumerate((0.15, 0.2))}
+    joints = {name: {"model": "rigid", "connect": connect} for name, connect in ends.items()}
+    assert direct_error({**description, "substructures": parts, "joints": joints}) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        (lambda joint: joint.K[:, 0, 2].__imul__(2), "not finite and symmetric"),
+        (lambda joint: joint.K[:, 0, 0].__imul__(np.nan), "not finite and symmetric"),
+    ],
+)
+def test_a_joint_with_unfit_matrices_is_refused(monkeypatch, broken, message):
+    assembly = dovetail.load(two_beams({"model": "spring_damper"}))
+    model = type(assembly.graph.connections["link"].model)
+    real = model.matrices
+
+    def matrices(self, theta):
+        joint = real(self, theta)
+        broken(joint)
+        return joint
+
+    monkeypatch.setattr(model, "matrices", matrices)
+    with pytest.raises(dovetail.DovetailError, match=message):
+        assembly.frf()
+    monkeypatch.setattr(model, "matrices", lambda self, theta: real(self, theta[:1]))
+    with pytest.raises(dovetail.DovetailError, match="of shape"):
+        dovetail.load(two_beams({"model": "spring_damper"})).frf()

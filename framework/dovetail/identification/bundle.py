@@ -127,7 +127,7 @@ def _put(fresh: Path, target: Path, old: Path) -> None:
     target.rename(old)
     try:
         fresh.rename(target)
-    except OSError:
+    except BaseException:  # Ctrl-C too: the model that was there comes back
         old.rename(target)
         raise
 

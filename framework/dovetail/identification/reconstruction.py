@@ -22,6 +22,9 @@ __all__ = ["reconstruct", "sought"]
 _LOW_COHERENCE = 0.9
 """Mean coherence below which the reconstruction visibly misses the measurement."""
 
+_HARDLY_TOLD = 0.1
+"""R2 on test FRFs below which a network does hardly better than a guess of the middle."""
+
 _MOST_MODES = 10
 """Natural frequencies to ask for; those beyond the assembly's frequencies are left out."""
 
@@ -110,6 +113,13 @@ def _warnings(result: Identification) -> tuple[str, ...]:
         for parameter in result.parameters.values()
         if not parameter.in_range
     ]
+    tested = result.provenance.get("evaluation", {}).get("parameters", {})
+    guessed = [name for name, metrics in tested.items() if metrics["r2"] is not None and metrics["r2"] < _HARDLY_TOLD]
+    if guessed:
+        warnings.append(
+            f"Do not rely on {', '.join(guessed)}: on FRFs that it was not trained on, the network does hardly better "
+            "there than a guess of the middle of the range."
+        )
     if not result.measured.has_phase:
         warnings.append("The measurement has no phase: the coherence compares amplitudes and cannot fall below 0.5.")
     if result.mean_coherence < _LOW_COHERENCE:

@@ -12,7 +12,7 @@ from dovetail.errors import DovetailError
 from dovetail.interfaces import StructuralMatrices
 from dovetail.synthesis.code import Derivative, Term
 from dovetail.synthesis.elimination import Program
-from dovetail.synthesis.system import CoupledSystem, Theta, depends_on_frequency, filled_entries
+from dovetail.synthesis.system import CoupledSystem, Theta, depends_on_frequency, filled_entries, joint_matrices
 
 __all__ = ["Contributions"]
 
@@ -118,7 +118,7 @@ class Contributions:
         found = {}
         for name, connection in self._system.graph.connections.items():
             if not depends_on_frequency(connection.model):
-                found[name] = _filled_by_part(connection.model.matrices(self._system.probe[name]))
+                found[name] = _filled_by_part(joint_matrices(name, connection.model, self._system.probe[name]))
         return found
 
     @cached_property
@@ -188,7 +188,7 @@ class Contributions:
         matrices: dict[str, StructuralMatrices] = {}
         for name in self._filled_parts:
             model = self._system.graph.connections[name].model
-            matrices[name] = model.matrices(theta[name])
+            matrices[name] = joint_matrices(name, model, theta[name])
             stray = filled_entries(matrices[name]) & ~self._system.filled[name]
             if stray.any():
                 row, column = np.argwhere(stray)[0]
@@ -198,6 +198,8 @@ class Contributions:
                 )
         for name, part, columns in self._term_columns:
             columns.add(total, getattr(matrices[name], part), np.ones(len(columns.entries)))
+        if not np.isfinite(total).all():
+            raise DovetailError("a joint's matrices are not finite for these parameters.")
         return total
 
     def gather_general(self, theta: Theta, count: int) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dovetail.errors import DovetailError
 from dovetail.interfaces import StructuralMatrices
 from dovetail.synthesis.graph import Graph
-from dovetail.synthesis.system import depends_on_frequency
+from dovetail.synthesis.system import depends_on_frequency, joint_matrices
 
 __all__ = ["assembly_matrices", "direct_receptance"]
 
@@ -43,7 +43,7 @@ def assembly_matrices(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) ->
     for name, connection in graph.connections.items():
         if depends_on_frequency(connection.model):
             raise DovetailError(f"joint '{name}' depends on frequency, so the assembly has no matrices.")
-        batch = connection.model.matrices(theta[name][None, :])
+        batch = joint_matrices(name, connection.model, theta[name][None, :])
         single = StructuralMatrices(batch.M[0], batch.K[0], batch.C[0], batch.D[0])
         _add(whole, single, graph.joint_dofs(name))
     return whole

@@ -66,7 +66,7 @@ class Engine:
         padded = np.concatenate([given, np.repeat(given[-1:], max(0, WIDTH - len(given)))])
         self.graph = graph
         self.system = CoupledSystem(graph, padded, points, probe)
-        self.threads = os.cpu_count() or 1
+        self.threads = _cores()
         self.pivoted_lines = 0
         everything = {name: list(range(len(c.model.parameters))) for name, c in graph.connections.items()}
         self._sought = everything if sought is None else {name: list(columns) for name, columns in sought.items()}
@@ -171,7 +171,7 @@ class Engine:
         Raises
         ------
         DovetailError
-            A joint with sought parameters depends on frequency otherwise than through its matrices.
+            A pivot vanishes, or a joint with sought parameters depends on frequency otherwise than by its matrices.
         """
         for name, columns in self._sought.items():
             if columns and depends_on_frequency(self.graph.connections[name].model):
@@ -182,6 +182,8 @@ class Engine:
         weights = found.gather_weights(theta, count)
         self._run(self._jacobian_kernel, theta, padded, result, weights=weights, derived=derived)
         self._repair(theta, result, lambda H, lines: H * padded[lines])
+        if not np.isfinite(derived).all():
+            raise DovetailError("a pivot vanishes at some line, so that the sensitivities are not to be had there.")
         return result[:, : self._lines], np.swapaxes(derived, 1, 2)[:, : self._lines]
 
     def _padded(self, factor: NDArray[np.complex128] | None) -> NDArray[np.complex128]:
@@ -259,6 +261,12 @@ class Engine:
             for first in range(0, len(lines), at_once)
         ]
         return np.concatenate(solved)
+
+
+def _cores() -> int:
+    """Return how many cores this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def _count(theta: Theta) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import StructuralMatrices
@@ -38,7 +39,8 @@ def elastic_frequencies(matrices: StructuralMatrices, count: int) -> NDArray[np.
     -----
     Solves M phi = mu (K + s M) phi, which takes massless DOFs and rigid-body modes without special cases.
     """
-    active = np.flatnonzero((abs(matrices.K) + abs(matrices.M)).any(axis=0))
+    _, group = connected_components((matrices.K != 0) | (matrices.M != 0), directed=False)
+    active = np.flatnonzero(np.isin(group, group[np.diag(matrices.M) > 0]))  # what has no inertia has no motion
     K, M = matrices.K[np.ix_(active, active)], matrices.M[np.ix_(active, active)]
     inertia = np.diag(M) > 0
     if not inertia.any():

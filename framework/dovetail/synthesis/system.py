@@ -7,13 +7,14 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
-from dovetail.errors import DovetailError
+from dovetail.errors import DovetailError, PluginError
 from dovetail.interfaces import JointModel, StructuralMatrices
 from dovetail.synthesis.condensation import boundary_dynamic_stiffness
 from dovetail.synthesis.graph import Graph
 
-__all__ = ["CoupledSystem", "Point", "Theta", "depends_on_frequency", "filled_entries"]
+__all__ = ["CoupledSystem", "Point", "Theta", "depends_on_frequency", "filled_entries", "joint_matrices"]
 
 Point = tuple[str, int]
 """A DOF of a substructure: its name and the DOF's number there."""
@@ -71,7 +72,11 @@ class CoupledSystem:
             lines = self.frequency[[0, len(self.frequency) // 2, -1]]
             filled: NDArray[np.bool_] = (model.dynamic_stiffness(lines, probe) != 0).any(axis=(0, 1))
             return filled
-        return filled_entries(model.matrices(probe))
+        matrices = joint_matrices(name, model, probe)
+        for part in (matrices.M, matrices.K, matrices.C, matrices.D):
+            if not np.isfinite(part).all() or np.abs(part - np.swapaxes(part, 1, 2)).max() > 1e-9 * np.abs(part).max():
+                raise PluginError(f"joint '{name}' ({model.name}) gives matrices that are not finite and symmetric.")
+        return filled_entries(matrices)
 
     @cached_property
     def _pattern(self) -> NDArray[np.bool_]:
@@ -88,16 +93,20 @@ class CoupledSystem:
 
     @cached_property
     def active(self) -> NDArray[np.intp]:
-        """Global DOFs that take part, the points' among them.
+        """Global DOFs that take part: the points' and all that are connected with them.
 
         Raises
         ------
         DovetailError
             A point does not move.
         """
-        active = np.flatnonzero(self._pattern.any(axis=0))
-        for name, dof in self.points:
-            if self.graph.substructure_dofs(name)[dof] not in active:
+        filled: NDArray[np.bool_] = np.asarray(self._pattern.any(axis=0))
+        numbers = [int(self.graph.substructure_dofs(name)[dof]) for name, dof in self.points]
+        _, group = connected_components(self._pattern, directed=False)
+        reached = {int(group[number]) for number in numbers if number >= 0 and filled[number]}
+        active = np.flatnonzero(filled & np.isin(group, list(reached)))
+        for (name, dof), number in zip(self.points, numbers, strict=True):
+            if number not in active:
                 raise DovetailError(
                     f"{self.graph.substructures[name].dof_label(dof)} of '{name}' does not move: "
                     "it is held, or nothing gives it inertia or stiffness."
@@ -142,6 +151,23 @@ class CoupledSystem:
             Z = connection.model.dynamic_stiffness(frequency, theta[name])[0]
             _scatter(system, places, Z[:, local[:, None], local])
         return system
+
+
+def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> StructuralMatrices:
+    """Return a joint's matrices for parameter vectors (n, n_params).
+
+    Raises
+    ------
+    PluginError
+        The model returns something else than (n, d, d) matrices.
+    """
+    matrices = model.matrices(theta)
+    if not isinstance(matrices, StructuralMatrices):
+        raise PluginError(f"joint '{name}' ({model.name}) returns {type(matrices).__name__}, not StructuralMatrices.")
+    wanted = (len(theta), model.size, model.size)
+    if matrices.K.shape != wanted:
+        raise PluginError(f"joint '{name}' ({model.name}) returns matrices of shape {matrices.K.shape}, not {wanted}.")
+    return matrices
 
 
 def depends_on_frequency(model: JointModel) -> bool:
