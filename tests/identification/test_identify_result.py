@@ -168,3 +168,10 @@ def test_amplitudes_that_cannot_be_are_refused(model: dovetail.Identifier, ampli
 def test_an_unknown_method_is_refused(model: dovetail.Identifier, measured: dovetail.Frf) -> None:
     with pytest.raises(ValueError, match="Did you mean 'network'"):
         model.identify(measured, method="netwrk")
+
+
+def test_parameters_that_the_network_guesses_are_named(model: dovetail.Identifier, measured: dovetail.Frf) -> None:
+    metrics = {**model.evaluation.parameters, "c": replace(model.evaluation.parameters["c"], r2=0.02)}
+    guessing = replace(model, evaluation=replace(model.evaluation, parameters=metrics))
+    (warning,) = guessing.identify(measured).warnings
+    assert warning.startswith("Do not rely on c: ")
