@@ -38,6 +38,11 @@ class Frf:
         Where it comes from, for figures and reports.
     note : str
         What its file says of it in words.
+    averages : int, optional
+        Number of averages behind a measured FRF.
+    variance : (n_freq,) array, optional
+        E|error|^2 of each complex value, in the square of the values' unit, where it is known by another way than
+        from coherence and averages.
 
     Raises
     ------
@@ -52,12 +57,15 @@ class Frf:
     has_phase: bool = True
     label: str = field(default="FRF")
     note: str = ""
+    averages: int | None = None
+    variance: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency", _frozen(self.frequency, np.float64))
         object.__setattr__(self, "values", _frozen(self.values, np.complex128))
-        if self.coherence is not None:
-            object.__setattr__(self, "coherence", _frozen(self.coherence, np.float64))
+        for name in ("coherence", "variance"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _frozen(getattr(self, name), np.float64))
         self._check()
 
     def _check(self) -> None:
@@ -71,10 +79,15 @@ class Frf:
             raise MeasurementError(
                 f"{self.label}: {self.values.shape} values do not fit {self.frequency.shape} frequencies."
             )
-        if self.coherence is not None and self.coherence.shape != self.frequency.shape:
-            raise MeasurementError(
-                f"{self.label}: {self.coherence.shape} coherences do not fit {self.frequency.shape} frequencies."
-            )
+        for plural, given in (("coherences", self.coherence), ("variances", self.variance)):
+            if given is not None and given.shape != self.frequency.shape:
+                raise MeasurementError(
+                    f"{self.label}: {given.shape} {plural} do not fit {self.frequency.shape} frequencies."
+                )
+        if self.variance is not None and not (np.isfinite(self.variance).all() and np.all(self.variance >= 0)):
+            raise MeasurementError(f"{self.label}: a variance is negative or not finite.")
+        if self.averages is not None and self.averages < 1:
+            raise MeasurementError(f"{self.label}: {self.averages} averages; it must be at least 1.")
         for name, array in (("frequency", self.frequency), ("value", self.values)):
             bad = np.flatnonzero(~np.isfinite(array))
             if bad.size:
@@ -102,10 +115,26 @@ class Frf:
         """(n_freq,) phase in radians, from -pi to pi."""
         return np.angle(self.values)
 
+    @property
+    def random_variance(self) -> NDArray[np.float64] | None:
+        """(n_freq,) E|error|^2 of each complex value, or None where nothing tells it.
+
+        As given, or from coherence and averages: ``|H|^2 (1 - c) / (c n)``, twice the square of the normalised random
+        error of an amplitude (Bendat and Piersol, Random Data, 4th ed., Table 9.6). Infinite where the coherence is 0.
+        """
+        if self.variance is not None:
+            return self.variance
+        if self.coherence is None or self.averages is None:
+            return None
+        with np.errstate(divide="ignore"):
+            ratio = (1 - self.coherence) / (self.coherence * self.averages)
+        return np.where(self.coherence > 0, self.amplitude**2 * ratio, np.inf)
+
     def to(self, quantity: Quantity) -> Frf:
         """Return the same FRF as another quantity (a factor of i omega for each derivative)."""
         if quantity not in QUANTITIES:
             raise MeasurementError(f"'{quantity}' is not a quantity; accepted: {', '.join(QUANTITIES)}.")
         factor = conversion(self.frequency, self.quantity, quantity)
         values = self.values * (factor if self.has_phase else np.abs(factor))
-        return replace(self, values=values, quantity=quantity)
+        variance = None if self.variance is None else self.variance * np.abs(factor) ** 2
+        return replace(self, values=values, quantity=quantity, variance=variance)
