@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dovetail import Frf, MeasurementError
+from dovetail import Frf
+from dovetail.errors import MeasurementError
 
 TRUE = 3 - 4j
 AVERAGES = 20
