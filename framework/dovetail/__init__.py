@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from dovetail.interfaces import (
         Component,
         ComponentConfig,
+        Epoch,
         FittedReducer,
         FittedRegressor,
         JointModel,
@@ -47,6 +48,7 @@ _HOMES = {
     "dovetail.interfaces": (
         "Component",
         "ComponentConfig",
+        "Epoch",
         "FittedReducer",
         "FittedRegressor",
         "JointModel",
@@ -73,6 +75,7 @@ __all__ = [
     "ComponentConfig",
     "Dataset",
     "DovetailError",
+    "Epoch",
     "Fault",
     "FittedReducer",
     "FittedRegressor",

@@ -11,7 +11,7 @@ import dovetail
 from dovetail.assembly import components
 from dovetail.errors import PluginError
 from dovetail.evaluation import robustness
-from dovetail.evaluation.robustness import with_reducer
+from dovetail.evaluation.robustness import variant
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,28 @@ def test_a_row_is_flat_for_a_table(study):
 
 
 def test_another_reducer_takes_the_number_of_components(sdof):
-    assert with_reducer(sdof, "pca", components()).description.identification.reducer.config.n_components == 20
-    assert with_reducer(sdof, "umap", components()) is sdof
+    assert variant(sdof, "pca", components()).description.identification.reducer.config.n_components == 20
     with pytest.raises(PluginError, match="'tsne' is not a reducer model"):
-        with_reducer(sdof, "tsne", components())
+        variant(sdof, "tsne", components())
+
+
+def test_a_variant_says_in_its_text_what_it_is(sdof):
+    plain, robust = variant(sdof, "pca", components()), variant(sdof, "pca+robust", components())
+    assert json.loads(plain.description.text)["identification"]["reducer"]["model"] == "pca"
+    assert plain.description.identification.augmentation is None
+    assert dovetail.load(json.loads(robust.description.text)).description.identification.augmentation is not None
+    assert variant(robust, "pca", components()).description.identification.augmentation is None
+    assert robust.description.fingerprint == sdof.description.fingerprint
+
+
+def test_a_model_is_trained_plainly_or_robustly(sdof):
+    with pytest.raises(PluginError, match="'sturdy' is nothing that a model can be trained with"):
+        variant(sdof, "pca+sturdy", components())
+
+
+def test_robust_training_costs_little_and_keeps_much(study):
+    assembly, dataset, rows = study
+    plain = {row.level: row.r2 for row in rows if row.model == "pca"}
+    robust = robustness(assembly, dataset, models=["pca+robust"], levels=[0.0, 0.1])
+    assert robust[0].r2 > plain[0.0] - 0.05
+    assert robust[1].r2 > plain[0.1] + 0.1

@@ -3,5 +3,15 @@
 from dovetail.assembly.assembly import Assembly, components, load
 from dovetail.assembly.description import Description, IdentificationSettings
 from dovetail.assembly.parameters import ParameterSpace, Theta
+from dovetail.assembly.sections import AugmentationSection
 
-__all__ = ["Assembly", "Description", "IdentificationSettings", "ParameterSpace", "Theta", "components", "load"]
+__all__ = [
+    "Assembly",
+    "AugmentationSection",
+    "Description",
+    "IdentificationSettings",
+    "ParameterSpace",
+    "Theta",
+    "components",
+    "load",
+]

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.assembly.sections import AugmentationSection
 from dovetail.frf import Quantity
 from dovetail.interfaces import Parameter, Reducer, Regressor, SubstructureModel
 from dovetail.synthesis import Connection
@@ -48,7 +49,7 @@ class Response:
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """How the network is trained."""
+    """How the network is trained; without `augmentation`, on the dataset's FRFs as they are."""
 
     samples: int
     seed: int
@@ -56,6 +57,7 @@ class IdentificationSettings:
     features: Literal["log10p1"]
     reducer: Reducer
     regressor: Regressor
+    augmentation: AugmentationSection | None = None
 
 
 @dataclass(frozen=True)
@@ -92,3 +94,18 @@ class Description:
         whole = json.loads(self.text)
         physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
         return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()
+
+    def with_identification(self, section: Mapping[str, object], **settings: Any) -> Description:
+        """Return the description with other training, in its text and in its settings.
+
+        Parameters
+        ----------
+        section : mapping
+            Keys of the text's `identification` section, as they are written.
+        **settings
+            The same keys' values in `IdentificationSettings`.
+        """
+        whole = json.loads(self.text)
+        whole["identification"] = {**(whole.get("identification") or {}), **section}
+        text = json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
+        return replace(self, text=text, identification=replace(self.identification, **settings))

@@ -169,4 +169,5 @@ def _read_identification(findings: Findings, registry: Registry) -> Identificati
         section.features,
         reducer.component,
         regressor.component,
+        section.augmentation,
     )

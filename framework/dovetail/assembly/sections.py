@@ -8,11 +8,12 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from dovetail.frf import Quantity
-from dovetail.units import Frequency, Position
+from dovetail.units import Frequency, Mass, Position
 
 __all__ = [
     "FORMAT",
     "AttachmentSection",
+    "AugmentationSection",
     "DescriptionSection",
     "FrequencySection",
     "IdentificationSection",
@@ -87,6 +88,46 @@ class ResponseSection(_Section):
     quantity: Quantity = "accelerance"
 
 
+_Level = Annotated[_Number, Field(ge=0, le=10)]
+
+
+class AugmentationSection(_Section):
+    """Noise and variability that training FRFs get, new in every epoch (robust training).
+
+    Attributes
+    ----------
+    additive : float
+        Greatest standard deviation of additive noise, over the standard deviation of all training amplitudes. Each
+        FRF draws its own level, evenly on a logarithmic scale over three decades.
+    clean : float
+        Share of the FRFs that get no additive noise.
+    multiplicative : float
+        Greatest standard deviation of each line's relative error; each FRF draws its own level from 0 up.
+    gain : float
+        Standard deviation of an FRF's relative calibration error, the same at all its lines.
+    bad_lines : float
+        Greatest share of lines that are wrong by up to a decade either way; each FRF draws its own.
+    stretch : float
+        Standard deviation of an FRF's relative error of the frequency axis.
+    mass : float
+        Standard deviation of the mass at the drive point that compensation for the accelerometer leaves over [kg].
+    copies : int
+        Different augmentations of each FRF where a reducer makes each costly; they are gone through in turn.
+    fresh : bool
+        Draw new samples from the engine in every epoch in place of the dataset's.
+    """
+
+    additive: _Level = 0.2
+    clean: Annotated[_Number, Field(ge=0, le=1)] = 0.1
+    multiplicative: _Level = 0.02
+    gain: _Level = 0.0
+    bad_lines: Annotated[_Number, Field(ge=0, le=1)] = 0.0
+    stretch: Annotated[_Number, Field(ge=0, le=0.1)] = 0.0
+    mass: Annotated[Mass, Field(ge=0)] = 0.0
+    copies: Annotated[_Count, Field(ge=1, le=1000)] = 8
+    fresh: bool = False
+
+
 class IdentificationSection(_Section):
     """How the network is trained; `reducer` and `regressor` are sections that name a model."""
 
@@ -96,6 +137,7 @@ class IdentificationSection(_Section):
     features: Literal["log10p1"] = "log10p1"
     reducer: Any = None
     regressor: Any = None
+    augmentation: AugmentationSection | None = None
 
 
 class DescriptionSection(_Section):

@@ -40,7 +40,9 @@ def _level(text: str) -> float:
 
 def robustness(
     assembly: AssemblyFile,
-    models: Annotated[str, typer.Option(metavar="NAMES", help="Reducers, with commas.")] = "umap,pca,none",
+    models: Annotated[
+        str, typer.Option(metavar="NAMES", help="Reducers, with commas; 'pca+robust' is trained with noise.")
+    ] = "umap,pca,none",
     levels: Annotated[
         str, typer.Option(metavar="LEVELS", help="Noise over the data's standard deviation, with commas.")
     ] = "0,0.01,0.02,0.05,0.1,0.15,0.2",
@@ -57,19 +59,20 @@ def robustness(
 ) -> None:
     """Show how accuracy falls with noise.
 
-    One network for each reducer is trained on clean FRFs and evaluated on noisy ones. R2 is the mean over the
-    parameters, RMSE a part of their ranges. Files of an earlier run in the output folder are replaced.
+    One network for each model is trained, on clean FRFs or ('+robust') on noisy ones, and evaluated on noisy ones.
+    R2 is the mean over the parameters, RMSE a part of their ranges. Files of an earlier run in the output folder are
+    replaced.
     """
     import dovetail
     from dovetail.assembly.assembly import components
     from dovetail.cli.result_files import prepare_folder
     from dovetail.evaluation import robustness as study
-    from dovetail.evaluation.robustness import with_reducer
+    from dovetail.evaluation.robustness import variant
 
     chosen, noise = [name.strip() for name in models.split(",")], _levels(levels)
     loaded, registry = dovetail.load(assembly, plugins=plugin or ()), components(plugin or ())
     for name in chosen:
-        with_reducer(loaded, name, registry)
+        variant(loaded, name, registry)
     if output is not None:
         prepare_folder(output, _FILES, _FILES[0])
     with tempfile.TemporaryDirectory(prefix="dovetail-") as folder, progress_bars() as progress:
@@ -82,7 +85,7 @@ def robustness(
     else:
         title(f"{loaded.name}: accuracy with noise")
         printed = [(row.model, f"{row.level:g}", f"{row.r2:.3f}", f"{row.rmse:.3f}") for row in rows]
-        table(["reducer", "noise", "R2", "RMSE"], printed, numbers=["noise", "R2", "RMSE"])
+        table(["model", "noise", "R2", "RMSE"], printed, numbers=["noise", "R2", "RMSE"])
     if output is not None:
         note(f"Written to {output}: {', '.join(_FILES)}")
 

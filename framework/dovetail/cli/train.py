@@ -23,6 +23,9 @@ def train(
         Path | None,
         typer.Option("--data", metavar="FOLDER", help="A dataset; by default one is generated and discarded."),
     ] = None,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Train with noise, as the description's 'augmentation' says or by default.")
+    ] = False,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -36,7 +39,7 @@ def train(
     loaded = dovetail.load(assembly, plugins=plugin or ())
     dataset = None if data is None else dovetail.Dataset(data)
     with progress_bars() as progress:
-        model = dovetail.train(loaded, dataset, progress=progress)
+        model = dovetail.train(loaded, dataset, robust=robust, progress=progress)
     model.save(output)
     if as_json:
         print_json(evaluation_as_dict(model.evaluation))

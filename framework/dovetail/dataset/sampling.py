@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,13 +12,14 @@ from dovetail.assembly import Assembly
 __all__ = ["latin_hypercube"]
 
 
-def latin_hypercube(assembly: Assembly, samples: int, seed: int) -> NDArray[np.float64]:
+def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int]) -> NDArray[np.float64]:
     """Draw parameter vectors that fill the ranges evenly, each on its parameter's scale.
 
     Parameters
     ----------
     assembly : Assembly
-    samples, seed : int
+    samples : int
+    seed : int or sequence of int
 
     Returns
     -------

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from dovetail.assembly import Assembly, components
+from dovetail.assembly.reader import read_description
 from dovetail.dataset import Dataset
-from dovetail.errors import PluginError
+from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
 from dovetail.identification.metrics import parameter_metrics
 from dovetail.identification.training import split
-from dovetail.interfaces import Progress, Reducer, silent
+from dovetail.interfaces import Progress, silent
 from dovetail.measurement import data_noise
 from dovetail.registry import Registry
 
-__all__ = ["LEVELS", "RobustnessRow", "robustness"]
+__all__ = ["LEVELS", "RobustnessRow", "robustness", "variant"]
+
+_ROBUST = "robust"
 
 LEVELS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2)
 """Noise levels of the study: standard deviation of the noise over that of the data."""
@@ -30,7 +34,7 @@ class RobustnessRow:
     Parameters
     ----------
     model : str
-        The reducer's name.
+        The reducer's name, with ``+robust`` after robust training.
     level : float
         Standard deviation of the noise over that of the test amplitudes.
     r2 : float
@@ -63,7 +67,7 @@ def robustness(
     registry: Registry | None = None,
     progress: Progress = silent,
 ) -> tuple[RobustnessRow, ...]:
-    """Train one network for each reducer on clean FRFs and evaluate it on noisy ones.
+    """Train one network for each model and evaluate it on noisy FRFs.
 
     Parameters
     ----------
@@ -71,7 +75,7 @@ def robustness(
     dataset : Dataset
         Of this assembly; its training and test parts are those of `train`.
     models : sequence of str
-        Names of reducers. One with as many components as the description's own takes their number from there.
+        Names of reducers, alone for training on clean FRFs or with ``+robust`` (see `variant`).
     levels : sequence of float
     seed : int
         Of the noise; the same noise meets every model.
@@ -91,32 +95,46 @@ def robustness(
     """
     rows: list[RobustnessRow] = []
     for name in models:
-        variant = with_reducer(assembly, name, registry or components())
-        identifier = train(variant, dataset, progress=progress)
+        identifier = train(variant(assembly, name, registry or components()), dataset, progress=progress)
         rows.extend(_evaluate(name, identifier, dataset, levels, seed, progress))
     return tuple(rows)
 
 
-def with_reducer(assembly: Assembly, name: str, registry: Registry) -> Assembly:
-    """Return the assembly with another reducer, of as many components as its own one has.
+def variant(assembly: Assembly, name: str, registry: Registry) -> Assembly:
+    """Return the assembly with the training that a model's name stands for.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    name : str
+        A reducer, alone (``"pca"``) or with robust training (``"pca+robust"``). Another reducer than the description's
+        gets as many components; robust training takes the description's `augmentation`, or the default one.
+    registry : Registry
 
     Raises
     ------
     PluginError
-        No such reducer, or it cannot be made with these options.
+        No such reducer, or another addition than ``robust``.
+    DescriptionError
+        The reducer cannot be made with these options.
     """
-    settings = assembly.description.identification
-    if settings.reducer.name == name:
-        return assembly
-    component = registry.find("reducer", name).component
-    options = {}
-    if "n_components" in component.Config.model_fields and hasattr(settings.reducer.config, "n_components"):
-        options["n_components"] = settings.reducer.config.n_components
-    reducer = component(component.Config(**options))
-    if not isinstance(reducer, Reducer):
-        raise PluginError(f"'{name}' is not a reducer.")
-    described = replace(assembly.description, identification=replace(settings, reducer=reducer))
-    return Assembly(described)
+    reducer, _, addition = name.partition("+")
+    if addition not in ("", _ROBUST):
+        found = f"'{addition}' is nothing that a model can be trained with."
+        raise PluginError(Fault(f"model '{name}'", found, f"'{reducer}', '{reducer}+{_ROBUST}'"))
+    description = json.loads(assembly.description.text)
+    section = dict(description.get("identification") or {})
+    current = assembly.description.identification.reducer
+    if current.name != reducer:
+        component = registry.find("reducer", reducer).component
+        section["reducer"] = {"model": reducer}
+        if "n_components" in component.Config.model_fields and hasattr(current.config, "n_components"):
+            section["reducer"]["n_components"] = current.config.n_components
+    if addition:
+        section.setdefault("augmentation", {})
+    else:
+        section.pop("augmentation", None)
+    return Assembly(read_description({**description, "identification": section}, registry))
 
 
 def _evaluate(

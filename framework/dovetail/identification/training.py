@@ -12,13 +12,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, IdentificationSettings
+from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, generate
-from dovetail.errors import DatasetError, Fault, PluginError
+from dovetail.errors import DatasetError, Fault
+from dovetail.identification.epochs import NoisyFeatures, ReducedEpochs
 from dovetail.identification.features import log10p1
 from dovetail.identification.identifier import Identifier
 from dovetail.identification.metrics import Evaluation, parameter_metrics
 from dovetail.identification.network import Network
+from dovetail.identification.reduction import reduce_features
+from dovetail.identification.samples import read_parts
 from dovetail.identification.scaling import TargetScaling, ZScore, blocks
 from dovetail.interfaces import FittedReducer, Progress, silent
 
@@ -31,7 +34,9 @@ _FEWEST = 2
 """Samples that either part needs for a spread to exist."""
 
 
-def train(assembly: Assembly, dataset: Dataset | None = None, *, progress: Progress = silent) -> Identifier:
+def train(
+    assembly: Assembly, dataset: Dataset | None = None, *, robust: bool = False, progress: Progress = silent
+) -> Identifier:
     """Train the network of an assembly's description and evaluate it on the test part of the dataset.
 
     Parameters
@@ -39,6 +44,9 @@ def train(assembly: Assembly, dataset: Dataset | None = None, *, progress: Progr
     assembly : Assembly
     dataset : Dataset, optional
         Samples of this assembly. Without one, as many as the description says are generated and then discarded.
+    robust : bool
+        Train on FRFs with noise, as the description's `augmentation` says or else by its defaults. A description that
+        has an `augmentation` is trained so in any case.
     progress : Progress
         Called as training goes on.
 
@@ -54,12 +62,21 @@ def train(assembly: Assembly, dataset: Dataset | None = None, *, progress: Progr
         The reducer or the regressor breaks its contract.
     """
     clock = _Clock()
+    if robust:
+        assembly = _with_augmentation(assembly)
     if dataset is not None:
         return _train(assembly, dataset, clock, progress)
     with tempfile.TemporaryDirectory(prefix="dovetail-") as folder:
         with clock.stage("dataset"):
             generated = generate(assembly, Path(folder) / "dataset.zarr", progress=progress)
         return _train(assembly, generated, clock, progress)
+
+
+def _with_augmentation(assembly: Assembly) -> Assembly:
+    settings = assembly.description.identification
+    if settings.augmentation is not None:
+        return assembly
+    return Assembly(assembly.description.with_identification({"augmentation": {}}, augmentation=AugmentationSection()))
 
 
 def split(samples: int, test_fraction: float, seed: int) -> NDArray[np.bool_]:
@@ -96,11 +113,8 @@ def _train(assembly: Assembly, dataset: Dataset, clock: _Clock, progress: Progre
     settings = assembly.description.identification
     is_test = split(len(dataset), settings.test_fraction, settings.seed)
     theta = np.asarray(dataset.parameters, dtype=np.float64)
-    with clock.stage("features"):
-        features, test_amplitude = _read(dataset, is_test, progress)
-    reducer, reduced = _fit_reducer(settings, features, clock, progress)
-    del features  # 700 MB at 40,000 FRFs of 4451 lines
-    network = _fit_regressor(assembly, reducer, reduced, theta[~is_test], clock, progress)
+    fit = _fit_plain if settings.augmentation is None else _fit_robust
+    network, test_amplitude = fit(assembly, dataset, is_test, clock, progress)
     with clock.stage("evaluation"):
         predicted = network.predict(test_amplitude)
     evaluation = Evaluation(
@@ -113,78 +127,59 @@ def _train(assembly: Assembly, dataset: Dataset, clock: _Clock, progress: Progre
     return Identifier(assembly, network, evaluation)
 
 
+def _fit_plain(
+    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], clock: _Clock, progress: Progress
+) -> tuple[Network, NDArray[np.float32]]:
+    """Fit to the training FRFs as they are; return the network and the test amplitudes."""
+    settings = assembly.description.identification
+    with clock.stage("features"):
+        features, test_amplitude = read_parts(dataset, is_test, progress)
+        for rows in blocks(len(features)):
+            log10p1(features[rows], out=features[rows])
+    reducer = _fit_reducer(settings, features, clock, progress)
+    with clock.stage("reduction"):
+        reduced = reduce_features(reducer, settings.reducer.name, features, progress)
+    del features  # 700 MB at 40,000 FRFs of 4451 lines
+    with clock.stage("regressor"):
+        feature_scaling = ZScore.fit(reduced)
+        target_scaling = TargetScaling.fit(dataset.parameters[~is_test], assembly.parameters)
+        regressor = settings.regressor.fit(
+            feature_scaling.transform(reduced, out=reduced),
+            target_scaling.transform(dataset.parameters[~is_test]),
+            seed=settings.seed,
+            progress=progress,
+        )
+    return Network(reducer, feature_scaling, regressor, target_scaling), test_amplitude
+
+
+def _fit_robust(
+    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], clock: _Clock, progress: Progress
+) -> tuple[Network, NDArray[np.float32]]:
+    """Fit to training FRFs with noise, new in every epoch; return the network and the test amplitudes, clean."""
+    settings = assembly.description.identification
+    with clock.stage("features"):
+        amplitude, test_amplitude = read_parts(dataset, is_test, progress)
+        noisy = NoisyFeatures.of(assembly, amplitude, dataset.parameters[~is_test])
+        features, theta = noisy(0)
+    reducer = _fit_reducer(settings, features, clock, progress)
+    with clock.stage("reduction"):
+        reduced = reduce_features(reducer, settings.reducer.name, features, progress)
+    del features
+    feature_scaling, target_scaling = ZScore.fit(reduced), TargetScaling.fit(theta, assembly.parameters)
+    epochs = ReducedEpochs(noisy, settings.reducer.name, reducer, feature_scaling, target_scaling)
+    with clock.stage("regressor"):
+        regressor = settings.regressor.fit_epochs(epochs, seed=settings.seed, progress=progress)
+    return Network(reducer, feature_scaling, regressor, target_scaling), test_amplitude
+
+
 def _fit_reducer(
     settings: IdentificationSettings, features: NDArray[np.float32], clock: _Clock, progress: Progress
-) -> tuple[FittedReducer, NDArray[np.float32]]:
-    """Fit the reducer to the training part and reduce that."""
+) -> FittedReducer:
     with clock.stage("reducer"):
         progress("reducer", 0, 1, f"{settings.reducer.name} on {len(features)} FRFs")
         reducer = settings.reducer.fit(features, seed=settings.seed)
         progress("reducer", 1, 1)
-    with clock.stage("reduction"):
-        return reducer, _reduce(reducer, settings.reducer.name, features, progress)
-
-
-def _fit_regressor(
-    assembly: Assembly,
-    reducer: FittedReducer,
-    reduced: NDArray[np.float32],
-    theta: NDArray[np.float64],
-    clock: _Clock,
-    progress: Progress,
-) -> Network:
-    """Fit the scalings and then the regressor to the training part; `reduced` is standardised in place."""
-    settings = assembly.description.identification
-    with clock.stage("regressor"):
-        feature_scaling = ZScore.fit(reduced)
-        target_scaling = TargetScaling.fit(theta, assembly.parameters)
-        regressor = settings.regressor.fit(
-            feature_scaling.transform(reduced, out=reduced),
-            target_scaling.transform(theta),
-            seed=settings.seed,
-            progress=progress,
-        )
-    return Network(reducer, feature_scaling, regressor, target_scaling)
-
-
-def _read(
-    dataset: Dataset, is_test: NDArray[np.bool_], progress: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Read the dataset once: training rows as features, test rows as amplitudes, each into its final place."""
-    width = len(dataset.frequency)
-    features = np.empty((np.count_nonzero(~is_test), width), dtype=np.float32)
-    test_amplitude = np.empty((np.count_nonzero(is_test), width), dtype=np.float32)
-    trained = tested = 0
-    for rows in blocks(len(dataset)):
-        amplitude = np.asarray(dataset.amplitude[rows], dtype=np.float32)
-        if not np.isfinite(amplitude).all():
-            raise DatasetError(
-                f"the dataset holds amplitudes that are not finite, in samples {rows.start}-{rows.stop}."
-            )
-        for_test = is_test[rows]
-        chosen, others = amplitude[for_test], amplitude[~for_test]
-        test_amplitude[tested : tested + len(chosen)] = chosen
-        log10p1(others, out=features[trained : trained + len(others)])
-        tested, trained = tested + len(chosen), trained + len(others)
-        progress("features", rows.stop, len(dataset))
-    return features, test_amplitude
-
-
-def _reduce(
-    reducer: FittedReducer, name: str, features: NDArray[np.float32], progress: Progress
-) -> NDArray[np.float32]:
-    reduced = np.empty((len(features), 0), dtype=np.float32)
-    for rows in blocks(len(features)):
-        part = reducer.transform(features[rows])
-        if part.ndim != 2 or len(part) != rows.stop - rows.start:
-            raise PluginError(f"reducer '{name}' made {part.shape} of {rows.stop - rows.start} FRFs, not one row each.")
-        if not np.isfinite(part).all():
-            raise PluginError(f"reducer '{name}' made features that are not finite.")
-        if rows.start == 0:
-            reduced = np.empty((len(features), part.shape[1]), dtype=np.float32)
-        reduced[rows] = part
-        progress("reduction", rows.stop, len(features))
-    return reduced
+    return reducer
 
 
 @dataclass

@@ -5,7 +5,7 @@ from dovetail.interfaces.joint import JointModel, Parameter, Port, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.progress import Progress, silent
 from dovetail.interfaces.reducer import FittedReducer, Reducer
-from dovetail.interfaces.regressor import FittedRegressor, Regressor
+from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor
 from dovetail.interfaces.state import State
 from dovetail.interfaces.substructure import Node, SubstructureModel
 
@@ -14,6 +14,7 @@ __all__ = [
     "KINDS",
     "Component",
     "ComponentConfig",
+    "Epoch",
     "FittedReducer",
     "FittedRegressor",
     "JointModel",

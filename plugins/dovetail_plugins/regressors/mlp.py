@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,8 @@ from dovetail_plugins.arrays import checked_rows, state_array
 
 if TYPE_CHECKING:
     import torch
+
+    Tensors = tuple[torch.Tensor, torch.Tensor]
 
 __all__ = ["MLP", "FittedMLP"]
 
@@ -128,19 +130,26 @@ class MLP(dovetail.Regressor):
         DovetailError
             The two differ in length, hold values that are not finite, or are too few for a validation part.
         """
-        import torch
+        samples = _tensors(features, targets)
+        return self._fit(lambda _: samples, seed, progress)
 
-        inputs = np.require(checked_rows(features, _OWNER), np.float32, ["C", "W"])
-        outputs = np.require(checked_rows(targets, f"{_OWNER}, targets"), np.float32, ["C", "W"])
-        if len(inputs) != len(outputs):
-            found = f"it was given {len(inputs)} rows of features and {len(outputs)} of targets."
-            raise dovetail.DovetailError(dovetail.Fault(_OWNER, found))
-        if len(inputs) < _FEWEST:
-            found = f"{len(inputs)} samples are too few to train on and to validate with."
-            raise dovetail.DovetailError(dovetail.Fault(_OWNER, found, f"{_FEWEST} or more"))
-        first, second = self.config.hidden
-        with _own_torch(seed, first * (inputs.shape[1] + second)):
-            layers = self._train(torch.from_numpy(inputs), torch.from_numpy(outputs), progress)
+    def fit_epochs(
+        self, epoch: dovetail.Epoch, *, seed: int, progress: dovetail.Progress = dovetail.silent
+    ) -> FittedMLP:
+        """Fit to samples whose features change from epoch to epoch.
+
+        The validation part is taken from the first epoch; its rows are left out of all others.
+
+        Raises
+        ------
+        DovetailError
+            As `fit`.
+        """
+        return self._fit(lambda number: _tensors(*epoch(number)), seed, progress)
+
+    def _fit(self, epoch: Callable[[int], Tensors], seed: int, progress: dovetail.Progress) -> FittedMLP:
+        with _own_torch(seed):
+            layers = self._train(epoch, progress)
         return FittedMLP([weight for weight, _ in layers], [bias for _, bias in layers])
 
     def restore(self, state: dovetail.State) -> FittedMLP:
@@ -166,11 +175,13 @@ class MLP(dovetail.Regressor):
             nn.Linear(second, n_targets),
         )
 
-    def _train(self, inputs: torch.Tensor, outputs: torch.Tensor, progress: dovetail.Progress) -> Layers:
+    def _train(self, samples: Callable[[int], Tensors], progress: dovetail.Progress) -> Layers:
         """Return the layers at the epoch of the lowest validation loss."""
         import torch
 
         config = self.config
+        inputs, outputs = samples(0)
+        _choose_threads(config.hidden[0] * (inputs.shape[1] + config.hidden[1]))
         order = torch.randperm(len(inputs))
         held_back = min(max(round(config.validation_fraction * len(inputs)), 1), len(inputs) - 1)
         validation, training = order[:held_back], order[held_back:]
@@ -182,6 +193,8 @@ class MLP(dovetail.Regressor):
         schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(optimizer, factor=0.5, patience=config.patience // 3)
         best_loss, best_epoch, best = float("inf"), 0, _layers(network)
         for epoch in range(1, config.max_epochs + 1):
+            if epoch > 1:
+                inputs, outputs = samples(epoch - 1)
             network.train()
             for batch in torch.split(training[torch.randperm(len(training))], config.batch_size):
                 optimizer.zero_grad()
@@ -202,30 +215,49 @@ class MLP(dovetail.Regressor):
         return best
 
 
+def _tensors(features: NDArray[np.float32], targets: NDArray[np.float64]) -> Tensors:
+    import torch
+
+    inputs = np.require(checked_rows(features, _OWNER), np.float32, ["C", "W"])
+    outputs = np.require(checked_rows(targets, f"{_OWNER}, targets"), np.float32, ["C", "W"])
+    if len(inputs) != len(outputs):
+        found = f"it was given {len(inputs)} rows of features and {len(outputs)} of targets."
+        raise dovetail.DovetailError(dovetail.Fault(_OWNER, found))
+    if len(inputs) < _FEWEST:
+        found = f"{len(inputs)} samples are too few to train on and to validate with."
+        raise dovetail.DovetailError(dovetail.Fault(_OWNER, found, f"{_FEWEST} or more"))
+    return torch.from_numpy(inputs), torch.from_numpy(outputs)
+
+
 def _diverged(epoch: int, learning_rate: float) -> dovetail.Fault:
     found = f"the validation loss is no longer finite after epoch {epoch}."
     return dovetail.Fault(_OWNER, found, remedy=f"Choose a 'learning_rate' below {learning_rate:g}.")
 
 
 @contextmanager
-def _own_torch(seed: int, weights: int) -> Iterator[None]:
-    """Seed torch and choose its threads; the caller's random numbers and threads stay as they were.
-
-    A small network is trained on one thread, a large one on half of the cores. More gain little on an idle machine,
-    and where anything else wants a core an epoch takes up to fifty times as long, since threads wait for each other
-    after every product.
-    """
+def _own_torch(seed: int) -> Iterator[None]:
+    """Seed torch; the caller's random numbers and threads are afterwards as they were."""
     import torch
 
-    before = torch.get_num_threads()
-    wanted = 1 if weights < _LARGE else max(1, (os.cpu_count() or 1) // 2)
-    torch.set_num_threads(min(before, wanted))
+    threads = torch.get_num_threads()
     try:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             yield
     finally:
-        torch.set_num_threads(before)
+        torch.set_num_threads(threads)
+
+
+def _choose_threads(weights: int) -> None:
+    """Train a small network on one thread, a large one on half of the cores.
+
+    More gain little on an idle machine, and where anything else wants a core an epoch takes up to fifty times as long,
+    since threads wait for each other after every product.
+    """
+    import torch
+
+    wanted = 1 if weights < _LARGE else max(1, (os.cpu_count() or 1) // 2)
+    torch.set_num_threads(min(torch.get_num_threads(), wanted))
 
 
 def _layers(network: torch.nn.Sequential) -> Layers:

@@ -1,0 +1,154 @@
+"""Training samples that change from epoch to epoch."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.dataset import latin_hypercube
+from dovetail.errors import DatasetError, Fault
+from dovetail.frf import conversion
+from dovetail.identification.augmentation import Augmentation
+from dovetail.identification.features import log10p1
+from dovetail.identification.reduction import reduce_features
+from dovetail.identification.scaling import TargetScaling, ZScore
+from dovetail.interfaces import FittedReducer
+
+__all__ = ["NoisyFeatures", "ReducedEpochs"]
+
+_NOISE_STREAM, _SAMPLE_STREAM = 2, 3
+"""Keep the random numbers of the noise and of fresh samples apart from those of the split, which has the same seed."""
+
+_ROWS = 512
+
+
+class NoisyFeatures:
+    """Features of the training FRFs with noise, by the number of the epoch.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Its description's `augmentation` says how much of what, and its seed fixes every epoch.
+    amplitude : (n_samples, n_freq) float32 array
+        Clean, of the accelerance; what is drawn afresh has as many samples and replaces them.
+    theta : (n_samples, n_params) array
+        SI.
+    augmentation : Augmentation
+    """
+
+    def __init__(
+        self, assembly: Assembly, amplitude: NDArray[np.float32], theta: NDArray[np.float64], augmentation: Augmentation
+    ) -> None:
+        self._assembly = assembly
+        self._amplitude = amplitude
+        self._theta = theta
+        self._augmentation = augmentation
+        self._seed = assembly.description.identification.seed
+
+    @classmethod
+    def of(cls, assembly: Assembly, amplitude: NDArray[np.float32], theta: NDArray[np.float64]) -> Self:
+        """Take the noise's unit, the standard deviation of all amplitudes, from the training samples.
+
+        Raises
+        ------
+        DatasetError
+            A remaining mass is asked for, which needs phases, but samples are not drawn afresh.
+        """
+        settings = assembly.description.identification.augmentation
+        assert settings is not None
+        augmentation = Augmentation(settings, assembly.frequency, float(np.std(amplitude, dtype=np.float64)))
+        if augmentation.needs_phase and not settings.fresh:
+            found = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
+            raise DatasetError(Fault("identification.augmentation", found, remedy="Set 'fresh: true', or 'mass: 0'."))
+        return cls(assembly, amplitude, theta, augmentation)
+
+    @property
+    def fresh(self) -> bool:
+        """Whether every epoch draws new samples from the engine."""
+        return self._augmentation.settings.fresh
+
+    @property
+    def copies(self) -> int:
+        """How many epochs are told apart where each is costly."""
+        return self._augmentation.settings.copies
+
+    def __call__(self, epoch: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Return features (n_samples, n_freq) and parameters (n_samples, n_params)."""
+        theta = self._theta
+        if self.fresh:
+            theta = latin_hypercube(self._assembly, len(theta), (self._seed, _SAMPLE_STREAM, epoch))
+        features = np.empty((len(theta), len(self._assembly.frequency)), dtype=np.float32)
+
+        def fill(block: int, clean: NDArray[np.number]) -> None:
+            generator = np.random.default_rng([self._seed, _NOISE_STREAM, epoch, block])
+            noisy = self._augmentation(clean, generator)
+            log10p1(noisy, out=features[block * _ROWS : block * _ROWS + len(noisy)])
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            for done in [pool.submit(fill, block, clean) for block, clean in enumerate(self._clean(theta))]:
+                done.result()
+        return features, theta
+
+    def _clean(self, theta: NDArray[np.float64]) -> Iterator[NDArray[np.number]]:
+        """Yield the clean FRFs of the samples, block by block."""
+        for start in range(0, len(theta), _ROWS):
+            rows = slice(start, start + _ROWS)
+            if not self.fresh:
+                yield self._amplitude[rows]
+            elif self._augmentation.needs_phase:
+                quantity = self._assembly.description.response.quantity
+                yield self._assembly.frf(theta[rows]) * conversion(self._assembly.frequency, quantity, "accelerance")
+            else:
+                yield self._assembly.accelerance_amplitude(theta[rows])
+
+
+class ReducedEpochs:
+    """What the regressor is trained with, by the number of the epoch: reduced, standardised features and targets.
+
+    Parameters
+    ----------
+    noisy : NoisyFeatures
+    name : str
+        The reducer's.
+    reducer : FittedReducer
+    feature_scaling : ZScore
+    target_scaling : TargetScaling
+
+    Notes
+    -----
+    A reducer that makes rows short enough for `copies` epochs to take no more memory than one epoch's FRFs is applied
+    to so many epochs, which are then gone through in turn; otherwise each epoch is made when it is asked for.
+    """
+
+    def __init__(
+        self,
+        noisy: NoisyFeatures,
+        name: str,
+        reducer: FittedReducer,
+        feature_scaling: ZScore,
+        target_scaling: TargetScaling,
+    ) -> None:
+        self._noisy = noisy
+        self._name = name
+        self._reducer = reducer
+        self._feature_scaling = feature_scaling
+        self._target_scaling = target_scaling
+        self._kept: dict[int, tuple[NDArray[np.float32], NDArray[np.float64]]] = {}
+
+    def __call__(self, epoch: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Return features (n_samples, n_components) and targets (n_samples, n_targets)."""
+        number = epoch % self._noisy.copies
+        if number in self._kept:
+            return self._kept[number]
+        features, theta = self._noisy(epoch)
+        reduced = reduce_features(self._reducer, self._name, features)
+        made = self._feature_scaling.transform(reduced, out=reduced), self._target_scaling.transform(theta)
+        if self._noisy.copies * reduced.shape[1] <= features.shape[1]:
+            self._kept[number] = made
+        return made

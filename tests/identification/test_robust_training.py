@@ -1,0 +1,167 @@
+"""Robust training: the noise that training FRFs get, and epochs that change."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.assembly import AugmentationSection
+from dovetail.errors import DatasetError
+from dovetail.identification.augmentation import Augmentation
+from dovetail.identification.epochs import NoisyFeatures
+
+AXIS = np.arange(1.0, 2001.0)
+SILENT = {"additive": 0.0, "multiplicative": 0.0}
+
+
+def augmented(amplitude, seed=0, deviation=1.0, **settings):
+    chosen = AugmentationSection(**{**SILENT, **settings})
+    return Augmentation(chosen, AXIS, deviation)(amplitude, np.random.default_rng(seed))
+
+
+def flat(rows, level=100.0):
+    return np.full((rows, len(AXIS)), level, dtype=np.float32)
+
+
+def test_without_any_noise_nothing_changes():
+    np.testing.assert_array_equal(augmented(flat(3)), flat(3))
+
+
+def test_additive_noise_has_levels_over_three_decades_in_units_of_the_deviation():
+    levels = augmented(flat(400), additive=0.5, clean=0.0, deviation=20.0).std(axis=1)
+    assert levels.max() == pytest.approx(10.0, rel=0.1)
+    assert levels.min() == pytest.approx(0.01, rel=0.2)
+    assert np.median(levels) == pytest.approx(10.0 * 10**-1.5, rel=0.3)
+
+
+def test_a_share_of_the_frfs_stays_without_additive_noise():
+    untouched = np.all(augmented(flat(1000), clean=0.3, additive=1.0) == 100.0, axis=1)
+    assert np.mean(untouched) == pytest.approx(0.3, abs=0.05)
+
+
+def test_multiplicative_noise_is_relative_and_a_gain_moves_all_lines_alike():
+    relative = augmented(flat(400, level=7.0), multiplicative=0.1).std(axis=1) / 7.0
+    assert relative.max() == pytest.approx(0.1, rel=0.1)
+    assert relative.min() < 0.005
+    gains = augmented(flat(1000), gain=0.05)
+    np.testing.assert_allclose(gains, gains[:, :1].repeat(len(AXIS), axis=1))
+    assert gains[:, 0].std() == pytest.approx(5.0, rel=0.1)
+
+
+def test_bad_lines_are_wrong_by_up_to_a_decade():
+    spoiled = augmented(flat(200), bad_lines=0.2)
+    share = np.mean(spoiled != 100.0, axis=1)
+    assert share.max() == pytest.approx(0.2, rel=0.15)
+    assert 10.0 <= spoiled.min() < 11.0
+    assert 900.0 < spoiled.max() <= 1000.0
+
+
+def test_a_stretched_axis_moves_a_peak():
+    peak = np.exp(-(((AXIS - 1000.0) / 50.0) ** 2))[np.newaxis].astype(np.float32).repeat(500, axis=0)
+    moved = AXIS[np.argmax(augmented(peak, stretch=0.01), axis=1)]
+    assert moved.std() == pytest.approx(10.0, rel=0.1)
+    assert moved.mean() == pytest.approx(1000.0, abs=2.0)
+
+
+def test_a_remaining_mass_lowers_or_raises_the_natural_frequency(sdof):
+    """A mass dm on 1 kg moves the natural frequency by -dm/2 of itself."""
+    theta = np.array([1e6, 5.0])
+    clean = sdof.frf(theta)[np.newaxis].repeat(300, axis=0)
+    chosen = AugmentationSection(**SILENT, mass=0.05)
+    loaded = Augmentation(chosen, sdof.frequency, 1.0)(clean, np.random.default_rng(0))
+    natural = sdof.natural_frequencies(theta, count=1)[0]
+    shift = sdof.frequency[np.argmax(loaded, axis=1)] / natural - 1
+    assert shift.std() == pytest.approx(0.025, rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def robust(with_settings):
+    return with_settings(
+        samples=600,
+        reducer={"model": "pca", "n_components": 12},
+        regressor={"model": "mlp", "hidden": [32, 16], "max_epochs": 5},
+        augmentation={"copies": 3},
+    )
+
+
+@pytest.fixture(scope="module")
+def frfs(robust, tmp_path_factory):
+    return dovetail.generate(robust, tmp_path_factory.mktemp("robust") / "data.zarr")
+
+
+def noisy(assembly, dataset):
+    return NoisyFeatures.of(assembly, np.asarray(dataset.amplitude[:]), dataset.parameters)
+
+
+def test_epochs_differ_and_each_can_be_had_again(robust, frfs):
+    first, again = noisy(robust, frfs), noisy(robust, frfs)
+    np.testing.assert_array_equal(first(1)[0], again(1)[0])
+    assert np.mean(first(0)[0] != first(1)[0]) > 0.9
+    np.testing.assert_array_equal(first(2)[1], frfs.parameters)
+
+
+def test_fresh_epochs_have_new_samples_and_their_own_frfs(with_settings, robust, frfs):
+    settings = {"fresh": True, "additive": 0.0, "multiplicative": 0.0}
+    assembly = with_settings(samples=600, reducer={"model": "none"}, augmentation=settings)
+    features, theta = noisy(assembly, frfs)(4)
+    assert not np.isin(theta[:, 0], frfs.parameters[:, 0]).any()
+    expected = np.log10(assembly.accelerance_amplitude(theta) + 1)
+    np.testing.assert_allclose(features, expected, rtol=1e-5, atol=1e-6)
+
+
+def test_a_remaining_mass_needs_phases(with_settings, frfs):
+    assembly = with_settings(samples=600, augmentation={"mass": "2 g"})
+    with pytest.raises(DatasetError, match="needs the phase"):
+        noisy(assembly, frfs)
+    fresh = with_settings(samples=600, augmentation={"mass": "2 g", "fresh": True, "additive": 0.0})
+    assert np.isfinite(noisy(fresh, frfs)(0)[0]).all()
+
+
+def test_training_goes_through_as_many_augmentations_as_copies(robust, frfs):
+    asked = []
+    settings = robust.description.identification
+
+    class Spy(type(settings.regressor)):
+        def fit_epochs(self, epoch, **others):
+            made = [epoch(number)[0] for number in range(5)]
+            asked.extend(made)
+            return super().fit_epochs(epoch, **others)
+
+    spied = dovetail.Assembly(
+        robust.description.with_identification({}, regressor=Spy(settings.regressor.config)),
+    )
+    dovetail.train(spied, frfs)
+    assert asked[3] is asked[0]
+    assert asked[4] is asked[1]
+    assert not np.array_equal(asked[0], asked[1])
+
+
+def test_a_regressor_that_knows_no_epochs_gets_several_at_once(frfs):
+    class Recorder(dovetail.Regressor):
+        name = "recorder"
+        summary = "keeps what it is fitted to"
+
+        def fit(self, features, targets, *, seed, progress=dovetail.silent):
+            self.__dict__["given"] = features, targets
+            return self
+
+        def restore(self, state):
+            raise NotImplementedError
+
+    recorder = Recorder(Recorder.Config())
+    recorder.fit_epochs(lambda number: (np.full((2, 3), float(number)), np.full((2, 1), 9.0)), seed=0)
+    features, targets = recorder.given
+    np.testing.assert_array_equal(features[:, 0], [0, 0, 1, 1, 2, 2, 3, 3])
+    assert targets.shape == (8, 1)
+
+
+def test_robust_training_can_be_asked_for_and_is_in_the_description(with_settings, frfs):
+    plain = with_settings(
+        samples=600, reducer={"model": "pca", "n_components": 12}, regressor={"model": "mlp", "max_epochs": 3}
+    )
+    model = dovetail.train(plain, frfs, robust=True)
+    again = dovetail.load(json.loads(model.assembly.description.text))
+    assert again.description.identification.augmentation == AugmentationSection()
