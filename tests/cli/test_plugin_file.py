@@ -138,13 +138,38 @@ def test_a_missing_plugin_file(run, tmp_path):
     assert run("--plugin", file, "plugins", code=1).stderr == f"{file}\n  there is no such plugin file.\n"
 
 
-def test_a_bug_in_a_plugin_is_called_one(shell, plugin, description):
-    plugin.write_text(HYSTERETIC.replace("across = ", "across = 1 / 0 * "))
+@pytest.mark.parametrize(
+    ("old", "new", "line", "reason"),
+    [
+        ("across = ", "across = 1 / 0 * ", "across = 1 / 0", "ZeroDivisionError: division by zero"),
+        (
+            "return joint",
+            "return joint.gone",
+            "return joint.gone",
+            "AttributeError: 'StructuralMatrices' object has no",
+        ),
+        ("self.size)", "9)", "joint.K[:]", "ValueError: could not broadcast input array"),
+    ],
+)
+def test_a_plugin_that_raises_at_work_is_named_with_its_line(shell, plugin, description, old, new, line, reason):
+    plugin.write_text(HYSTERETIC.replace(old, new))
+    number = next(n for n, text in enumerate(plugin.read_text().splitlines(), 1) if line in text)
     done = shell("check", description, "--plugin", plugin)
     assert done.returncode == 1
     assert done.stdout == ""
+    assert done.stderr.startswith(f"{plugin}:{number}\n  joint 'mount' (hysteretic_spring) failed: {reason}")
+    assert done.stderr.count("\n") == 3
+
+
+def test_the_program_s_own_bug_is_called_one(shell, plugin, description):
+    plugin.write_text(
+        HYSTERETIC.replace(
+            "import numpy as np", "import sys\nimport numpy as np\nsys.modules['dovetail.cli.check'].table = None"
+        )
+    )
+    done = shell("check", description, "--plugin", plugin)
+    assert done.returncode == 1
     assert done.stderr.startswith("Traceback (most recent call last):\n")
-    assert f'File "{plugin}"' in done.stderr
-    assert "ZeroDivisionError" in done.stderr
+    assert "TypeError: 'NoneType' object is not callable" in done.stderr
     assert done.stderr.rstrip().endswith("please report it with the lines above.")
     assert "typer" not in done.stderr

@@ -1,5 +1,6 @@
 """What a plugin implements, a contract a file."""
 
+from dovetail.interfaces.blame import blamed_on, source_file
 from dovetail.interfaces.component import KINDS, Component, ComponentConfig, Kind
 from dovetail.interfaces.joint import JointModel, Parameter, Port, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
@@ -29,5 +30,7 @@ __all__ = [
     "State",
     "StructuralMatrices",
     "SubstructureModel",
+    "blamed_on",
     "silent",
+    "source_file",
 ]

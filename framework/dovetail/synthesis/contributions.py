@@ -12,7 +12,15 @@ from dovetail.errors import DovetailError
 from dovetail.interfaces import StructuralMatrices
 from dovetail.synthesis.code import Derivative, Term
 from dovetail.synthesis.elimination import Program
-from dovetail.synthesis.system import CoupledSystem, Theta, depends_on_frequency, filled_entries, joint_matrices
+from dovetail.synthesis.system import (
+    CoupledSystem,
+    Theta,
+    depends_on_frequency,
+    filled_entries,
+    joint_jacobian,
+    joint_matrices,
+    joint_stiffness,
+)
 
 __all__ = ["Contributions"]
 
@@ -127,7 +135,7 @@ class Contributions:
         found, parameter = [], 0
         for name, columns in self._sought.items():
             model = self._system.graph.connections[name].model
-            jacobian = model.matrices_jacobian(self._system.probe[name]) if columns else ()
+            jacobian = joint_jacobian(name, model, self._system.probe[name]) if columns else ()
             for column in columns:
                 found.append((parameter, name, _filled_by_part(jacobian[column])))
                 parameter += 1
@@ -210,7 +218,7 @@ class Contributions:
         for name, connection in self._system.graph.connections.items():
             if not depends_on_frequency(connection.model):
                 continue
-            Z = connection.model.dynamic_stiffness(frequency, theta[name])
+            Z = joint_stiffness(name, connection.model, frequency, theta[name])
             for (row, column), slot in self._local_slots(name, self._system.filled[name]):
                 total[:, row_of[slot], 0] += Z[..., row, column].real
                 total[:, row_of[slot], 1] += Z[..., row, column].imag
@@ -220,7 +228,7 @@ class Contributions:
         """Return the derivatives of the terms by the sought parameters, (n, n_derivatives), signed for -x^T dZ x."""
         total = np.zeros((count, len(self.derivatives)))
         jacobians = {
-            name: self._system.graph.connections[name].model.matrices_jacobian(theta[name])
+            name: joint_jacobian(name, self._system.graph.connections[name].model, theta[name])
             for name, columns in self._sought.items()
             if columns
         }

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
-from dovetail.interfaces import StructuralMatrices
+from dovetail.interfaces import StructuralMatrices, blamed_on
 from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.system import depends_on_frequency, joint_matrices
 
@@ -36,7 +36,8 @@ def assembly_matrices(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) ->
     """
     whole = StructuralMatrices.zeros(graph.size)
     for name, substructure in graph.substructures.items():
-        matrices = substructure.matrices()
+        with blamed_on(substructure, f"substructure '{name}' ({substructure.name})"):
+            matrices = substructure.matrices()
         if matrices is None:
             raise DovetailError(f"substructure '{name}' has no matrices, so the assembly has none either.")
         _add(whole, matrices, graph.substructure_dofs(name))

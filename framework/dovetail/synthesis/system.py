@@ -10,11 +10,20 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError, PluginError
-from dovetail.interfaces import JointModel, StructuralMatrices
+from dovetail.interfaces import JointModel, StructuralMatrices, blamed_on
 from dovetail.synthesis.condensation import boundary_dynamic_stiffness
 from dovetail.synthesis.graph import Graph
 
-__all__ = ["CoupledSystem", "Point", "Theta", "depends_on_frequency", "filled_entries", "joint_matrices"]
+__all__ = [
+    "CoupledSystem",
+    "Point",
+    "Theta",
+    "depends_on_frequency",
+    "filled_entries",
+    "joint_jacobian",
+    "joint_matrices",
+    "joint_stiffness",
+]
 
 Point = tuple[str, int]
 """A DOF of a substructure: its name and the DOF's number there."""
@@ -56,7 +65,8 @@ class CoupledSystem:
             dofs = sorted(needed[name])
             if dofs and not substructure.grounded:
                 numbers = self.graph.substructure_dofs(name)[dofs]
-                Z = boundary_dynamic_stiffness(substructure, dofs, self.frequency)
+                with blamed_on(substructure, f"substructure '{name}' ({substructure.name})"):
+                    Z = boundary_dynamic_stiffness(substructure, dofs, self.frequency)
                 moving = np.flatnonzero(numbers >= 0)
                 condensed[name] = numbers[moving], Z[:, moving[:, None], moving]
         return condensed
@@ -70,7 +80,7 @@ class CoupledSystem:
         model, probe = self.graph.connections[name].model, self.probe[name]
         if depends_on_frequency(model):
             lines = self.frequency[[0, len(self.frequency) // 2, -1]]
-            filled: NDArray[np.bool_] = (model.dynamic_stiffness(lines, probe) != 0).any(axis=(0, 1))
+            filled: NDArray[np.bool_] = (joint_stiffness(name, model, lines, probe) != 0).any(axis=(0, 1))
             return filled
         matrices = joint_matrices(name, model, probe)
         for part in (matrices.M, matrices.K, matrices.C, matrices.D):
@@ -148,7 +158,7 @@ class CoupledSystem:
             _scatter(system, places, Z[lines][:, local[:, None], local])
         for name, connection in self.graph.connections.items():
             local, places = self.located(self.graph.joint_dofs(name))
-            Z = connection.model.dynamic_stiffness(frequency, theta[name])[0]
+            Z = joint_stiffness(name, connection.model, frequency, theta[name])[0]
             _scatter(system, places, Z[:, local[:, None], local])
         return system
 
@@ -159,15 +169,65 @@ def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
     Raises
     ------
     PluginError
-        The model returns something else than (n, d, d) matrices.
+        The model fails, or returns something else than (n, d, d) matrices.
     """
-    matrices = model.matrices(theta)
-    if not isinstance(matrices, StructuralMatrices):
-        raise PluginError(f"joint '{name}' ({model.name}) returns {type(matrices).__name__}, not StructuralMatrices.")
-    wanted = (len(theta), model.size, model.size)
-    if matrices.K.shape != wanted:
-        raise PluginError(f"joint '{name}' ({model.name}) returns matrices of shape {matrices.K.shape}, not {wanted}.")
+    label = _label(name, model)
+    with blamed_on(model, label):
+        matrices = model.matrices(theta)
+    _check_matrices(label, model, matrices, len(theta))
     return matrices
+
+
+def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
+    """Return the derivatives of a joint's matrices by each of its parameters, for (n, n_params) vectors.
+
+    Raises
+    ------
+    PluginError
+        The model fails, or returns something else than one set of (n, d, d) matrices a parameter.
+    """
+    label = _label(name, model)
+    with blamed_on(model, label):
+        derivatives = tuple(model.matrices_jacobian(theta))
+    if len(derivatives) != len(model.parameters):
+        found = f"{label} returns {len(derivatives)} derivatives of its matrices"
+        raise PluginError(f"{found}, not one for each of its {len(model.parameters)} parameters.")
+    for matrices in derivatives:
+        _check_matrices(label, model, matrices, len(theta))
+    return derivatives
+
+
+def joint_stiffness(
+    name: str, model: JointModel, frequency: NDArray[np.float64], theta: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Return a joint's dynamic stiffness (n, n_freq, d, d) for parameter vectors (n, n_params).
+
+    Raises
+    ------
+    PluginError
+        The model fails, or returns something else than finite numbers of this shape.
+    """
+    label = _label(name, model)
+    with blamed_on(model, label):
+        stiffness = np.asarray(model.dynamic_stiffness(frequency, theta), dtype=np.complex128)
+    wanted = (len(theta), len(frequency), model.size, model.size)
+    if stiffness.shape != wanted:
+        raise PluginError(f"{label} returns a dynamic stiffness of shape {stiffness.shape}, not {wanted}.")
+    if not np.isfinite(stiffness).all():
+        raise PluginError(f"{label} returns a dynamic stiffness that is not finite.")
+    return stiffness
+
+
+def _label(name: str, model: JointModel) -> str:
+    return f"joint '{name}' ({model.name})"
+
+
+def _check_matrices(label: str, model: JointModel, matrices: object, count: int) -> None:
+    if not isinstance(matrices, StructuralMatrices):
+        raise PluginError(f"{label} returns {type(matrices).__name__}, not StructuralMatrices.")
+    wanted = (count, model.size, model.size)
+    if matrices.K.shape != wanted:
+        raise PluginError(f"{label} returns matrices of shape {matrices.K.shape}, not {wanted}.")
 
 
 def depends_on_frequency(model: JointModel) -> bool:

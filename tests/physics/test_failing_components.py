@@ -1,0 +1,136 @@
+"""Components whose own code fails while FRFs are computed: named, with file and line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.errors import PluginError
+from dovetail.registry import Registry
+
+HERE = re.escape(str(Path(__file__)))
+
+
+class Frail(dovetail.JointModel):
+    """A spring that fails where it is told to."""
+
+    name = "frail"
+    summary = "A spring"
+    parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7),)
+    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+
+    class Config(dovetail.ComponentConfig):
+        """Where it fails."""
+
+        fails: str = ""
+
+    def matrices(self, theta):
+        if self.config.fails == "matrices":
+            raise RuntimeError("no such spring")
+        joint = dovetail.StructuralMatrices.zeros(len(theta), 4)
+        joint.K[:] = theta[:, 0, None, None] * np.outer([1, 0, -1, 0], [1, 0, -1, 0])
+        return joint
+
+    def matrices_jacobian(self, theta):
+        if self.config.fails == "jacobian":
+            return [][0]
+        return super().matrices_jacobian(theta) if self.config.fails != "short" else []
+
+
+class Dependent(Frail):
+    """The same, as a function of frequency."""
+
+    name = "dependent"
+
+    def dynamic_stiffness(self, frequency, theta):
+        if self.config.fails == "stiffness":
+            raise KeyError("frequency")
+        stiffness = super().dynamic_stiffness(frequency, theta)
+        if self.config.fails == "nan":
+            stiffness[0, -1, 0, 0] = np.nan
+        return stiffness[0] if self.config.fails == "shape" else stiffness
+
+
+class Hollow(dovetail.SubstructureModel):
+    """A part without anything in it."""
+
+    name = "hollow"
+    summary = "A part"
+    nodes = (dovetail.Node("n", 0.0),)
+
+    def matrices(self):
+        raise OSError("no such mesh")
+
+
+class Plugin:
+    @dovetail.hookimpl
+    def dovetail_components(self):
+        return [Frail, Dependent, Hollow]
+
+
+def assembly(model: str, fails: str = "", part: str = "lumped"):
+    from dovetail.assembly.assembly import Assembly
+    from dovetail.assembly.reader import read_description
+
+    registry = Registry()
+    registry.load_entry_points()
+    registry.add(Plugin(), "here")
+    mass = {"model": "lumped", "masses": [{"mass": 1}]} if part == "lumped" else {"model": part}
+    description = {
+        "dovetail": 1,
+        "name": "frail",
+        "frequency": {"start": 1, "stop": 100, "step": 1},
+        "substructures": {"mass": mass, "base": {"model": "ground"}},
+        "joints": {
+            "spring": {
+                "model": model,
+                "fails": fails,
+                "connect": {"a": {"to": "mass", "at": 0}, "b": {"to": "base", "at": 0}},
+            }
+        },
+        "response": {"at": "mass", "position": 0},
+    }
+    return Assembly(read_description(description, registry))
+
+
+def test_a_sound_one_works():
+    assert np.isfinite(assembly("frail").frf_jacobian()[1]).all()
+    assert np.isfinite(assembly("dependent").frf()).all()
+
+
+@pytest.mark.parametrize(
+    ("model", "fails", "said"),
+    [
+        ("frail", "matrices", rf"^{HERE}:\d+\n  joint 'spring' \(frail\) failed: RuntimeError: no such spring\n"),
+        ("frail", "jacobian", rf"^{HERE}:\d+\n  joint 'spring' \(frail\) failed: IndexError: list index"),
+        (
+            "frail",
+            "short",
+            r"joint 'spring' \(frail\) returns 0 derivatives of its matrices, not one for each of its 1",
+        ),
+        ("dependent", "stiffness", rf"^{HERE}:\d+\n  joint 'spring' \(dependent\) failed: KeyError: 'frequency'"),
+        ("dependent", "nan", r"joint 'spring' \(dependent\) returns a dynamic stiffness that is not finite"),
+        (
+            "dependent",
+            "shape",
+            r"a dynamic stiffness of shape \(3, 4, 4\), not \(5, 3, 4, 4\)|of shape \(\d+, 4, 4\), not",
+        ),
+    ],
+)
+def test_a_failing_joint(model, fails, said):
+    broken = assembly(model, fails)
+    compute = broken.frf_jacobian if model == "frail" else broken.frf
+    with pytest.raises(PluginError, match=said):
+        compute()
+
+
+def test_a_failing_substructure():
+    broken = assembly("frail", part="hollow")
+    said = rf"^{HERE}:\d+\n  substructure 'mass' \(hollow\) failed: OSError: no such mesh"
+    for compute in (broken.frf, broken.natural_frequencies):
+        with pytest.raises(PluginError, match=said):
+            compute()
