@@ -32,6 +32,7 @@ __all__ = [
     "Position",
     "Pressure",
     "format_quantity",
+    "is_unit",
     "to_si",
 ]
 
@@ -73,6 +74,16 @@ def to_si(value: object, unit: str) -> float:
     if not math.isfinite(number):
         raise UnitError(f"{value!r} is not a finite quantity in {unit}.")
     return number
+
+
+@cache
+def is_unit(unit: str) -> bool:
+    """Return whether `unit` is a unit in pint's spelling that values can be converted to; ``"1"`` is one."""
+    try:
+        _factor(unit, unit, unit)
+    except UnitError:
+        return False
+    return True
 
 
 def _parse_text(text: str, unit: str) -> float:

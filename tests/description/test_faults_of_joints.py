@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+CONFTEST = Path(__file__).with_name("conftest.py")
 CASES = {
     "joint_name": (
         {
@@ -35,7 +38,8 @@ CASES = {
         },
         "test.yaml:15:3  joints.collet\n"
         "  joint model 'portless' (fake 1.0) cannot give its ports: AttributeError: 'Config' object has "
-        "no attribute 'missing'.",
+        "no attribute 'missing'.\n"
+        f"  Mend it in {CONFTEST}.",
     ),
     "connect_missing": (
         {

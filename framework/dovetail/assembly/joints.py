@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from dovetail.assembly.component_sections import Built, build, read_property
+from dovetail.assembly.component_sections import Built, build
 from dovetail.assembly.description import JointEntry
 from dovetail.assembly.findings import Findings
 from dovetail.assembly.nodes import find_node
-from dovetail.assembly.parameter_sections import read_parameters
+from dovetail.assembly.parameter_sections import check_ranges, read_parameters
 from dovetail.assembly.sections import AttachmentSection
 from dovetail.assembly.tree import Path, shown
 from dovetail.assembly.validation import validate
 from dovetail.errors import did_you_mean, listing
-from dovetail.interfaces import Port, SubstructureModel
+from dovetail.interfaces import Port, SubstructureModel, joint_faults, source_file
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_quantity
@@ -32,13 +32,25 @@ def read_joint(name: str, substructures: Substructures, findings: Findings, regi
     built = build("joint", path, findings, registry, reserved=("connect", "parameters"))
     if built is None:
         return None
-    ports, parameters = (read_property(built, what, path, findings) for what in ("ports", "parameters"))
-    attachments = _Connect(built, path, substructures, findings).read(ports) if ports is not None else ()
-    ranges, fixed = read_parameters(built, path, parameters or (), findings)
+    if not _check_declarations(built, path, findings):
+        return None
+    attachments = _Connect(built, path, substructures, findings).read(built.component.ports)
+    ranges, fixed = read_parameters(built, path, built.component.parameters, findings)
+    if len(findings) == before:
+        check_ranges(built, path, ranges, fixed, findings)
     if len(findings) > before or None in attachments:
         return None
     attached = tuple(attachment for attachment in attachments if attachment is not None)
     return JointEntry(Connection(built.component, attached), ranges, MappingProxyType(fixed))
+
+
+def _check_declarations(built: Built, path: Path, findings: Findings) -> bool:
+    """Report what is wrong with the joint model itself, which no description can mend."""
+    faults = joint_faults(built.component)
+    remedy = f"Mend it in {source_file(built.component)}." if source_file(built.component) else ""
+    for fault in faults:
+        findings.add(path, f"{built.label} {fault.found}", fault.accepted, remedy, key=True)
+    return not faults
 
 
 class _Connect:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dovetail.assembly.component_sections import Built
@@ -11,10 +11,10 @@ from dovetail.assembly.sections import ParameterSection
 from dovetail.assembly.tree import Item, Path, plain, shown
 from dovetail.assembly.validation import validate
 from dovetail.errors import UnitError, did_you_mean, listing
-from dovetail.interfaces import Parameter
+from dovetail.interfaces import Parameter, blamed_on
 from dovetail.units import to_si
 
-__all__ = ["read_parameters"]
+__all__ = ["check_ranges", "read_parameters"]
 
 
 def read_parameters(
@@ -58,6 +58,34 @@ def read_parameters(
         else:
             _fix((*path, name), known[name], entry.item, fixed, findings)
     return tuple(known.values()), fixed
+
+
+def check_ranges(
+    built: Built, joint: Path, parameters: Sequence[Parameter], fixed: Mapping[str, float], findings: Findings
+) -> None:
+    """Report ranges and values to which the joint model objects.
+
+    Parameters
+    ----------
+    built : Built
+        The joint model.
+    joint : Path
+    parameters : sequence of Parameter
+        With the description's ranges.
+    fixed : mapping of str to float
+        SI values of those that are known.
+    findings : Findings
+        Takes in the faults.
+    """
+    lower = {p.name: fixed.get(p.name, p.lower) for p in parameters}
+    upper = {p.name: fixed.get(p.name, p.upper) for p in parameters}
+    with blamed_on(built.component, built.label):
+        objections = built.component.range_objections(lower, upper)
+    if not isinstance(objections, Mapping):
+        findings.add(joint, f"{built.label} gives {objections!r:.80} for its objections, not a mapping.", key=True)
+        return
+    for name, objection in objections.items():
+        findings.add((*joint, "parameters", name), objection, key=True)
 
 
 def _described(path: Path, parameter: Parameter, fixed: dict[str, float], findings: Findings) -> Parameter:

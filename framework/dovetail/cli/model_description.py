@@ -7,7 +7,8 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from dovetail.interfaces import JointModel
+from dovetail.errors import Fault, PluginError
+from dovetail.interfaces import JointModel, parameter_faults, port_faults, source_file
 from dovetail.registry import Offer
 from dovetail.units import format_quantity
 
@@ -29,6 +30,11 @@ def describe_offer(offer: Offer) -> dict[str, Any]:
     dict
         Plain values, and the joint's ``parameters`` and ``ports`` as they are, None where they depend on options that
         have no default; ``valid_for`` says for which options they hold if that is not all.
+
+    Raises
+    ------
+    PluginError
+        The joint's parameters or ports are not what they must be.
     """
     component = offer.component
     described: dict[str, Any] = {
@@ -40,8 +46,22 @@ def describe_offer(offer: Offer) -> dict[str, Any]:
         "options": list(_options(component.Config)),
     }
     if issubclass(component, JointModel):
-        described |= _joint(component)
+        joint = _joint(component)
+        _check(offer, joint)
+        described |= joint
     return described
+
+
+def _check(offer: Offer, joint: Mapping[str, Any]) -> None:
+    """Refuse to describe what the joint has declared wrongly."""
+    faults = []
+    for name, faults_of in (("parameters", parameter_faults), ("ports", port_faults)):
+        if joint[name] is not None:
+            faults += faults_of(joint[name])
+    label = f"joint model '{offer.component.name}'"
+    if faults:
+        remedy = f"Mend it in {source_file(offer.component)}."
+        raise PluginError(*(Fault(offer.source, f"{label} {f.found}", f.accepted, remedy) for f in faults))
 
 
 def _joint(model: type[JointModel]) -> dict[str, Any]:

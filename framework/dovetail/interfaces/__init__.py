@@ -2,6 +2,7 @@
 
 from dovetail.interfaces.blame import blamed_on, source_file
 from dovetail.interfaces.component import KINDS, Component, ComponentConfig, Kind
+from dovetail.interfaces.declarations import joint_faults, parameter_faults, port_faults
 from dovetail.interfaces.joint import JointModel, Parameter, Port, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.progress import Progress, silent
@@ -31,6 +32,9 @@ __all__ = [
     "StructuralMatrices",
     "SubstructureModel",
     "blamed_on",
+    "joint_faults",
+    "parameter_faults",
+    "port_faults",
     "silent",
     "source_file",
 ]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import inspect
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
+from types import FunctionType, TracebackType
 
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces.component import Component
@@ -45,10 +45,12 @@ def blamed_on(component: Component, label: str = "") -> Iterator[None]:
 def source_file(component: Component | type[Component]) -> str:
     """Return the file in which a component is written, or an empty text where there is none."""
     model = component if isinstance(component, type) else type(component)
-    try:
-        return inspect.getsourcefile(model) or ""
-    except (OSError, TypeError):
-        return ""
+    for member in vars(model).values():
+        function = member.fget if isinstance(member, property) else member
+        if isinstance(function, FunctionType):
+            return function.__code__.co_filename
+    module = sys.modules.get(model.__module__)
+    return str(getattr(module, "__file__", None) or "")
 
 
 def _place(component: Component, trace: TracebackType | None) -> str:

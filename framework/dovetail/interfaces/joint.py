@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from numbers import Integral, Real
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 
@@ -32,6 +34,12 @@ class Parameter:
     scale : {"linear", "log"}
         How the range is sampled, and how the network's target is scaled.
     description : str
+
+    Raises
+    ------
+    PluginError
+        A value of another type, a scale that there is not, or a range that is empty, not finite, or not positive
+        although its scale is logarithmic.
     """
 
     name: str
@@ -42,10 +50,26 @@ class Parameter:
     description: str = ""
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.lower) and np.isfinite(self.upper) and self.lower < self.upper):
-            raise ValueError(f"{self.name}: the range [{self.lower:g}, {self.upper:g}] is empty or not finite.")
+        if fault := self._fault():
+            raise PluginError(fault)
+
+    def _fault(self) -> Fault | None:
+        where = f"parameter {self.name!r:.40}"
+        for key in ("name", "unit", "scale", "description"):
+            if not isinstance(getattr(self, key), str):
+                return Fault(where, f"its {key} is {getattr(self, key)!r:.40}.", "a text")
+        if not all(part.isidentifier() for part in self.name.split(".")):
+            return Fault(where, "this cannot be a name.", "letters, digits and '_', not beginning with a digit")
+        if self.scale not in get_args(Scale):
+            return Fault(where, f"its scale is {self.scale!r:.40}.", listing(get_args(Scale)))
+        for end in (self.lower, self.upper):
+            if isinstance(end, bool) or not isinstance(end, Real) or not np.isfinite(float(end)):
+                return Fault(where, f"an end of its range is {end!r:.40}.", f"a finite number in {self.unit}")
+        if self.lower >= self.upper:
+            return Fault(where, f"its range from {self.lower:g} to {self.upper:g} is empty.", "lower < upper")
         if self.scale == "log" and self.lower <= 0:
-            raise ValueError(f"{self.name}: a logarithmic range must be positive, not from {self.lower:g}.")
+            return Fault(where, f"its range on a logarithmic scale begins at {self.lower:g}.", "lower > 0")
+        return None
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions of the range (0 to 1, on the parameter's scale) to values in `unit`."""
@@ -75,10 +99,22 @@ class Port:
         The key under ``connect:``.
     nodes : int
         How many nodes of the substructure it takes.
+
+    Raises
+    ------
+    PluginError
+        The name is no text, or the number is not whole and positive.
     """
 
     name: str
     nodes: int
+
+    def __post_init__(self) -> None:
+        where = f"port {self.name!r:.40}"
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise PluginError(Fault(where, "this cannot be a name.", "a text of letters, digits and '_'"))
+        if isinstance(self.nodes, bool) or not isinstance(self.nodes, Integral) or self.nodes < 1:
+            raise PluginError(Fault(where, f"its number of nodes is {self.nodes!r:.40}.", "a whole number from 1"))
 
 
 class JointModel(Component):
@@ -125,6 +161,29 @@ class JointModel(Component):
             raise NotImplementedError(f"joint model '{self.name}' does not say which of its DOFs meet.")
         half = len(DIRECTIONS) * self.ports[0].nodes
         return tuple((dof, half + dof) for dof in range(half))
+
+    def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
+        """Say which ranges hold values that make no such joint.
+
+        A description is refused where there are objections. By default a parameter whose own range does not go below
+        zero must not do so in a description either. Override it to relate parameters to each other, or to allow more.
+
+        Parameters
+        ----------
+        lower, upper : mapping of str to float
+            Ends of the ranges in a description, by the parameter's name, in SI; equal where a value is known.
+
+        Returns
+        -------
+        mapping of str to str
+            By the name of the parameter at fault, a sentence that says what is wrong with its range.
+        """
+        objections = {}
+        for name, parameter in ((parameter.name, parameter) for parameter in self.parameters):
+            if parameter.lower >= 0 > lower[name]:
+                ends = dict.fromkeys(f"{end:g}" for end in (lower[name], upper[name]))
+                objections[name] = f"{name} must not be negative, but is {' to '.join(ends)} {parameter.unit} here."
+        return objections
 
     @abstractmethod
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:

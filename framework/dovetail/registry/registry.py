@@ -8,14 +8,14 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any, cast
 
 import pluggy
 
-from dovetail.errors import Fault, PluginError, did_you_mean, listing
+from dovetail.errors import DovetailError, Fault, PluginError, did_you_mean, listing
 from dovetail.interfaces import (
     KINDS,
     Component,
@@ -116,11 +116,9 @@ class Registry:
         for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
             owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
             try:
-                self.add(entry.load(), owner)
+                self.add(_loaded(entry, owner), owner)
             except PluginError as error:
                 self._failures.append(LoadFailure(owner, error.faults[0].found))
-            except (Exception, SystemExit) as error:  # a stranger's import may raise anything
-                self._failures.append(LoadFailure(owner, f"{type(error).__name__}: {error}"))
 
     def load_file(self, path: str | Path) -> None:
         """Take in one plugin file.
@@ -143,7 +141,7 @@ class Registry:
             spec.loader.exec_module(module)
         except (Exception, SystemExit) as error:
             del sys.modules[name]
-            raise PluginError(Fault(_place(error, file), f"{type(error).__name__}: {error}")) from error
+            raise PluginError(Fault(_place(error, file), _reason(error))) from error
         self.add(module, str(path), strict=True)
 
     def add(self, plugin: ModuleType | object, source: str, *, strict: bool = False) -> None:
@@ -173,6 +171,24 @@ class Registry:
             offers = self._offers.setdefault((component.kind, component.name), [])
             if all(offer.component is not component for offer in offers):
                 offers.append(Offer(component, source))
+
+
+def _loaded(entry: EntryPoint, owner: str) -> object:
+    """Import what an entry point names."""
+    try:
+        plugin: object = entry.load()
+        return plugin
+    except (Exception, SystemExit) as error:  # a stranger's import may raise anything
+        raise PluginError(Fault(owner, _reason(error))) from error
+
+
+def _reason(error: BaseException) -> str:
+    """Say in one sentence what an import raised."""
+    if not isinstance(error, DovetailError):
+        return f"{type(error).__name__}: {error}"
+    fault = error.faults[0]
+    accepted = f" Accepted: {fault.accepted}." if fault.accepted else ""
+    return f"{fault.where}: {fault.found}{accepted}".removeprefix(": ")
 
 
 def _components_of(plugin: ModuleType | object, source: str) -> list[type[Component]]:

@@ -180,7 +180,7 @@ def _parameter_row(parameter: IdentifiedParameter, true: float | None) -> Parame
 
 def _place(parameter: IdentifiedParameter, value: float) -> float | None:
     """Return where a value lies on its range: 0 at the lower end, 1 at the upper, on the parameter's scale."""
-    range_ = Parameter(parameter.name, parameter.unit, parameter.lower, parameter.upper, parameter.scale)
+    range_ = Parameter("value", "1", parameter.lower, parameter.upper, parameter.scale)
     with np.errstate(divide="ignore", invalid="ignore"):
         place = float(range_.to_unit(np.array(value, dtype=np.float64)))
     return None if np.isnan(place) else place

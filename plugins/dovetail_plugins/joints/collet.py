@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 import numpy as np
@@ -63,6 +63,17 @@ class Collet(JointModel):
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
         """Tool node i meets collet node i, holder node i collet node i + 2."""
         return self._facing("tool") + self._facing("holder")
+
+    def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
+        """Object also to a hole as wide as the collet, anywhere in the ranges of the two diameters."""
+        objections = dict(super().range_objections(lower, upper))
+        if upper["dc"] >= lower["Dc"]:
+            widest, narrowest = upper["dc"] * 1e3, lower["Dc"] * 1e3
+            objections["dc"] = (
+                f"the inner diameter dc may be {widest:g} mm where the outer diameter Dc is {narrowest:g} mm; the "
+                "range of dc must end below that of Dc."
+            )
+        return objections
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, 12); D = eta K of the collet's beam."""

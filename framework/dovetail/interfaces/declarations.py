@@ -1,0 +1,114 @@
+"""What a joint declares, checked: its parameters, its ports and its own degrees of freedom."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from dovetail.errors import Fault, PluginError
+from dovetail.interfaces.component import Component
+from dovetail.interfaces.joint import JointModel, Parameter, Port
+from dovetail.interfaces.matrices import DIRECTIONS
+from dovetail.units import is_unit
+
+__all__ = ["joint_faults", "parameter_faults", "port_faults"]
+
+
+def joint_faults(model: JointModel) -> tuple[Fault, ...]:
+    """Return everything that is wrong with what a joint declares of itself; none for a sound one.
+
+    Parameters
+    ----------
+    model : JointModel
+
+    Returns
+    -------
+    tuple of Fault
+        `Fault.where` names the property, `Fault.found` is a sentence whose subject is the joint.
+    """
+    faults = [*_read(model, "parameters", parameter_faults), *_read(model, "ports", port_faults)]
+    if not faults:
+        faults = _read(model, "internal_dofs", _internal_faults)
+    if not faults:
+        faults = _read(model, "merged_dofs", lambda pairs: _pair_faults(pairs, model.size))
+    return tuple(faults)
+
+
+def parameter_faults(parameters: object) -> list[Fault]:
+    """Return what is wrong with a joint's parameters: their types, names and units."""
+    accepted = 'a tuple such as (Parameter("k", "N/m", 1e5, 1e7, "log", "stiffness"),)'
+    if faults := _member_faults("parameters", parameters, Parameter, accepted):
+        return faults
+    listed: Sequence[Parameter] = parameters  # type: ignore[assignment]
+    faults = _name_faults("parameters", [parameter.name for parameter in listed])
+    for parameter in listed:
+        if not is_unit(parameter.unit):
+            found = f"has the parameter '{parameter.name}' in '{parameter.unit}', which is not a unit."
+            faults.append(Fault("parameters", found, "SI units in pint's spelling: N/m, N m/rad, N s/m, kg, m; 1"))
+    return faults
+
+
+def port_faults(ports: object) -> list[Fault]:
+    """Return what is wrong with a joint's ports: their types and names."""
+    if faults := _member_faults("ports", ports, Port, 'a tuple such as (Port("a", 1), Port("b", 1))'):
+        return faults
+    listed: Sequence[Port] = ports  # type: ignore[assignment]
+    return _name_faults("ports", [port.name for port in listed])
+
+
+def _read(model: Component, name: str, faults_of: Callable[[Any], list[Fault]]) -> list[Fault]:
+    try:
+        value = getattr(model, name)
+    except PluginError as error:
+        bad = [(f"cannot give its {name}: {fault.where}: {fault.found}", fault.accepted) for fault in error.faults]
+        return [Fault(name, found, accepted) for found, accepted in bad]
+    except Exception as error:  # a plugin's property may raise anything
+        return [Fault(name, f"cannot give its {name}: {type(error).__name__}: {error}.")]
+    return faults_of(value)
+
+
+def _shown(value: object) -> str:
+    return f"{value!r:.60}"
+
+
+def _member_faults(name: str, given: object, member: type, accepted: str) -> list[Fault]:
+    if not isinstance(given, (tuple, list)):
+        return [Fault(name, f"has {_shown(given)} for its {name}, not a tuple.", accepted)]
+    strangers = [entry for entry in given if not isinstance(entry, member)]
+    lacking = f"which is not a {member.__name__}"
+    return [Fault(name, f"has {_shown(entry)} among its {name}, {lacking}.", accepted) for entry in strangers[:1]]
+
+
+def _name_faults(name: str, words: Sequence[str]) -> list[Fault]:
+    faults = [
+        Fault(name, f"has {count} {name} of the name '{word}'.", "names that differ")
+        for word, count in Counter(words).items()
+        if count > 1
+    ]
+    return faults + [
+        Fault(
+            name,
+            f"has '{word}' among its {name}, which cannot be a name.",
+            "letters, digits and '_', not beginning with a digit",
+        )
+        for word in dict.fromkeys(words)
+        if not word.isidentifier()
+    ]
+
+
+def _internal_faults(given: object) -> list[Fault]:
+    if isinstance(given, int) and not isinstance(given, bool) and given >= 0:
+        return []
+    return [Fault("internal_dofs", f"has {_shown(given)} for its internal_dofs.", "a whole number, 0 or more")]
+
+
+def _pair_faults(given: object, size: int) -> list[Fault]:
+    accepted = f"pairs of local DOFs from 0 to {size - 1}; {len(DIRECTIONS)} to a node of each port"
+    if not isinstance(given, (tuple, list)):
+        return [Fault("merged_dofs", f"has {_shown(given)} for its merged_dofs, not a tuple.", accepted)]
+    for pair in given:
+        whole = isinstance(pair, (tuple, list)) and all(isinstance(dof, int) and 0 <= dof < size for dof in pair)
+        if not whole or len(pair) != 2:
+            return [Fault("merged_dofs", f"has {_shown(pair)} among its merged_dofs.", accepted)]
+    return []
