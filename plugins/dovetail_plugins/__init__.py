@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dovetail
+from dovetail_plugins.joints.bearing import Bearing
+from dovetail_plugins.joints.bolted import Bolted
 from dovetail_plugins.joints.collet import Collet
+from dovetail_plugins.joints.interference_fit import InterferenceFit
 from dovetail_plugins.joints.rigid import Rigid
 from dovetail_plugins.joints.spring_damper import SpringDamper
 from dovetail_plugins.reducers.none import NoReducer
@@ -23,6 +26,9 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         Lumped,
         Ground,
         Collet,
+        Bolted,
+        InterferenceFit,
+        Bearing,
         SpringDamper,
         Rigid,
         UMAP,

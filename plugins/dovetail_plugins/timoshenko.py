@@ -1,10 +1,11 @@
-"""The planar Timoshenko beam element: material, round sections, element matrices.
+"""The planar Timoshenko beam element: material, cross-sections, element matrices.
 
 Axis along s, displacement x across it, rotation rz positive where it raises x with s (rz = dx/ds in pure bending).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -13,7 +14,7 @@ from pydantic import Field
 
 from dovetail import ComponentConfig, InUnit, StructuralMatrices
 
-__all__ = ["Material", "chain", "element_matrices", "shear_coefficient"]
+__all__ = ["CrossSection", "Material", "chain", "circle", "element_matrices", "rectangle", "shear_coefficient"]
 
 
 class Material(ComponentConfig):
@@ -43,15 +44,54 @@ def shear_coefficient(ratio: ArrayLike, poisson: float) -> NDArray[np.float64]:
     return 6.0 * (1.0 + poisson) * plus / ((7.0 + 6.0 * poisson) * plus + (20.0 + 12.0 * poisson) * squared)
 
 
-def element_matrices(length: float, outer: ArrayLike, inner: ArrayLike, material: Material) -> StructuralMatrices:
+@dataclass(frozen=True, eq=False)
+class CrossSection:
+    """What bending and shear need of a cross-section; arrays are a batch.
+
+    Parameters
+    ----------
+    area : (...) array
+        m^2.
+    inertia : (...) array
+        Second moment of area [m^4].
+    shear : (...) array
+        Shear coefficient.
+    """
+
+    area: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+    shear: NDArray[np.float64]
+
+
+def circle(outer: ArrayLike, inner: ArrayLike, poisson: float) -> CrossSection:
+    """Return a solid or hollow circle by its diameters [m]."""
+    do, di = np.asarray(outer, dtype=np.float64), np.asarray(inner, dtype=np.float64)
+    area, inertia = np.pi / 4.0 * (do**2 - di**2), np.pi / 64.0 * (do**4 - di**4)
+    return CrossSection(area, inertia, shear_coefficient(di / do, poisson))
+
+
+def rectangle(width: ArrayLike, height: ArrayLike, poisson: float) -> CrossSection:
+    """Return a rectangle by its sides [m]: `height` in the direction of bending, `width` across.
+
+    References
+    ----------
+    G. R. Cowper, The shear coefficient in Timoshenko's beam theory, J. Appl. Mech. 33 (1966) 335-340.
+    """
+    across, deep = np.asarray(width, dtype=np.float64), np.asarray(height, dtype=np.float64)
+    area = across * deep
+    shear = np.full_like(area, 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson))
+    return CrossSection(area, across * deep**3 / 12.0, shear)
+
+
+def element_matrices(length: float, section: CrossSection, material: Material) -> StructuralMatrices:
     """Return the matrices of one element between two nodes, DOFs x and rz at each.
 
     Parameters
     ----------
     length : float
         m.
-    outer, inner : (...) array_like
-        Diameters [m]; a leading shape is a batch.
+    section : CrossSection
+        Its leading shape is a batch.
     material : Material
 
     Returns
@@ -64,16 +104,13 @@ def element_matrices(length: float, outer: ArrayLike, inner: ArrayLike, material
     Z. Friedman, J. B. Kosmatka, An improved two-node Timoshenko beam finite element, Comput. Struct. 47 (1993)
     473-481.
     """
-    do, di = np.asarray(outer, dtype=np.float64), np.asarray(inner, dtype=np.float64)
-    area = np.pi / 4.0 * (do**2 - di**2)
-    inertia = np.pi / 64.0 * (do**4 - di**4)
     shear_modulus = material.young / (2.0 * (1.0 + material.poisson))
-    shear_area = shear_coefficient(di / do, material.poisson) * area
-    bending = material.young * inertia
+    shear_area = section.shear * section.area
+    bending = material.young * section.inertia
     phi = 12.0 * bending / (shear_modulus * shear_area * length**2)
     stiffness = (bending / ((1.0 + phi) * length**3))[..., None, None] * _stiffness_shape(phi, length)
-    translation = (material.density * area * length / (210.0 * (1.0 + phi) ** 2))[..., None, None]
-    rotation = (material.density * inertia / (30.0 * (1.0 + phi) ** 2 * length))[..., None, None]
+    translation = (material.density * section.area * length / (210.0 * (1.0 + phi) ** 2))[..., None, None]
+    rotation = (material.density * section.inertia / (30.0 * (1.0 + phi) ** 2 * length))[..., None, None]
     mass = translation * _translation_shape(phi, length) + rotation * _rotation_shape(phi, length)
     return StructuralMatrices(mass, stiffness, D=material.loss_factor * stiffness)
 

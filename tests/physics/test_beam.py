@@ -37,11 +37,14 @@ def beam_description(outer: float, inner: float, elements: int, *, clamped: bool
 
 
 def transfer_matrix(frequency: float, outer: float, inner: float) -> np.ndarray:
-    """State (x, rz, M, V) from one end of the beam to the other, exactly."""
-    omega2 = (2 * np.pi * frequency) ** 2
-    area, inertia = np.pi / 4 * (outer**2 - inner**2), np.pi / 64 * (outer**4 - inner**4)
+    """State (x, rz, M, V) from one end of a round beam to the other, exactly."""
     m2 = (inner / outer) ** 2
     kappa = 6 * (1 + POISSON) * (1 + m2) ** 2 / ((7 + 6 * POISSON) * (1 + m2) ** 2 + (20 + 12 * POISSON) * m2)
+    return propagation(frequency, np.pi / 4 * (outer**2 - inner**2), np.pi / 64 * (outer**4 - inner**4), kappa)
+
+
+def propagation(frequency: float, area: float, inertia: float, kappa: float) -> np.ndarray:
+    omega2 = (2 * np.pi * frequency) ** 2
     shear = kappa * YOUNG / (2 * (1 + POISSON)) * area
     slope = np.array(
         [
@@ -110,6 +113,22 @@ def test_a_tapered_section_takes_the_diameters_at_the_middle_of_its_elements():
     np.testing.assert_allclose(
         dovetail.load(whole).natural_frequencies(), dovetail.load(steps).natural_frequencies(), rtol=1e-12
     )
+
+
+@pytest.mark.parametrize(("width", "height"), [(0.05, 0.02), (0.02, 0.05)], ids=["flat", "upright"])
+@pytest.mark.parametrize("mode", [0, 1])
+def test_a_rectangular_beam_bends_along_its_height(width, height, mode):
+    description = beam_description(0.01, 0.0, 1)
+    section = {"length": LENGTH, "width": width, "height": height, "elements": 200}
+    description["substructures"]["beam"]["sections"] = [section]
+    found = dovetail.load(description).natural_frequencies(count=2)[mode]
+    kappa = 10 * (1 + POISSON) / (12 + 11 * POISSON)
+
+    def ends(frequency: float) -> float:
+        T = propagation(frequency, width * height, width * height**3 / 12, kappa)
+        return float(np.linalg.det(T[2:4, 0:2]))
+
+    assert found == pytest.approx(brentq(ends, 0.97 * found, 1.03 * found, xtol=1e-9), rel=1e-4)
 
 
 def test_rigid_body_motion_costs_nothing_and_carries_the_whole_mass():

@@ -101,7 +101,8 @@ def _walk(
     documented = _attribute_section(schema.get("description", ""))
     for name, entry in schema.get("properties", {}).items():
         whole = f"{prefix}{name}"
-        plain, optional = _without_null(_resolved(entry, definitions))
+        choice, optional = _without_null(_resolved(entry, definitions))
+        plain = _resolved(choice, definitions)
         inner, inner_prefix = plain, f"{whole}."
         if plain.get("type") == "array" and isinstance(plain.get("items"), dict):
             inner, inner_prefix = _resolved(plain["items"], definitions), f"{whole}[]."

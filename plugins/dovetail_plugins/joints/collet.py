@@ -11,7 +11,7 @@ from pydantic import Field
 
 from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
 from dovetail_plugins.joints.contact_layer import add_contact_layer
-from dovetail_plugins.timoshenko import Material, chain, element_matrices
+from dovetail_plugins.timoshenko import Material, chain, circle, element_matrices
 
 __all__ = ["Collet"]
 
@@ -111,7 +111,8 @@ class Collet(JointModel):
 
     def _add_beam(self, joint: StructuralMatrices, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
         finer = int(self.config.elements_per_segment)
-        element = element_matrices(self.config.segment / finer, outer, inner, self.config.material)
+        material = self.config.material
+        element = element_matrices(self.config.segment / finer, circle(outer, inner, material.poisson), material)
         count = _SEGMENTS * finer
         repeated = StructuralMatrices(
             *(np.repeat(getattr(element, name)[:, None], count, axis=1) for name in ("M", "K", "C", "D"))

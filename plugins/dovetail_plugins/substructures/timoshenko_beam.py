@@ -1,4 +1,4 @@
-"""A straight beam of stepped, hollow or tapered round sections."""
+"""A straight beam of stepped, hollow or tapered round sections, or of rectangular ones."""
 
 from __future__ import annotations
 
@@ -9,53 +9,79 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
-from dovetail_plugins.timoshenko import Material, chain, element_matrices
+from dovetail_plugins.timoshenko import CrossSection, Material, chain, circle, element_matrices, rectangle
 
 __all__ = ["Section", "TimoshenkoBeam"]
 
-_Diameter = Annotated[float, Field(gt=0), InUnit("m")]
+_Side = Annotated[float, Field(gt=0), InUnit("m")]
 _Bore = Annotated[float, Field(ge=0), InUnit("m")]
 
 
 class Section(ComponentConfig):
-    """A length of beam; with `outer_end` or `inner_end` its diameters change linearly along it."""
+    """A length of beam, round or rectangular.
+
+    Attributes
+    ----------
+    length : float
+        Along the beam [m].
+    outer, inner : float
+        Diameters of a round section [m].
+    outer_end, inner_end : float
+        Diameters at the far end [m]; with them the diameters change linearly along the section.
+    width, height : float
+        Sides of a rectangular section [m]; `height` is the one in the direction of the displacement x.
+    elements : int
+        Of equal length.
+    """
 
     length: Annotated[float, Field(gt=0), InUnit("m")]
-    outer: _Diameter
+    outer: _Side | None = None
     inner: _Bore = 0.0
-    outer_end: _Diameter | None = None
+    outer_end: _Side | None = None
     inner_end: _Bore | None = None
+    width: _Side | None = None
+    height: _Side | None = None
     elements: Annotated[int, Field(ge=1, le=1000)] = 1
 
     @model_validator(mode="after")
-    def _bore_inside(self) -> Section:
-        if self.inner >= self.outer or self.end_inner >= self.end_outer:
+    def _one_shape(self) -> Section:
+        if (self.width is None) != (self.height is None):
+            raise ValueError("a rectangular section has a width and a height")
+        if (self.outer is None) == (self.width is None):
+            raise ValueError("a section is either round, with 'outer', or rectangular, with 'width' and 'height'")
+        if self.outer is None:
+            if self.inner or self.outer_end is not None or self.inner_end is not None:
+                raise ValueError("a rectangular section has no diameters")
+            return self
+        (start, end), (bore, end_bore) = self._ends(self.outer)
+        if bore >= start or end_bore >= end:
             raise ValueError("the inner diameter must be smaller than the outer one")
         return self
 
-    @property
-    def end_outer(self) -> float:
-        """Outer diameter at the far end [m]."""
-        return self.outer if self.outer_end is None else self.outer_end
+    def _ends(self, outer: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Outer and inner diameters at the near and at the far end."""
+        end_outer = outer if self.outer_end is None else self.outer_end
+        end_inner = self.inner if self.inner_end is None else self.inner_end
+        return (outer, end_outer), (self.inner, end_inner)
 
-    @property
-    def end_inner(self) -> float:
-        """Inner diameter at the far end [m]."""
-        return self.inner if self.inner_end is None else self.inner_end
-
-    def diameters(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the outer and inner diameters [m] at the middle of each element."""
+    def cross_section(self, poisson: float) -> CrossSection:
+        """Return the cross-sections at the middle of the elements, (elements,) arrays."""
+        if self.outer is None:
+            ones = np.ones(self.elements)
+            return rectangle(self.width * ones, self.height * ones, poisson)
         middle = (np.arange(self.elements) + 0.5) / self.elements
-        outer = self.outer + middle * (self.end_outer - self.outer)
-        inner = self.inner + middle * (self.end_inner - self.inner)
-        return outer, inner
+        (outer, end_outer), (inner, end_inner) = self._ends(self.outer)
+        return circle(outer + middle * (end_outer - outer), inner + middle * (end_inner - inner), poisson)
 
 
 class TimoshenkoBeam(SubstructureModel):
-    """A chain of two-node Timoshenko elements along the sections, free at both ends."""
+    """A chain of two-node Timoshenko elements along the sections, free at both ends.
+
+    A tapered section is divided into uniform elements with the diameters at their middles.
+    """
 
     name = "timoshenko_beam"
-    summary = "Beam of stepped, hollow or tapered round sections (Timoshenko elements)"
+    summary = "Beam of stepped, hollow or tapered round sections, or rectangular ones (Timoshenko elements)"
     references = (
         "Z. Friedman, J. B. Kosmatka, An improved two-node Timoshenko beam finite element, Comput. Struct. 47 (1993)",
         "G. R. Cowper, The shear coefficient in Timoshenko's beam theory, J. Appl. Mech. 33 (1966)",
@@ -78,8 +104,8 @@ class TimoshenkoBeam(SubstructureModel):
         """Return the (d, d) matrices of the free beam, d = 2 (n_elements + 1)."""
         parts = []
         for section in self.config.sections:
-            outer, inner = section.diameters()
-            parts.append(element_matrices(section.length / section.elements, outer, inner, self.config.material))
+            cross_section = section.cross_section(self.config.material.poisson)
+            parts.append(element_matrices(section.length / section.elements, cross_section, self.config.material))
         elements = StructuralMatrices(
             *(np.concatenate([getattr(part, name) for part in parts]) for name in ("M", "K", "C", "D"))
         )

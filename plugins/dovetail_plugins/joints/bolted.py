@@ -1,0 +1,106 @@
+"""The bolted lap: two parts pressed together over an overlap."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
+from dovetail_plugins.joints.contact_layer import add_contact_layer
+
+__all__ = ["Bolted", "Preload"]
+
+_LAYER = (
+    Parameter("kt", "N/m", 1e6, 1e10, "log", "translational stiffness, per node"),
+    Parameter("kr", "N m/rad", 1e2, 1e7, "log", "rotational stiffness, per node"),
+    Parameter("ct", "N s/m", 0.1, 1e4, "log", "translational damping, per node"),
+    Parameter("cr", "N m s/rad", 1e-4, 1e2, "log", "rotational damping, per node"),
+)
+_MASS = Parameter("mb", "kg", 1e-3, 0.5, "linear", "mass of bolt, nut and washers")
+
+
+class Preload(ComponentConfig):
+    """How the stiffness follows the bolt's tension: (force / reference)^exponent.
+
+    Attributes
+    ----------
+    force : float
+        The tension of this assembly [N].
+    reference : float
+        The tension at which kt and kr are stated [N].
+    exponent : float
+        0.5 to 1 for rough surfaces; 1 where contact spots grow in number, not in size.
+    """
+
+    force: Annotated[float, Field(gt=0), InUnit("N")]
+    reference: Annotated[float, Field(gt=0), InUnit("N")]
+    exponent: Annotated[float, Field(ge=0, le=2)] = 1.0
+
+
+class Bolted(JointModel):
+    """A contact layer over the lap, with the bolt's mass on the two nodes at its middle.
+
+    Facing nodes of the two parts meet through a spring and a damper in translation and in rotation, equal for all
+    nodes. With `preload`, kt and kr are those at the reference tension, so that a joint identified at one
+    tension can be predicted at another. Micro-slip, the growth of damping with amplitude, an uneven pressure under the
+    bolt's head and the offset of the two mid-planes are not modelled.
+    """
+
+    name = "bolted"
+    summary = "Bolted lap: a contact layer over the lap, the bolt's mass, stiffness by preload on request"
+    references = (
+        "R. A. Ibrahim, C. L. Pettit, Uncertainties and dynamic problems of bolted joints and other fasteners, "
+        "J. Sound Vib. 279 (2005) 857-936",
+        "J. A. Greenwood, J. B. P. Williamson, Contact of nominally flat surfaces, Proc. R. Soc. A 295 (1966) 300-319",
+    )
+
+    class Config(ComponentConfig):
+        """Number of contact nodes, whether the bolt has a mass, and its tension.
+
+        Attributes
+        ----------
+        nodes : int
+            Nodes of each part that meet.
+        bolt_mass : bool
+            Take in the parameter mb, the mass of the bolt.
+        preload : Preload, optional
+        """
+
+        nodes: Annotated[int, Field(ge=1, le=1000)] = 3
+        bolt_mass: bool = False
+        preload: Preload | None = None
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The layer's four, and mb where the bolt has a mass."""
+        return (*_LAYER, _MASS) if self.config.bolt_mass else _LAYER
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """The two parts, a and b."""
+        return Port("a", self.config.nodes), Port("b", self.config.nodes)
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the matrices for theta (n, 4) or (n, 5)."""
+        joint = StructuralMatrices.zeros(len(theta), self.size)
+        tightness = self._tightness()
+        kt, kr, ct, cr = theta[:, :4].T
+        add_contact_layer(joint, self.contact_dofs[0::2], tightness * kt, ct)
+        add_contact_layer(joint, self.contact_dofs[1::2], tightness * kr, cr)
+        if self.config.bolt_mass:
+            for dof, share in self._bolt():
+                joint.M[:, dof, dof] += share * theta[:, 4]
+        return joint
+
+    def _tightness(self) -> float:
+        preload = self.config.preload
+        return 1.0 if preload is None else (preload.force / preload.reference) ** preload.exponent
+
+    def _bolt(self) -> list[tuple[int, float]]:
+        """Displacements at the middle of the lap that carry the bolt, and the share of its mass on each."""
+        nodes = int(self.config.nodes)
+        middle = sorted({(nodes - 1) // 2, nodes // 2})
+        return [(2 * (part * nodes + node), 0.5 / len(middle)) for part in (0, 1) for node in middle]

@@ -1,0 +1,83 @@
+"""The interference fit: a shaft pressed or shrunk into a hub."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
+from dovetail_plugins.joints.contact_layer import add_contact_layer
+
+__all__ = ["InterferenceFit"]
+
+_DISTRIBUTED = (
+    Parameter("k", "N/m^2", 1e8, 1e12, "log", "radial stiffness per unit length"),
+    Parameter("kr", "N", 1e4, 1e8, "log", "tilting stiffness per unit length (N m/rad per m)"),
+    Parameter("c", "N s/m^2", 1e1, 1e6, "log", "radial damping per unit length"),
+    Parameter("cr", "N s", 1e-3, 1e3, "log", "tilting damping per unit length (N m s/rad per m)"),
+)
+_GRADIENT = Parameter(
+    "g", "1", -0.9, 0.9, "linear", "change of stiffness from the middle to the last node, over the mean stiffness"
+)
+
+
+class InterferenceFit(JointModel):
+    """Radial and tilting springs and dampers, distributed over the contact length.
+
+    Each pair of facing nodes stands for the length nearest to it (half an interval at the ends), so that the layer
+    converges with the square of the node distance. With ``pressure: linear`` the stiffness changes linearly along the
+    contact, k (1 + g s) with s from -1 at the first node to 1 at the last; the damping stays even. Slip, lift-off at
+    the edges and the stiffening of the shaft by the hub's pressure are not modelled.
+    """
+
+    name = "interference_fit"
+    summary = "Shaft in hub: distributed radial and tilting stiffness and damping over the contact length"
+    references = (
+        "K. Ahmadi, H. Ahmadian, Modelling machine tool dynamics using a distributed parameter tool-holder joint "
+        "interface, Int. J. Mach. Tools Manuf. 47 (2007) 1916-1928",
+        "T. L. Schmitz et al., Shrink fit tool holder connection stiffness/damping modeling for frequency response "
+        "prediction in milling, Int. J. Mach. Tools Manuf. 47 (2007) 1368-1380",
+    )
+
+    class Config(ComponentConfig):
+        """Contact length, its nodes, and how the pressure runs along it.
+
+        Attributes
+        ----------
+        length : float
+            From the first contact node to the last [m]; the nodes are equally far apart.
+        nodes : int
+            Nodes of each part that meet.
+        pressure : 'uniform' or 'linear'
+            With 'linear' the joint has one more parameter, the gradient g.
+        """
+
+        length: Annotated[float, Field(gt=0), InUnit("m")]
+        nodes: Annotated[int, Field(ge=2, le=1000)] = 3
+        pressure: Literal["uniform", "linear"] = "uniform"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The four distributed ones, and the gradient g where the pressure is linear."""
+        return (*_DISTRIBUTED, _GRADIENT) if self.config.pressure == "linear" else _DISTRIBUTED
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """The shaft and the hub."""
+        return Port("shaft", self.config.nodes), Port("hub", self.config.nodes)
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the matrices for theta (n, 4) or (n, 5)."""
+        joint = StructuralMatrices.zeros(len(theta), self.size)
+        k, kr, c, cr = theta[:, :4].T
+        nodes = int(self.config.nodes)
+        for node, along in enumerate(np.linspace(-1.0, 1.0, nodes)):
+            length = self.config.length / (nodes - 1) * (0.5 if node in (0, nodes - 1) else 1.0)
+            stiffness = length * (1.0 + along * theta[:, 4]) if self.config.pressure == "linear" else length
+            radial, tilting = self.contact_dofs[2 * node : 2 * node + 2]
+            add_contact_layer(joint, [radial], stiffness * k, length * c)
+            add_contact_layer(joint, [tilting], stiffness * kr, length * cr)
+        return joint
