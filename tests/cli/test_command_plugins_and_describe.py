@@ -58,10 +58,11 @@ def test_describe_names_both_sources_of_a_conflict(run):
 
 @pytest.mark.usefixtures("troubled")
 def test_an_unknown_model_shows_what_failed_to_load(run):
+    offered = sorted({row["name"] for row in json.loads(run("plugins", "--json").stdout)["components"]} - {"rigid"})
     assert run("describe", "colet", code=1).stderr == (
         "  there is no model 'colet'.\n"
         "  Did you mean 'collet'? (Not loaded: broken-pkg 1.0: ModuleNotFoundError: no 'gone')  "
-        "Accepted: collet, ground, lumped, mlp, none, pca, spring_damper, timoshenko_beam, umap\n"
+        f"Accepted: {', '.join(offered)}\n"
     )
 
 
