@@ -265,6 +265,7 @@ def _network(assembly: Assembly, states: Mapping[Part, Mapping[str, Any]]) -> Ne
         ZScore.restore(states["feature_scaling"]),
         settings.regressor.restore(states["regressor"]),
         TargetScaling.restore(states["target_scaling"]),
+        (settings.reducer, settings.regressor),
     )
 
 

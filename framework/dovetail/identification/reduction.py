@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import PluginError
+from dovetail.errors import Fault, PluginError
+from dovetail.identification.contracts import checked_rows
 from dovetail.identification.scaling import blocks
-from dovetail.interfaces import FittedReducer, Progress, silent
+from dovetail.interfaces import FittedReducer, Progress, blamed_on, silent
 
 __all__ = ["reduce_features"]
 
@@ -24,11 +25,11 @@ def reduce_features(
     """
     reduced = np.empty((len(features), 0), dtype=np.float32)
     for rows in blocks(len(features)):
-        part = reducer.transform(features[rows])
-        if part.ndim != 2 or len(part) != rows.stop - rows.start:
-            raise PluginError(f"reducer '{name}' made {part.shape} of {rows.stop - rows.start} FRFs, not one row each.")
+        with blamed_on(reducer, f"reducer '{name}'"):
+            part = reducer.transform(features[rows])
+        part = checked_rows(part, f"reducer '{name}'", rows.stop - rows.start, reduced.shape[1] or None)
         if not np.isfinite(part).all():
-            raise PluginError(f"reducer '{name}' made features that are not finite.")
+            raise PluginError(Fault(f"reducer '{name}'", "it returned features that are not finite.", "finite numbers"))
         if rows.start == 0:
             reduced = np.empty((len(features), part.shape[1]), dtype=np.float32)
         reduced[rows] = part

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, generate
-from dovetail.errors import DatasetError, Fault
+from dovetail.errors import DatasetError, Fault, PluginError
+from dovetail.identification.contracts import checked_fit, label_of
 from dovetail.identification.epochs import NoisyFeatures, ReducedEpochs
 from dovetail.identification.features import log10p1
 from dovetail.identification.identifier import Identifier
@@ -23,7 +24,7 @@ from dovetail.identification.network import Network
 from dovetail.identification.reduction import reduce_features
 from dovetail.identification.samples import read_parts
 from dovetail.identification.scaling import TargetScaling, ZScore, blocks
-from dovetail.interfaces import FittedReducer, Progress, silent
+from dovetail.interfaces import FittedReducer, Progress, blamed_on, silent
 
 __all__ = ["split", "train"]
 
@@ -117,6 +118,9 @@ def _train(assembly: Assembly, dataset: Dataset, clock: _Clock, progress: Progre
     network, test_amplitude = fit(assembly, dataset, is_test, clock, progress)
     with clock.stage("evaluation"):
         predicted = network.predict(test_amplitude)
+        if not np.isfinite(predicted).all():
+            label = label_of(settings.regressor)
+            raise PluginError(Fault(label, "its answers to the test FRFs are not finite.", "finite numbers"))
     evaluation = Evaluation(
         parameters=parameter_metrics(assembly.parameters, theta[is_test], predicted),
         training_samples=int(np.count_nonzero(~is_test)),
@@ -143,13 +147,15 @@ def _fit_plain(
     with clock.stage("regressor"):
         feature_scaling = ZScore.fit(reduced)
         target_scaling = TargetScaling.fit(dataset.parameters[~is_test], assembly.parameters)
-        regressor = settings.regressor.fit(
-            feature_scaling.transform(reduced, out=reduced),
-            target_scaling.transform(dataset.parameters[~is_test]),
-            seed=settings.seed,
-            progress=progress,
-        )
-    return Network(reducer, feature_scaling, regressor, target_scaling), test_amplitude
+        with blamed_on(settings.regressor, label_of(settings.regressor)):
+            regressor = settings.regressor.fit(
+                feature_scaling.transform(reduced, out=reduced),
+                target_scaling.transform(dataset.parameters[~is_test]),
+                seed=settings.seed,
+                progress=progress,
+            )
+    recipes = settings.reducer, settings.regressor
+    return Network(reducer, feature_scaling, regressor, target_scaling, recipes), test_amplitude
 
 
 def _fit_robust(
@@ -167,9 +173,10 @@ def _fit_robust(
     del features
     feature_scaling, target_scaling = ZScore.fit(reduced), TargetScaling.fit(theta, assembly.parameters)
     epochs = ReducedEpochs(noisy, settings.reducer.name, reducer, feature_scaling, target_scaling)
-    with clock.stage("regressor"):
+    with clock.stage("regressor"), blamed_on(settings.regressor, label_of(settings.regressor)):
         regressor = settings.regressor.fit_epochs(epochs, seed=settings.seed, progress=progress)
-    return Network(reducer, feature_scaling, regressor, target_scaling), test_amplitude
+    recipes = settings.reducer, settings.regressor
+    return Network(reducer, feature_scaling, regressor, target_scaling, recipes), test_amplitude
 
 
 def _fit_reducer(
@@ -177,7 +184,9 @@ def _fit_reducer(
 ) -> FittedReducer:
     with clock.stage("reducer"):
         progress("reducer", 0, 1, f"{settings.reducer.name} on {len(features)} FRFs")
-        reducer = settings.reducer.fit(features, seed=settings.seed)
+        with blamed_on(settings.reducer, label_of(settings.reducer)):
+            reducer = settings.reducer.fit(features, seed=settings.seed)
+        checked_fit(reducer, settings.reducer, FittedReducer)
         progress("reducer", 1, 1)
     return reducer
 
