@@ -87,10 +87,16 @@ def test_a_resumed_dataset_is_bit_for_bit_the_uninterrupted_one(sdof, tmp_path, 
     assert (tmp_path / "broken.zarr" / "amplitude" / "c" / "0" / "0").stat().st_mtime_ns == begun
 
 
-def test_resuming_a_complete_dataset_computes_nothing(sdof, tmp_path, monkeypatch):
+def test_resuming_a_complete_dataset_computes_but_three_samples_to_compare(sdof, tmp_path, monkeypatch):
     dovetail.generate(sdof, tmp_path / "data.zarr", samples=20)
-    monkeypatch.setattr(dovetail.Assembly, "accelerance_amplitude", None)
+    computed, compute = [], dovetail.Assembly.accelerance_amplitude
+    monkeypatch.setattr(
+        dovetail.Assembly,
+        "accelerance_amplitude",
+        lambda self, theta: (computed.append(len(theta)), compute(self, theta))[1],
+    )
     assert dovetail.generate(sdof, tmp_path / "data.zarr", samples=20, resume=True).complete
+    assert computed == [3]
 
 
 def test_what_is_there_is_never_overwritten(sdof, tmp_path):

@@ -3,9 +3,11 @@
 from dovetail.assembly.assembly import Assembly, components, load
 from dovetail.assembly.description import Description, IdentificationSettings
 from dovetail.assembly.parameters import ParameterSpace, Theta
+from dovetail.assembly.probe import SAME, largest_difference
 from dovetail.assembly.sections import AugmentationSection
 
 __all__ = [
+    "SAME",
     "Assembly",
     "AugmentationSection",
     "Description",
@@ -13,5 +15,6 @@ __all__ = [
     "ParameterSpace",
     "Theta",
     "components",
+    "largest_difference",
     "load",
 ]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import SAME, Assembly, largest_difference
 from dovetail.errors import DatasetError, Fault
 
 __all__ = ["FORMAT", "Dataset"]
@@ -63,7 +63,7 @@ class Dataset:
         return int(self.attributes["seed"])
 
     def require(self, assembly: Assembly) -> None:
-        """Make sure that the dataset is complete and was made from this assembly.
+        """Make sure that the dataset is complete and holds FRFs of this assembly.
 
         Raises
         ------
@@ -81,4 +81,31 @@ class Dataset:
         if not self.complete:
             raise DatasetError(
                 Fault(str(self.path), "its generation was interrupted.", remedy="Finish it with --resume.")
+            )
+        self.require_same_frfs(assembly)
+
+    def require_same_frfs(self, assembly: Assembly) -> None:
+        """Make sure that the assembly, whose description is the dataset's, still gives the FRFs that it holds.
+
+        The first, the middle and the last of those that are written are computed again.
+
+        Raises
+        ------
+        DatasetError
+            They differ: the code of a model has changed.
+        """
+        chunk = self.amplitude.chunks[0]
+        written = np.flatnonzero(np.repeat(np.asarray(self._group["written"]) != 0, chunk)[: len(self)])
+        rows = sorted({int(written[place]) for place in (0, len(written) // 2, -1)}) if len(written) else []
+        kept = [np.asarray(self.amplitude[row]) for row in rows]
+        difference = largest_difference(assembly, self.parameters[rows], kept)
+        if difference > SAME:
+            found = "its FRFs are not those that the assembly gives now"
+            maker = f"dovetail-frf {self.attributes.get('dovetail_version', '')}"
+            raise DatasetError(
+                Fault(
+                    str(self.path),
+                    f"{found} (they differ by up to {100 * difference:.2g} %): the code of a model has changed.",
+                    remedy=f"Generate it anew, or go back to what made it ({maker} and its plugins).",
+                )
             )

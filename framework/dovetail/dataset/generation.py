@@ -53,8 +53,8 @@ def generate(
     Raises
     ------
     DatasetError
-        The path is taken, what is to be resumed was made with another description, seed or number of samples, or the
-        disk refuses to be written; what is there can then be resumed.
+        The path is taken; what is to be resumed was made with another description, seed or number of samples, or by
+        models whose code has changed; or the disk refuses to be written, and what is there can then be resumed.
     """
     settings = assembly.description.identification
     count = settings.samples if samples is None else samples
@@ -87,6 +87,7 @@ def _check_resumable(folder: Path, assembly: Assembly, samples: int, seed: int, 
     for name, here, wanted in (("samples", len(dataset), samples), ("seed", dataset.seed, seed)):
         if here != wanted:
             raise DatasetError(Fault(str(folder), f"it was begun with {name} {here}, not {wanted}."))
+    dataset.require_same_frfs(assembly)
 
 
 def _create(folder: Path, assembly: Assembly, samples: int, seed: int) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, load
+from dovetail.assembly import SAME, Assembly, largest_difference, load
 from dovetail.errors import BundleError, DescriptionError, Fault, PluginError, listing
 from dovetail.identification.identifier import Identifier
 from dovetail.identification.manifest import (
@@ -88,7 +88,7 @@ def load_model(path: str | Path, *, plugins: Iterable[str | os.PathLike[str]] = 
     ------
     BundleError
         The bundle is damaged, tampered with, of another program or of a newer format; a component is missing; or the
-        components here answer otherwise than those that were trained.
+        components here answer otherwise, or give other FRFs, than when the model was trained.
     PluginError
         A plugin file cannot be loaded.
     """
@@ -106,9 +106,32 @@ def load_model(path: str | Path, *, plugins: Iterable[str | os.PathLike[str]] = 
     if not np.all(differences <= _CHECK_TOLERANCE):
         worst = float(np.max(differences))
         found = f"the model's answers differ from those it gave when it was trained, by {worst:.3g} of a range."
-        made_with = ", ".join(f"{name} {version}" for name, version in manifest.packages.items())
-        raise BundleError(Fault(str(folder), found, remedy=f"It was trained with {made_with}. {_REMEDY}"))
+        raise BundleError(Fault(str(folder), found, remedy=f"{_made_with(manifest)} {_REMEDY}"))
+    _check_frfs(folder, manifest, assembly, states["check"])
     return Identifier(assembly, network, manifest.evaluation)
+
+
+def _made_with(manifest: Manifest) -> str:
+    return f"It was trained with {', '.join(f'{name} {version}' for name, version in manifest.packages.items())}."
+
+
+def _check_frfs(folder: Path, manifest: Manifest, assembly: Assembly, state: Mapping[str, Any]) -> None:
+    """Compute again the FRFs that were put to the network when the model was saved."""
+    fractions = _check_vectors(assembly)
+    difference = largest_difference(assembly, assembly.from_unit(fractions), state["amplitude"])
+    if difference > SAME:
+        sources = listing(f"{name} ({source})" for name, source in manifest.components.items())
+        found = (
+            "the assembly gives other FRFs now than when the model was trained (they differ by up to "
+            f"{100 * difference:.2g} %): the code of a component has changed."
+        )
+        remedy = f"Train the model again, or go back to what it was made with: {sources}."
+        raise BundleError(Fault(str(folder), found, remedy=remedy))
+
+
+def _check_vectors(assembly: Assembly) -> NDArray[np.float64]:
+    """Return the parameter vectors of the FRFs that a bundle carries, as fractions of the ranges."""
+    return np.repeat(np.array(_CHECK_FRACTIONS)[:, np.newaxis], len(assembly.parameters), axis=1)
 
 
 def _check_replaceable(target: Path) -> None:
@@ -169,8 +192,7 @@ def _states(identifier: Identifier) -> dict[Part, State]:
 def _answers(identifier: Identifier) -> State:
     """Return a few FRFs of the assembly and what the network answers to them."""
     assembly = identifier.assembly
-    fractions = np.repeat(np.array(_CHECK_FRACTIONS)[:, np.newaxis], len(assembly.parameters), axis=1)
-    amplitude = assembly.accelerance_amplitude(assembly.from_unit(fractions))
+    amplitude = assembly.accelerance_amplitude(assembly.from_unit(_check_vectors(assembly)))
     return {"amplitude": amplitude, "theta": identifier.predict_parameters(amplitude)}
 
 
@@ -272,6 +294,7 @@ def _network(assembly: Assembly, states: Mapping[Part, Mapping[str, Any]]) -> Ne
 def _check(assembly: Assembly, network: Network, state: Mapping[str, Any]) -> NDArray[np.float64]:
     """Ask again what was answered when the model was saved; return the differences as parts of the ranges."""
     amplitude, theta = state["amplitude"], state["theta"]
-    if amplitude.shape[1:] != assembly.frequency.shape or theta.shape != (len(amplitude), len(assembly.parameters)):
+    shape = len(_CHECK_FRACTIONS), len(assembly.frequency)
+    if amplitude.shape != shape or theta.shape != (len(amplitude), len(assembly.parameters)):
         raise ValueError(f"answers of the shape {theta.shape} to FRFs of the shape {amplitude.shape}")
     return np.abs(assembly.to_unit(network.predict(amplitude)) - assembly.to_unit(theta))
