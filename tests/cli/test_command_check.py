@@ -43,3 +43,21 @@ def test_without_natural_frequencies_in_the_range_it_says_so(run, tmp_path, asse
     description = tmp_path / "low.yaml"
     description.write_text(f"extends: {assemblies / 'sdof.yaml'}\nfrequency: {{stop: 20 Hz}}\n")
     assert run("check", description).stdout.endswith("none lies within the frequencies\n")
+
+
+def test_an_assembly_without_parameters_is_told_from_one_whose_parameters_are_known(run, assemblies, tmp_path):
+    file = tmp_path / "known.yaml"
+    file.write_text(f"extends: {assemblies / 'sdof.yaml'}\njoints: {{mount: {{parameters: {{k: 1e6, c: 10}}}}}}\n")
+    assert "none: every parameter is fixed" in run("check", file).stdout
+    file.write_text(f"extends: {assemblies / 'sdof.yaml'}\njoints: {{mount: {{model: rigid, connect: {{{ENDS}}}}}}}\n")
+    held = run("check", file, code=1).stderr
+    assert "does not move" in held
+    beam = "mass: {model: timoshenko_beam, material: {young: 2e11, density: 7800}, sections: [{length: 1, outer: 0.1}]}"
+    file.write_text(
+        f"extends: {assemblies / 'sdof.yaml'}\nsubstructures: {{{beam}}}\n"
+        f"joints: {{mount: {{model: rigid, connect: {{{ENDS}}}}}}}\nresponse: {{position: 1}}\n"
+    )
+    assert "none: the joints have no parameters" in run("check", file).stdout
+
+
+ENDS = "a: {to: mass, at: 0}, b: {to: base, at: 0}"

@@ -264,7 +264,11 @@ def test_predict_refuses_a_folder_without_a_result(run, heavier, tmp_path):
 
 def test_predict_says_which_parameter_is_missing(run, results, assemblies):
     message = run("predict", assemblies / "bt40_er32.yaml", results, code=1).stderr
-    assert "parameter Dc\n  assembly 'bt40-er32-t0' needs it, and the identification does not hold it." in message
+    assert message.startswith(
+        "parameters Dc, dc, mn1, mn2, kt_tc, kr_tc, ct_tc, cr_tc, kt_hc, kr_hc, ct_hc, cr_hc\n"
+        "  assembly 'bt40-er32-t0' needs them, and the identification does not hold them.\n"
+    )
+    assert message.count("Accepted: mount.k, mount.c") == 1
 
 
 def test_a_model_folder_may_be_moved(run, bench, tmp_path):

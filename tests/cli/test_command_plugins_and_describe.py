@@ -61,7 +61,8 @@ def test_an_unknown_model_shows_what_failed_to_load(run):
     offered = sorted({row["name"] for row in json.loads(run("plugins", "--json").stdout)["components"]} - {"rigid"})
     assert run("describe", "colet", code=1).stderr == (
         "  there is no model 'colet'.\n"
-        "  Did you mean 'collet'? (Not loaded: broken-pkg 1.0: ModuleNotFoundError: no 'gone')  "
+        "  Did you mean 'collet'? (Not loaded: broken-pkg 1.0: ModuleNotFoundError: no 'gone') "
+        "A model of your own needs '--plugin FILE.py', or 'plugins=' in Python.  "
         f"Accepted: {', '.join(offered)}\n"
     )
 

@@ -173,3 +173,8 @@ def test_the_program_s_own_bug_is_called_one(shell, plugin, description):
     assert "TypeError: 'NoneType' object is not callable" in done.stderr
     assert done.stderr.rstrip().endswith("please report it with the lines above.")
     assert "typer" not in done.stderr
+
+
+def test_one_path_of_a_plugin_file_is_enough(plugin, description):
+    for one in (plugin, str(plugin)):
+        assert dovetail.load(description, plugins=one).name == "hysteretic"

@@ -22,7 +22,8 @@ CASES = {
         },
         "test.yaml:16:12  joints.collet.model\n"
         "  'clmap' is not a joint model.\n"
-        "  Did you mean 'clamp'?  Accepted: clamp, portless, weld",
+        "  Did you mean 'clamp'? A model of your own needs '--plugin FILE.py', or 'plugins=' in Python.  "
+        "Accepted: clamp, portless, weld",
     ),
     "joint_option_unknown": (
         {

@@ -91,7 +91,8 @@ CASES = {
         },
         "test.yaml:26:20  identification.reducer.model\n"
         "  'squeze' is not a reducer model.\n"
-        "  Did you mean 'squeeze'?  Accepted: squeeze, umap",
+        "  Did you mean 'squeeze'? A model of your own needs '--plugin FILE.py', or 'plugins=' in Python.  "
+        "Accepted: squeeze, umap",
     ),
     "reducer_option": (
         {

@@ -44,7 +44,8 @@ CASES = {
         },
         "test.yaml:6:12  substructures.tool.model\n"
         "  'rob' is not a substructure model.\n"
-        "  Did you mean 'rod'?  Accepted: crashing, empty, nodeless, pair, refusing, rod, wall",
+        "  Did you mean 'rod'? A model of your own needs '--plugin FILE.py', or 'plugins=' in Python.  "
+        "Accepted: crashing, empty, nodeless, pair, refusing, rod, wall",
     ),
     "model_not_a_text": (
         {
@@ -68,7 +69,7 @@ CASES = {
         },
         "test.yaml:6:12  substructures.tool.model\n"
         "  the substructure model 'twin' is offered by fake 1.0 and other 2.0.\n"
-        "  Uninstall one of them.",
+        "  Uninstall one of the packages, leave out one of the plugin files, or give one model another name.",
     ),
     "constructor_refuses": (
         {

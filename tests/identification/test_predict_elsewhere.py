@@ -85,7 +85,7 @@ def test_a_parameter_that_was_not_identified_is_named(sdof: dovetail.Assembly) -
 def test_one_identified_joint_is_not_taken_for_two(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
     with pytest.raises(ParameterError) as caught:
         dovetail.predict(another(sdof, {"mount": {}, "side": {}}), result)
-    assert [fault.where for fault in caught.value.faults] == ["parameter side.k", "parameter side.c"]
+    assert [fault.where for fault in caught.value.faults] == ["parameters side.k, side.c"]
 
 
 def test_a_parameter_in_another_unit_is_refused(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:

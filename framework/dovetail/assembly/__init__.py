@@ -1,6 +1,6 @@
 """Assembly descriptions, and the assemblies made from them."""
 
-from dovetail.assembly.assembly import Assembly, components, load
+from dovetail.assembly.assembly import Assembly, PluginPaths, components, load
 from dovetail.assembly.description import Description, IdentificationSettings
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.assembly.probe import SAME, largest_difference
@@ -13,6 +13,7 @@ __all__ = [
     "Description",
     "IdentificationSettings",
     "ParameterSpace",
+    "PluginPaths",
     "Theta",
     "components",
     "largest_difference",

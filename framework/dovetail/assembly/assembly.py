@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from dovetail.registry import Registry, installed_components
 from dovetail.synthesis import Engine, Graph, Point, assembly_matrices, elastic_frequencies
 
 __all__ = ["Assembly", "load"]
+
+PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+"""One plugin file, or several."""
 
 _PROBES = 5
 
@@ -251,16 +254,14 @@ class Assembly:
         return Assembly(self.description, rigid=True)
 
 
-def load(
-    source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: Iterable[str | os.PathLike[str]] = ()
-) -> Assembly:
+def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginPaths = ()) -> Assembly:
     """Read an assembly description.
 
     Parameters
     ----------
     source : path or mapping
         A YAML file, or the same as a dict.
-    plugins : iterable of paths
+    plugins : path or iterable of paths
         Plugin files to take in beside the installed ones. They run with the rights of the caller.
 
     Returns
@@ -277,9 +278,10 @@ def load(
     return Assembly(read_description(source, components(plugins)))
 
 
-def components(plugins: Iterable[str | os.PathLike[str]] = ()) -> Registry:
+def components(plugins: PluginPaths = ()) -> Registry:
     """Return the installed components, with those of plugin files beside them."""
-    files = [Path(plugin) for plugin in plugins]
+    given = [plugins] if isinstance(plugins, (str, os.PathLike)) else plugins
+    files = [Path(plugin) for plugin in given]
     if not files:
         return installed_components()
     registry = Registry()

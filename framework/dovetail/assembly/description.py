@@ -46,6 +46,11 @@ class Response:
     direction: Literal["x", "rz"]
     quantity: Quantity
 
+    @property
+    def rotation(self) -> bool:
+        """Whether the drive point is turned by a moment, not moved by a force."""
+        return self.direction == "rz"
+
 
 @dataclass(frozen=True)
 class IdentificationSettings:

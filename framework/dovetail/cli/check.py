@@ -94,7 +94,7 @@ def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
     if rows:
         table(["parameter", "range", "scale", "description"], rows)
     else:
-        say("none: every parameter is fixed")
+        say("none: every parameter is fixed" if summary["fixed"] else "none: the joints have no parameters")
     if summary["fixed"]:
         heading("Parameters fixed")
         table(["parameter", "value"], [(p["name"], format_quantity(p["value"], p["unit"])) for p in summary["fixed"]])

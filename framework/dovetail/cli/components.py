@@ -86,6 +86,7 @@ def describe(
 def _offers_named(registry: Registry, name: str) -> tuple[Offer, ...]:
     from dovetail.errors import Fault, PluginError, did_you_mean, listing
     from dovetail.interfaces import KINDS
+    from dovetail.registry import HOW_TO_OFFER
 
     for kind, conflicting in registry.conflicts:
         if conflicting == name:
@@ -96,6 +97,7 @@ def _offers_named(registry: Registry, name: str) -> tuple[Offer, ...]:
         remedy = did_you_mean(name, names)
         for failure in registry.failures:
             remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
+        remedy = f"{remedy} {HOW_TO_OFFER}".lstrip()
         raise PluginError(Fault("", f"there is no model '{name}'.", listing(names, 30), remedy))
     return found
 

@@ -11,6 +11,7 @@ from dovetail.cli.options import AsJson, PluginFiles, quantity_in
 from dovetail.cli.terminal import heading, note, print_json, say, table, title
 
 if TYPE_CHECKING:
+    from dovetail.assembly import Assembly
     from dovetail.frf import Frf
     from dovetail.identification import Identification, Identifier
     from dovetail.report import Truth
@@ -58,7 +59,7 @@ def identify(
 
     _check_method(method)
     frf = dovetail.read_frf(measured, quantity=quantity, accelerometer_mass=accelerometer_mass, index=index)
-    model = _model(source, frf, truth, output, plugin or [], retrain)
+    model = _model(source, frf, truth, output, plugin or [], retrain, accelerometer_mass)
     known = None if truth is None else read_truth(truth, model.assembly.parameters)
     result = model.identify(frf, method=method)
     if output is not None:
@@ -85,7 +86,13 @@ def _check_method(method: str) -> None:
 
 
 def _model(
-    source: Path, measured: Frf, truth: Path | None, output: Path | None, plugins: list[Path], retrain: bool
+    source: Path,
+    measured: Frf,
+    truth: Path | None,
+    output: Path | None,
+    plugins: list[Path],
+    retrain: bool,
+    accelerometer_mass: float,
 ) -> Identifier:
     """Load the model, or train it once everything else that could be wrong has been looked at."""
     import dovetail
@@ -96,12 +103,21 @@ def _model(
 
     model = dovetail.load_model(source, plugins=plugins) if source.is_dir() else None
     assembly = dovetail.load(source, plugins=plugins) if model is None else model.assembly
+    _check_accelerometer(assembly, accelerometer_mass)
     on_grid(measured, assembly.frequency)
     if truth is not None:
         read_truth(truth, assembly.parameters)
     if output is not None:
         prepare_folder(output)
     return model if model is not None else trained_model(assembly, plugins, retrain=retrain)
+
+
+def _check_accelerometer(assembly: Assembly, mass: float) -> None:
+    from dovetail.errors import Fault, MeasurementError
+
+    if mass and assembly.description.response.rotation:
+        found = f"the response of '{assembly.name}' is a rotation per moment, from which no mass can be removed."
+        raise MeasurementError(Fault("--accelerometer-mass", found, remedy="Leave it out."))
 
 
 def _print(result: Identification, truth: Truth | None) -> None:

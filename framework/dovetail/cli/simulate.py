@@ -39,9 +39,9 @@ def simulate(
     chosen = _settings(settings or [])
     loaded = dovetail.load(assembly, plugins=plugin or ())
     theta = _theta(loaded, chosen)
-    frf = dovetail.Frf(
-        loaded.frequency, loaded.frf(theta), loaded.description.response.quantity, label=f"{loaded.name}, simulated"
-    )
+    response, label = loaded.description.response, f"{loaded.name}, simulated"
+    values = loaded.frf(theta)
+    frf = dovetail.Frf(loaded.frequency, values, response.quantity, label=label, rotation=response.rotation)
     natural, reason = natural_frequencies(loaded, theta)
     write_frf_files(frf, files, natural, overwrite)
     if as_json:

@@ -60,7 +60,7 @@ def generate(
     count = settings.samples if samples is None else samples
     its_seed = settings.seed if seed is None else seed
     if not assembly.parameters:
-        raise DatasetError(Fault(assembly.description.source, "every joint parameter is fixed: nothing to sample."))
+        raise DatasetError(Fault(assembly.description.source, "no joint parameter is sought: nothing to sample."))
     if count < 1:
         raise DatasetError(f"{count} samples were asked for; at least 1 is needed.")
     folder = Path(path)

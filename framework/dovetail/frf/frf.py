@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.errors import MeasurementError
-from dovetail.frf.quantity import QUANTITIES, Quantity, conversion
+from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 
 __all__ = ["Frf"]
 
@@ -43,6 +43,8 @@ class Frf:
     variance : (n_freq,) array, optional
         E|error|^2 of each complex value, in the square of the values' unit, where it is known by another way than
         from coherence and averages.
+    rotation : bool
+        True for a rotation per moment, False for a displacement per force.
 
     Raises
     ------
@@ -59,6 +61,7 @@ class Frf:
     note: str = ""
     averages: int | None = None
     variance: NDArray[np.float64] | None = None
+    rotation: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency", _frozen(self.frequency, np.float64))
@@ -104,6 +107,11 @@ class Frf:
             raise MeasurementError(
                 f"{self.label}: the first frequency is {self.frequency[0]:g} Hz; it must be positive."
             )
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the values."""
+        return unit_of(self.quantity, rotation=self.rotation)
 
     @property
     def amplitude(self) -> NDArray[np.float64]:

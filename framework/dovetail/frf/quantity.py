@@ -14,11 +14,12 @@ QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 
 _DERIVATIVES: dict[str, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 _UNITS: dict[str, str] = {"receptance": "m/N", "mobility": "m/(N s)", "accelerance": "m/(N s^2)"}
+_UNITS_OF_ROTATION = {"receptance": "rad/(N m)", "mobility": "rad/(N m s)", "accelerance": "rad/(N m s^2)"}
 
 
-def unit_of(quantity: Quantity) -> str:
-    """Return the SI unit of a translational FRF of this quantity."""
-    return _UNITS[quantity]
+def unit_of(quantity: Quantity, *, rotation: bool = False) -> str:
+    """Return the SI unit of an FRF of this quantity: a displacement per force, or a rotation per moment."""
+    return (_UNITS_OF_ROTATION if rotation else _UNITS)[quantity]
 
 
 def conversion(frequency: NDArray[np.float64], source: Quantity, target: Quantity) -> NDArray[np.complex128]:

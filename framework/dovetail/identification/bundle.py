@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import SAME, Assembly, largest_difference, load
+from dovetail.assembly import SAME, Assembly, PluginPaths, largest_difference, load
 from dovetail.errors import BundleError, DescriptionError, Fault, PluginError, listing
 from dovetail.identification.identifier import Identifier
 from dovetail.identification.manifest import (
@@ -70,14 +69,14 @@ def save(identifier: Identifier, path: str | Path) -> Path:
     return target
 
 
-def load_model(path: str | Path, *, plugins: Iterable[str | os.PathLike[str]] = ()) -> Identifier:
+def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:
     """Load a model that `Identifier.save` wrote.
 
     Parameters
     ----------
     path : str or Path
         The folder.
-    plugins : iterable of paths
+    plugins : path or iterable of paths
         Plugin files that the model's components come from. A bundle itself never runs code.
 
     Returns
@@ -254,7 +253,7 @@ def _read_state(folder: Path, manifest: Manifest, part: Part) -> dict[str, Any]:
     return {**arrays, **manifest.values[part]}
 
 
-def _assembly(folder: Path, manifest: Manifest, plugins: Iterable[str | os.PathLike[str]]) -> Assembly:
+def _assembly(folder: Path, manifest: Manifest, plugins: PluginPaths) -> Assembly:
     place = str(folder / MANIFEST)
     try:
         description = json.loads(manifest.description)

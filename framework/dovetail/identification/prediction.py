@@ -40,8 +40,8 @@ def predict(assembly: Assembly, result: Identification | Mapping[str, float]) ->
     Parameters that the identified assembly's description fixed belong to the joint and go with it.
     """
     values = joint_values(assembly, result)
-    quantity = assembly.description.response.quantity
-    return Frf(assembly.frequency, assembly.frf(values), quantity, label=f"{assembly.name}, predicted")
+    response, label = assembly.description.response, f"{assembly.name}, predicted"
+    return Frf(assembly.frequency, assembly.frf(values), response.quantity, label=label, rotation=response.rotation)
 
 
 def joint_values(assembly: Assembly, result: Identification | Mapping[str, float]) -> dict[str, float]:
@@ -65,21 +65,24 @@ def joint_values(assembly: Assembly, result: Identification | Mapping[str, float
     values = _values(result)
     names = sought(assembly)
     matched: dict[str, float] = {}
-    faults = []
+    faults, missing = [], []
     for parameter, (joint, name) in zip(assembly.parameters, names, strict=True):
         shared = sum(other == name for _, other in names) > 1
         value = _match(values, joint, name, shared)
         if value is None:
-            found = f"assembly '{assembly.name}' needs it, and the identification does not hold it."
-            held = listing((str(value) for value in values), 20)
-            remedy = "Fix it in the description, or identify it."
-            faults.append(Fault(f"parameter {parameter.name}", found, held, remedy))
+            missing.append(parameter.name)
         elif value.unit not in (None, parameter.unit):
             faults.append(
                 Fault(f"parameter {parameter.name}", f"it was identified in {value.unit}.", f"{parameter.unit}")
             )
         else:
             matched[parameter.name] = value.value
+    if missing:
+        noun, them = ("parameter", "it") if len(missing) == 1 else ("parameters", "them")
+        found = f"assembly '{assembly.name}' needs {them}, and the identification does not hold {them}."
+        held = listing((str(value) for value in values), 20)
+        where = f"{noun} {listing(missing, 20)}"
+        faults.insert(0, Fault(where, found, held, f"Fix {them} in the description, or identify {them}."))
     if faults:
         raise ParameterError(*faults)
     return matched

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.errors import DovetailError
+from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
 from dovetail.identification.modes import paired_modes, resonance_peaks
 from dovetail.identification.result import Identification, IdentifiedParameter, Mode
@@ -59,19 +59,20 @@ def reconstruct(
     -------
     Identification
     """
-    quantity = assembly.description.response.quantity
-    frf = Frf(assembly.frequency, assembly.frf(theta), quantity, label=f"{assembly.name}, {method}")
+    response, label = assembly.description.response, f"{assembly.name}, {method}"
+    frf = Frf(assembly.frequency, assembly.frf(theta), response.quantity, label=label, rotation=response.rotation)
+    modes, without_modes = _modes(assembly, theta, frf, measured)
     result = Identification(
         method=method,
         parameters=MappingProxyType(_identified(assembly, theta)),
         known=MappingProxyType(_known(assembly)),
         frf=frf,
-        measured=measured.to(quantity),
-        modes=_modes(assembly, theta, frf, measured),
+        measured=replace(measured.to(response.quantity), rotation=response.rotation),
+        modes=modes,
         warnings=(),
         provenance=MappingProxyType(dict(provenance)),
     )
-    return replace(result, warnings=_warnings(result))
+    return replace(result, warnings=_warnings(result, without_modes))
 
 
 def _identified(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
@@ -96,17 +97,23 @@ def _known(assembly: Assembly) -> dict[str, float]:
     return {f"{joint}.{name}": float(value) for joint, entry in joints.items() for name, value in entry.fixed.items()}
 
 
-def _modes(assembly: Assembly, theta: NDArray[np.float64], frf: Frf, measured: Frf) -> tuple[Mode, ...]:
-    """Return the modes within the assembly's frequencies; none where the values make no structure."""
+def _modes(assembly: Assembly, theta: NDArray[np.float64], frf: Frf, measured: Frf) -> tuple[tuple[Mode, ...], str]:
+    """Return the modes within the assembly's frequencies and, where there are none, why."""
     try:
         natural = assembly.natural_frequencies(theta, count=_MOST_MODES)
-    except (DovetailError, np.linalg.LinAlgError):
-        return ()
+    except PluginError:
+        raise
+    except DovetailError as error:
+        return (), f"No natural frequencies are given: {error.faults[0].found}"
+    except np.linalg.LinAlgError as error:
+        return (), f"No natural frequencies are given: they cannot be computed ({error})."
     inside = (natural >= assembly.frequency[0]) & (natural <= assembly.frequency[-1])
-    return paired_modes(natural[inside], resonance_peaks(frf), resonance_peaks(measured))
+    if not inside.any():
+        return (), "The identified model has no natural frequency within the assembly's frequencies."
+    return paired_modes(natural[inside], resonance_peaks(frf), resonance_peaks(measured)), ""
 
 
-def _warnings(result: Identification) -> tuple[str, ...]:
+def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
     warnings = [
         f"{parameter.name} = {format_quantity(parameter.value, parameter.unit)} lies outside its range, "
         f"{format_quantity(parameter.lower, parameter.unit)} to {format_quantity(parameter.upper, parameter.unit)}."
@@ -127,6 +134,6 @@ def _warnings(result: Identification) -> tuple[str, ...]:
             f"The mean coherence is {result.mean_coherence:.3f}: the reconstructed FRF does not follow the measured "
             "one, so the parameters are not to be relied on."
         )
-    if not result.modes:
-        warnings.append("The identified model has no natural frequency within the assembly's frequencies.")
+    if without_modes:
+        warnings.append(without_modes)
     return tuple(warnings)

@@ -58,6 +58,8 @@ def add_accelerometer_mass(frf: Frf, mass: float) -> Frf:
 
 
 def _with_mass(frf: Frf, mass: float, sign: float) -> Frf:
+    if frf.rotation and mass:
+        raise MeasurementError(f"{frf.label}: a mass at the drive point changes no rotation per moment.")
     if not (math.isfinite(mass) and mass >= 0):
         raise MeasurementError(Fault(frf.label, f"the accelerometer's mass is {mass!r} kg.", "zero or more kg"))
     if mass == 0:

@@ -28,10 +28,12 @@ from dovetail.interfaces import (
 )
 from dovetail.registry.hookspec import GROUP, HookSpecification
 
-__all__ = ["LoadFailure", "Offer", "Registry", "installed_components"]
+__all__ = ["HOW_TO_OFFER", "LoadFailure", "Offer", "Registry", "installed_components"]
 
 _CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor)
 _HOOK = "dovetail_components"
+_PART_WITH_ONE = "Uninstall one of the packages, leave out one of the plugin files, or give one model another name."
+HOW_TO_OFFER = "A model of your own needs '--plugin FILE.py', or 'plugins=' in Python."
 
 
 @dataclass(frozen=True)
@@ -95,17 +97,16 @@ class Registry:
             return offers[0]
         if offers:
             sources = " and ".join(offer.source for offer in offers)
-            raise PluginError(
-                Fault("", f"the {kind} model '{name}' is offered by {sources}.", remedy="Uninstall one of them.")
-            )
+            raise PluginError(Fault("", f"the {kind} model '{name}' is offered by {sources}.", remedy=_PART_WITH_ONE))
         raise PluginError(self.unknown(kind, name))
 
-    def unknown(self, kind: Kind, name: str, where: str = "") -> Fault:
+    def unknown(self, kind: Kind, name: str) -> Fault:
         """Describe the fault of naming a model that is not there."""
         remedy = did_you_mean(name, self.names(kind))
         for failure in self._failures:
             remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
-        return Fault(where, f"'{name}' is not a {kind} model.", listing(self.names(kind), 30), remedy)
+        remedy = f"{remedy} {HOW_TO_OFFER}".lstrip()
+        return Fault("", f"'{name}' is not a {kind} model.", listing(self.names(kind), 30), remedy)
 
     def named(self, name: str) -> tuple[Offer, ...]:
         """Return the offers of this name, of whatever kind."""

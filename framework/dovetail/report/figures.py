@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.frf import Frf, unit_of
+from dovetail.frf import Frf
 from dovetail.measurement.disk import write_whole
 from dovetail.report.wording import unit_text
 
@@ -202,7 +202,7 @@ def _style(axes: Axes) -> None:
 def _draw_amplitude(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
     axes.set_yscale("log", nonpositive="mask")
     axes.plot(frf.frequency, np.where(frf.amplitude > 0, frf.amplitude, np.nan), **style)
-    axes.set_ylabel(f"{frf.quantity.capitalize()} [{unit_text(unit_of(frf.quantity))}]")
+    axes.set_ylabel(f"{frf.quantity.capitalize()} [{unit_text(frf.unit)}]")
 
 
 def _draw_phase(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:

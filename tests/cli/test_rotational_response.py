@@ -1,0 +1,79 @@
+"""A drive point that is turned by a moment: its FRF is labelled so, and no accelerometer mass is removed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.errors import MeasurementError
+from dovetail.measurement.accelerometer import remove_accelerometer_mass
+from dovetail.report.figures import simulated_figure
+
+TURNED = """\
+dovetail: 1
+name: turned
+frequency: {start: 1 Hz, stop: 600 Hz, step: 1 Hz}
+substructures:
+  wheel: {model: lumped, masses: [{mass: 1 kg, inertia: 0.1 kg m^2}]}
+  base: {model: ground}
+joints:
+  mount:
+    model: spring_damper
+    direction: rz
+    connect: {a: {to: wheel, at: 0}, b: {to: base, at: 0}}
+    parameters: {kr: {range: [1e4, 1e6]}, cr: {range: [1, 100]}}
+response: {at: wheel, position: 0, direction: rz}
+identification:
+  samples: 60
+  reducer: {model: none}
+  regressor: {model: mlp, hidden: [4, 4], max_epochs: 2}
+"""
+
+
+@pytest.fixture
+def turned(tmp_path):
+    file = tmp_path / "turned.yaml"
+    file.write_text(TURNED)
+    return file
+
+
+def test_the_unit_of_a_rotation(turned):
+    assembly = dovetail.load(turned)
+    frf = dovetail.Frf(assembly.frequency, assembly.frf(), "accelerance", rotation=True)
+    assert (frf.unit, frf.to("receptance").unit) == ("rad/(N m s^2)", "rad/(N m)")
+    assert replace(frf, rotation=False).unit == "m/(N s^2)"
+    assert simulated_figure(frf).axes[0].get_ylabel() == "Accelerance [rad/(N·m·s²)]"
+
+
+def test_what_is_simulated_and_identified_is_a_rotation(turned, monkeypatch):
+    model = dovetail.train(dovetail.load(turned))
+    measured = dovetail.Frf(model.assembly.frequency, model.assembly.frf([1e5, 10.0]), "accelerance")
+    result = model.identify(measured)
+    assert result.frf.rotation
+    assert result.measured.rotation
+    assert dovetail.predict(model.assembly, {"kr": 1e5, "cr": 10.0}).rotation
+
+
+def test_simulate_labels_its_figure(run, turned, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("dovetail.report.figures.save_png", lambda figure, path: drawn.append(figure))
+    run("simulate", turned, "-o", tmp_path / "frf.png")
+    assert drawn[0].axes[0].get_ylabel() == "Accelerance [rad/(N·m·s²)]"
+
+
+def test_no_accelerometer_mass_is_removed_from_a_rotation(run, turned, tmp_path):
+    assembly = dovetail.load(turned)
+    frf = dovetail.Frf(assembly.frequency, assembly.frf(), "accelerance", label="turned.csv")
+    dovetail.write_frf(frf, tmp_path / "turned.csv")
+    done = run("identify", turned, tmp_path / "turned.csv", "--accelerometer-mass", "1 g", code=1)
+    assert done.stderr == (
+        "--accelerometer-mass\n"
+        "  the response of 'turned' is a rotation per moment, from which no mass can be removed.\n"
+        "  Leave it out.\n"
+    )
+    with pytest.raises(MeasurementError, match="changes no rotation per moment"):
+        remove_accelerometer_mass(replace(frf, rotation=True), 0.001)
+    assert np.array_equal(remove_accelerometer_mass(replace(frf, rotation=True), 0.0).values, frf.values)

@@ -1,0 +1,67 @@
+"""Why a result has no natural frequencies: said as it is."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+import dovetail
+from dovetail.identification.reconstruction import reconstruct
+
+OUTSIDE = "The identified model has no natural frequency within the assembly's frequencies."
+
+
+class Creeping(dovetail.JointModel):
+    """A spring that depends on frequency."""
+
+    name = "creeping"
+    summary = "A spring that depends on frequency"
+    parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7),)
+    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+
+    def matrices(self, theta):
+        joint = dovetail.StructuralMatrices.zeros(len(theta), 4)
+        joint.K[:] = theta[:, 0, None, None] * np.outer([1, 0, -1, 0], [1, 0, -1, 0])
+        return joint
+
+    def dynamic_stiffness(self, frequency, theta):
+        return super().dynamic_stiffness(frequency, theta) * (1 + 0.01j)
+
+
+class Plugin:
+    @dovetail.hookimpl
+    def dovetail_components(self):
+        return [Creeping]
+
+
+def warnings_of(assembly, theta):
+    measured = dovetail.Frf(assembly.frequency, assembly.frf(theta), "accelerance")
+    result = reconstruct(assembly, np.array(theta), measured, method="network", provenance={})
+    return result.modes, result.warnings
+
+
+def test_a_joint_that_depends_on_frequency(sdof):
+    from dovetail.assembly.reader import read_description
+    from dovetail.registry import Registry
+
+    registry = Registry()
+    registry.load_entry_points()
+    registry.add(Plugin(), "here")
+    description = json.loads(sdof.description.text)
+    mount = description["joints"]["mount"]
+    description["joints"]["mount"] = {"model": "creeping", "connect": mount["connect"]}
+    modes, warnings = warnings_of(dovetail.Assembly(read_description(description, registry)), [1e6])
+    assert modes == ()
+    assert warnings == (
+        "No natural frequencies are given: joint 'mount' depends on frequency, so the assembly has no matrices.",
+    )
+
+
+def test_a_natural_frequency_outside_the_axis(sdof):
+    modes, warnings = warnings_of(sdof, [1e8, 10.0])
+    assert modes == ()
+    assert OUTSIDE in warnings
+    modes, warnings = warnings_of(sdof, [1e6, 10.0])
+    assert len(modes) == 1
+    assert warnings == ()
