@@ -22,15 +22,10 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
 __all__ = [
-    "Area",
     "Frequency",
     "InUnit",
-    "Inertia",
-    "Length",
     "Mass",
-    "MassDensity",
     "Position",
-    "Pressure",
     "format_quantity",
     "is_unit",
     "to_si",
@@ -164,12 +159,7 @@ class InUnit:
 
 
 Position = Annotated[float, InUnit("m")]
-Length = Annotated[float, Field(gt=0), InUnit("m")]
-Area = Annotated[float, Field(gt=0), InUnit("m^2")]
 Mass = Annotated[float, Field(ge=0), InUnit("kg")]
-Inertia = Annotated[float, Field(ge=0), InUnit("kg m^2")]
-Pressure = Annotated[float, Field(gt=0), InUnit("Pa")]
-MassDensity = Annotated[float, Field(gt=0), InUnit("kg/m^3")]
 Frequency = Annotated[float, Field(gt=0), InUnit("Hz")]
 
 _DISPLAY = {"m": (1e3, "mm")}

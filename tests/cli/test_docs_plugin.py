@@ -1,4 +1,4 @@
-"""The joint of docs/plugins.md, taken from the page as it stands."""
+"""The plugins of docs/plugins.md, taken from the page as they stand."""
 
 from __future__ import annotations
 
@@ -26,10 +26,21 @@ response: {at: mass, position: 0, quantity: receptance}
 """
 
 
+def example(name: str, folder: Path) -> Path:
+    """Write the plugin file of this name as the page has it."""
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)
+    (code,) = [block for block in blocks if block.startswith(f'"""{name}: ')]
+    (folder / name).write_text(code, encoding="utf-8")
+    return folder / name
+
+
+def test_every_plugin_of_the_page_is_run_here():
+    names = re.findall(r'```python\n"""(\w+\.py): ', PAGE.read_text(encoding="utf-8"))
+    assert names == ["mount.py", "rail.py", "bands.py", "ridge.py"]
+
+
 def test_the_joint_of_the_page_works_as_the_page_says(run, tmp_path):
-    code = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)[1]
-    plugin, description = tmp_path / "mount.py", tmp_path / "assembly.yaml"
-    plugin.write_text(code, encoding="utf-8")
+    plugin, description = example("mount.py", tmp_path), tmp_path / "assembly.yaml"
     description.write_text(ASSEMBLY, encoding="utf-8")
     assert "stiffness of each spring" in run("--plugin", plugin, "describe", "mount").stdout
     assert "0.1 to 10 MN/m" in run("--plugin", plugin, "check", description).stdout
@@ -38,3 +49,38 @@ def test_the_joint_of_the_page_works_as_the_page_says(run, tmp_path):
     spring = k * (1 + 0.05j)
     expected = 1 / (spring - omega**2 - spring**2 / (2 * spring - omega**2 * m))
     np.testing.assert_allclose(assembly.frf([k, m]), expected, rtol=1e-10)
+
+
+def test_the_substructure_of_the_page(run, tmp_path):
+    plugin, description = example("rail.py", tmp_path), tmp_path / "assembly.yaml"
+    rail = "{model: rail, length: 100 mm, mass: 500 g, stiffness: 1 MN/m, loss_factor: 0.02}"
+    text = ASSEMBLY.replace("{model: lumped, masses: [{mass: 1 kg}]}", rail).replace("position: 0,", "position: 0.1,")
+    text = text.replace("    model: mount\n    loss_factor: 0.05\n", "    model: spring_damper\n    direction: x\n")
+    description.write_text(text, encoding="utf-8")
+    assert "left" in run("--plugin", plugin, "check", description, "--json").stdout
+    assembly = dovetail.load(description, plugins=plugin)
+    k, c, omega = 2e6, 50.0, 2 * np.pi * assembly.frequency
+    inner, mass = 1e6 * (1 + 0.02j), 0.5
+    near = k + 1j * omega * c + inner - omega**2 * mass
+    expected = 1 / (inner - omega**2 * mass - inner**2 / near)
+    np.testing.assert_allclose(assembly.frf([k, c]), expected, rtol=1e-10)
+
+
+def test_the_reducer_and_the_regressor_of_the_page(run, tmp_path, assemblies):
+    plugins = [example("bands.py", tmp_path), example("ridge.py", tmp_path)]
+    description = tmp_path / "assembly.yaml"
+    description.write_text(
+        f"extends: {assemblies / 'sdof.yaml'}\n"
+        "identification:\n  samples: 800\n  reducer: {model: bands, n_components: 60}\n  regressor: {model: ridge}\n",
+        encoding="utf-8",
+    )
+    assembly = dovetail.load(description, plugins=plugins)
+    model = dovetail.train(assembly)
+    assert model.evaluation.parameters["k"].r2 > 0.9
+    model.save(tmp_path / "model")
+    again = dovetail.load_model(tmp_path / "model", plugins=plugins)
+    amplitude = np.abs(assembly.frf([[3e6, 40.0], [5e6, 60.0]]))
+    np.testing.assert_array_equal(again.predict_parameters(amplitude), model.predict_parameters(amplitude))
+    np.testing.assert_allclose(
+        model.predict_parameters(amplitude[:1]), model.predict_parameters(amplitude)[:1], rtol=1e-6
+    )
