@@ -48,6 +48,14 @@ def test_noise_costs_accuracy(study):
         assert rmse[0] < rmse[1] < rmse[2]
 
 
+def test_umap_takes_part(study):
+    assembly, dataset, _ = study
+    clean, noisy = robustness(assembly, dataset, models=["umap"], levels=[0.0, 0.3])
+    assert clean.r2 > 0.3
+    assert clean.r2 > noisy.r2
+    assert clean.rmse < noisy.rmse
+
+
 def test_a_row_is_flat_for_a_table(study):
     assert list(study[2][0].flat()) == ["model", "level", "r2", "rmse", "r2 k", "r2 c"]
 

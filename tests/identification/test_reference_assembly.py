@@ -1,0 +1,21 @@
+"""The description for a first look and the measurement that ships with it: what the README shows."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import dovetail
+
+
+@pytest.mark.slow
+def test_the_quick_description_identifies_the_measurement_that_ships(assemblies):
+    model = dovetail.train(dovetail.load(assemblies / "bt40_er32_quick.yaml"))
+    measurement = assemblies / "measurements" / "h0_j_t0_60Nm.uff"
+    result = model.identify(dovetail.read_frf(measurement))
+    assert result.mean_coherence >= 0.95
+    truth = json.loads(measurement.with_suffix(".truth.json").read_text())["natural_frequencies_Hz"]
+    found = [mode.natural_frequency for mode in result.modes][: len(truth)]
+    np.testing.assert_allclose(found, truth, rtol=0.03)
