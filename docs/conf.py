@@ -1,13 +1,17 @@
 """Sphinx configuration."""
 
+import sys
 from importlib.metadata import version as installed_version
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 project = "Dovetail"
 author = "The Dovetail developers"
 copyright = "2026, The Dovetail developers"
 release = version = installed_version("dovetail-frf")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.mathjax", "numpydoc"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "mathml", "numpydoc"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 autodoc_member_order = "bysource"
@@ -17,4 +21,6 @@ exclude_patterns = ["_build"]
 
 html_theme = "furo"
 html_title = f"Dovetail {release}"
-html_static_path: list[str] = []
+html_static_path = ["_static"]
+html_css_files = ["mathml.css"]
+html_math_renderer = "mathml"
