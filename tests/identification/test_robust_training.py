@@ -11,7 +11,8 @@ import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.errors import DatasetError
 from dovetail.identification.augmentation import Augmentation
-from dovetail.identification.epochs import NoisyFeatures
+from dovetail.identification.epochs import NoisyFeatures, ReducedEpochs
+from dovetail.identification.scaling import TargetScaling, ZScore
 
 AXIS = np.arange(1.0, 2001.0)
 SILENT = {"additive": 0.0, "multiplicative": 0.0}
@@ -137,6 +138,16 @@ def test_training_goes_through_as_many_augmentations_as_copies(robust, frfs):
     assert asked[3] is asked[0]
     assert asked[4] is asked[1]
     assert not np.array_equal(asked[0], asked[1])
+
+
+def test_fresh_samples_are_never_used_twice(with_settings, frfs):
+    assembly = with_settings(samples=600, reducer={"model": "pca"}, augmentation={"fresh": True, "copies": 1})
+    samples = noisy(assembly, frfs)
+    features, theta = samples(0)
+    reducer = assembly.description.identification.reducer.fit(features, seed=0)
+    scalings = ZScore.fit(reducer.transform(features)), TargetScaling.fit(theta, assembly.parameters)
+    epochs = ReducedEpochs(samples, "pca", reducer, *scalings)
+    assert not np.array_equal(epochs(0)[1], epochs(1)[1])
 
 
 def test_a_regressor_that_knows_no_epochs_gets_several_at_once(frfs):

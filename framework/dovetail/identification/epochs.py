@@ -123,7 +123,8 @@ class ReducedEpochs:
     Notes
     -----
     A reducer that makes rows short enough for `copies` epochs to take no more memory than one epoch's FRFs is applied
-    to so many epochs, which are then gone through in turn; otherwise each epoch is made when it is asked for.
+    to so many epochs, which are then gone through in turn; otherwise, and with fresh samples, each epoch is made when it
+    is asked for.
     """
 
     def __init__(
@@ -149,6 +150,6 @@ class ReducedEpochs:
         features, theta = self._noisy(epoch)
         reduced = reduce_features(self._reducer, self._name, features)
         made = self._feature_scaling.transform(reduced, out=reduced), self._target_scaling.transform(theta)
-        if self._noisy.copies * reduced.shape[1] <= features.shape[1]:
+        if not self._noisy.fresh and self._noisy.copies * reduced.shape[1] <= features.shape[1]:
             self._kept[number] = made
         return made
