@@ -22,6 +22,7 @@ from dovetail.cli.predict import predict
 from dovetail.cli.robustness import robustness
 from dovetail.cli.simulate import simulate
 from dovetail.cli.train import train
+from dovetail.cli.validate import validate
 
 __all__ = ["app", "main"]
 
@@ -56,7 +57,7 @@ def dovetail(
     context.obj = plugin
 
 
-for command in (plugins, describe, check, simulate, generate, train, identify, predict, robustness):
+for command in (plugins, describe, check, simulate, generate, train, identify, predict, validate, robustness):
     app.command()(command)
 
 

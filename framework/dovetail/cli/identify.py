@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.options import AsJson, PluginFiles, quantity_in
+from dovetail.cli.options import AsJson, PluginFiles, check_method, quantity_in
 from dovetail.cli.terminal import heading, note, print_json, say, table, title
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def identify(
     import dovetail
     from dovetail.report import read_truth
 
-    _check_method(method)
+    check_method(method)
     frf = dovetail.read_frf(measured, quantity=quantity, accelerometer_mass=accelerometer_mass, index=index)
     model = _model(source, frf, truth, output, plugin or [], retrain, accelerometer_mass)
     known = None if truth is None else read_truth(truth, model.assembly.parameters)
@@ -72,17 +72,6 @@ def identify(
         _print(result, known)
     if output is not None:
         note(f"Written to {output}: {', '.join(file.name for file in files)}")
-
-
-def _check_method(method: str) -> None:
-    from dovetail.errors import did_you_mean
-    from dovetail.identification.methods import METHODS
-
-    if method not in METHODS:
-        hint = did_you_mean(method, METHODS)
-        raise typer.BadParameter(
-            f"'{method}' is not a method. {hint} Accepted: {', '.join(METHODS)}", param_hint="--method"
-        )
 
 
 def _model(

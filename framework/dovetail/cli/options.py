@@ -13,6 +13,7 @@ __all__ = [
     "AssemblyFile",
     "Overwrite",
     "PluginFiles",
+    "check_method",
     "check_new_files",
     "quantity_in",
 ]
@@ -53,6 +54,23 @@ def quantity_in(unit: str) -> Callable[[str], float]:
             raise typer.BadParameter(error.faults[0].found) from None
 
     return parse
+
+
+def check_method(method: str) -> None:
+    """Make sure that a method of identification exists.
+
+    Raises
+    ------
+    typer.BadParameter
+    """
+    from dovetail.errors import did_you_mean
+    from dovetail.identification.methods import METHODS
+
+    if method not in METHODS:
+        hint = did_you_mean(method, METHODS)
+        raise typer.BadParameter(
+            f"'{method}' is not a method. {hint} Accepted: {', '.join(METHODS)}", param_hint="--method"
+        )
 
 
 def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: bool) -> None:

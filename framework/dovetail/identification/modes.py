@@ -9,24 +9,28 @@ from scipy.signal import find_peaks
 from dovetail.frf import Frf
 from dovetail.identification.result import Mode
 
-__all__ = ["paired_modes", "resonance_peaks"]
+__all__ = ["counterpart", "paired_modes", "resonance_peaks"]
 
 _PROMINENCE = 6.0
 """dB by which a peak must stand out of what surrounds it."""
 
-_FLOOR = 10.0
-"""Amplitudes are told apart only where they exceed this many standard deviations of the noise."""
+_FLOOR = 60.0
+"""Amplitudes are told apart only where they exceed this many standard deviations of the noise over the prominence:
+10 at 6 dB. At such a floor the noise of thousands of lines reaches half the prominence."""
 
 _NEARBY = 0.15
 """Part of a frequency within which its counterpart is looked for."""
 
 
-def resonance_peaks(frf: Frf) -> NDArray[np.float64]:
+def resonance_peaks(frf: Frf, prominence: float = _PROMINENCE) -> NDArray[np.float64]:
     """Find the resonance peaks of an FRF.
 
     Parameters
     ----------
     frf : Frf
+    prominence : float
+        dB by which a peak must stand out of what surrounds it on either side; a smaller one finds the low peaks of
+        modes that the joint damps.
 
     Returns
     -------
@@ -42,9 +46,9 @@ def resonance_peaks(frf: Frf) -> NDArray[np.float64]:
     accelerance = frf.to("accelerance")
     if len(accelerance.frequency) < 3:
         return np.empty(0)
-    floor = _FLOOR * _noise(accelerance)
+    floor = _FLOOR / prominence * _noise(accelerance)
     level = 10.0 * np.log10(np.maximum(accelerance.amplitude**2 + floor**2, np.finfo(np.float64).tiny))
-    tops, _ = find_peaks(level, prominence=_PROMINENCE)
+    tops, _ = find_peaks(level, prominence=prominence)
     return np.array([_peak_frequency(accelerance, int(top)) for top in tops])
 
 
@@ -70,13 +74,26 @@ def paired_modes(
     """
     modes = []
     for frequency in natural:
-        peak = _counterpart(frequency, natural, reconstructed)
-        counterpart = None if peak is None else _counterpart(peak, reconstructed, measured)
-        modes.append(Mode(float(frequency), peak, counterpart))
+        peak = counterpart(frequency, natural, reconstructed)
+        opposite = None if peak is None else counterpart(peak, reconstructed, measured)
+        modes.append(Mode(float(frequency), peak, opposite))
     return tuple(modes)
 
 
-def _counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:
+def counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:
+    """Return the frequency in `others` that belongs to one in `among`: each is the other's nearest, and they are close.
+
+    Parameters
+    ----------
+    frequency : float
+        Hz, one of `among`.
+    among, others : (n,) arrays
+        Hz.
+
+    Returns
+    -------
+    float or None
+    """
     if not others.size:
         return None
     candidate = float(others[np.argmin(np.abs(others - frequency))])

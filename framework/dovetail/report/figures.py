@@ -18,16 +18,28 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["frf_figure", "robustness_figure", "save_png", "simulated_figure"]
+__all__ = [
+    "INK",
+    "LINES",
+    "MARKERS",
+    "MEASURED",
+    "RECONSTRUCTED",
+    "WIDTH",
+    "frf_figure",
+    "robustness_figure",
+    "save_png",
+    "simulated_figure",
+    "style_axes",
+]
 
-_WIDTH = 9.0
+WIDTH = 9.0
 """Inches: 900 pixels at the usual 100 to the inch."""
 
-_INK, _MUTED, _GRID = "#1c2430", "#5b6672", "#e3e7eb"
-_MEASURED, _RECONSTRUCTED, _AGREEMENT = "#a3acb5", "#0b5fa5", "#9a4a00"
-_LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")  # Okabe and Ito
+INK, _MUTED, _GRID = "#1c2430", "#5b6672", "#e3e7eb"
+MEASURED, RECONSTRUCTED, _AGREEMENT = "#a3acb5", "#0b5fa5", "#9a4a00"
+LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")  # Okabe and Ito
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 _PHASE_CENTRE = {"receptance": -90.0, "mobility": 0.0, "accelerance": 90.0}
 """Degrees; the phase of a passive drive point stays within 90 of it, so that is where it is not cut."""
@@ -69,8 +81,8 @@ def frf_figure(
     figure, panels = _stacked(heights)
     remaining = iter(panels)
     curves = (
-        (measured, {"color": _MEASURED, "linewidth": 2.6, "label": "measured"}),
-        (reconstructed, {"color": _RECONSTRUCTED, "linewidth": 1.2, "label": "reconstructed"}),
+        (measured, {"color": MEASURED, "linewidth": 2.6, "label": "measured"}),
+        (reconstructed, {"color": RECONSTRUCTED, "linewidth": 1.2, "label": "reconstructed"}),
     )
     amplitude = next(remaining)
     for frf, style in curves:
@@ -101,13 +113,13 @@ def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Fig
     matplotlib.figure.Figure
     """
     figure, panels = _stacked([2.6] + [1.5] * frf.has_phase)
-    style = {"color": _RECONSTRUCTED, "linewidth": 1.4}
+    style = {"color": RECONSTRUCTED, "linewidth": 1.4}
     _draw_amplitude(panels[0], frf, style)
     if frf.has_phase:
         _draw_phase(panels[1], frf, style)
     _finish_frequency_axis(panels, frf.frequency)
     _mark_frequencies(panels, natural_frequencies)
-    figure.suptitle(frf.label, fontsize=11, color=_INK, parse_math=False)
+    figure.suptitle(frf.label, fontsize=11, color=INK, parse_math=False)
     return figure
 
 
@@ -125,22 +137,22 @@ def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(_WIDTH, 3.6), layout="constrained", facecolor="white")
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained", facecolor="white")
     left, right = figure.subplots(1, 2)
     for index, model in enumerate(dict.fromkeys(str(row["model"]) for row in table)):
         rows = sorted((row for row in table if str(row["model"]) == model), key=lambda row: float(row["level"]))
         levels = np.array([row["level"] for row in rows], dtype=np.float64)
         style = {
-            "color": _LINES[index % len(_LINES)],
+            "color": LINES[index % len(LINES)],
             "linestyle": _DASHES[index % len(_DASHES)],
-            "marker": _MARKERS[index % len(_MARKERS)],
+            "marker": MARKERS[index % len(MARKERS)],
             "markersize": 5,
             "linewidth": 1.6,
         }
         for axes, key in ((left, "r2"), (right, "rmse")):
             axes.plot(levels, np.array([row[key] for row in rows], dtype=np.float64), label=model, **style)
     for axes, quantity in ((left, "R² [-]"), (right, "RMSE, part of the range [-]")):
-        _style(axes)
+        style_axes(axes)
         axes.set_xlabel("Noise level, part of the data's standard deviation [-]")
         axes.set_ylabel(quantity)
     if table:
@@ -179,24 +191,25 @@ def _stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
     """Return panels one above the other that share the frequency axis."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(_WIDTH, 1.0 + sum(heights)), layout="constrained", facecolor="white")
+    figure = Figure(figsize=(WIDTH, 1.0 + sum(heights)), layout="constrained", facecolor="white")
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
     panels = list(grid[:, 0])
     for axes in panels:
-        _style(axes)
+        style_axes(axes)
     return figure, panels
 
 
-def _style(axes: Axes) -> None:
+def style_axes(axes: Axes) -> None:
+    """Give a panel the look of all figures: a light grid, no box, muted ticks."""
     axes.set_axisbelow(True)
     axes.grid(color=_GRID, linewidth=0.8)
-    axes.tick_params(colors=_MUTED, labelcolor=_INK, labelsize=9, length=3)
+    axes.tick_params(colors=_MUTED, labelcolor=INK, labelsize=9, length=3)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
         axes.spines[side].set_color(_MUTED)
     for label in (axes.xaxis.label, axes.yaxis.label):
-        label.set(color=_INK, fontsize=9.5)
+        label.set(color=INK, fontsize=9.5)
 
 
 def _draw_amplitude(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
@@ -229,7 +242,7 @@ def _draw_coherence(axes: Axes, frequency: NDArray[np.float64], coherence: NDArr
     mean = float(np.mean(coherence))
     axes.plot(frequency, coherence, color=_AGREEMENT, linewidth=1.2)
     axes.axhline(mean, color=_AGREEMENT, linewidth=0.9, linestyle=(0, (4, 3)))
-    axes.text(0.995, 0.06, f"mean {mean:.3f} (dashed)", transform=axes.transAxes, ha="right", fontsize=9, color=_INK)
+    axes.text(0.995, 0.06, f"mean {mean:.3f} (dashed)", transform=axes.transAxes, ha="right", fontsize=9, color=INK)
     axes.set_ylim(0.0, 1.03)
     axes.set_yticks([0.0, 0.5, 1.0])
     axes.set_ylabel("Coherence [-]")
@@ -260,5 +273,5 @@ def _mark_frequencies(panels: Sequence[Axes], frequencies: Iterable[float]) -> N
             textcoords="offset points",
             ha="center",
             fontsize=8.5,
-            color=_INK,
+            color=INK,
         )

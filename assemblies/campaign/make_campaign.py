@@ -1,0 +1,182 @@
+"""Make the synthetic measurements of the campaign and the truth behind them. No laboratory was involved.
+
+    python assemblies/campaign/make_campaign.py [--only NAME ...] [--to FOLDER]
+
+Every file is an impact test: ten impacts of a hammer, force and acceleration recorded at 25,600 Hz over 16,384 samples,
+sensor noise on both, an accelerometer of 1.2 g on the structure; H1 and coherence from them. The structure has four
+elements where the description that predicts it has one. Run again, it writes the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hammer_test import HammerTest
+from models import ACCELEROMETER, FINER, HERE, described, finer, on_spindle, parameters_at, with_accelerometer
+
+import dovetail
+
+TOOL, HOLDER = 80.0, 600.0
+"""N, mean peak of the force: a light tool, a heavy holder; the accelerometer stays within 5000 m/s^2."""
+
+
+@dataclass(frozen=True)
+class Test:
+    """One impact test.
+
+    Parameters
+    ----------
+    name : str
+        Of the file.
+    structure : str
+        The description that the structure refines.
+    label : str
+        What was tested, for the file's text.
+    seed : int
+    torque : float or None
+        N m, of the collet's nut; None without a collet.
+    mounted : bool
+        On the spindle, else free-free.
+    sensor, struck : float or None
+        Position [m] on the measured part; None: the description's response point.
+    peak : float
+        N.
+    last : float
+        Hz, last line that is kept.
+    """
+
+    name: str
+    structure: str
+    label: str
+    seed: int
+    torque: float | None = None
+    mounted: bool = False
+    sensor: float | None = None
+    struck: float | None = None
+    peak: float = TOOL
+    last: float = 10200.0
+
+
+def _tests() -> tuple[Test, ...]:
+    parts = [
+        *(Test(f"t{n}", f"t{n}", f"tool T{n}, free-free", 10 + n) for n in range(4)),
+        Test("h0", "h0", "holder H0, free-free", 14, peak=HOLDER),
+    ]
+    series = [
+        Test(f"h0_j{torque}_t0", "h0_t0", f"H0-J{torque}-T0, free-free", 100 + torque, float(torque))
+        for torque in (20, 40, 60, 80, 100)
+    ]
+    novel = [
+        Test(f"h0_j{torque}_t{n}", f"h0_t{n}", f"H0-J{torque}-T{n}, free-free", 300 + torque, float(torque))
+        for n, torque in ((1, 20), (2, 40), (3, 60))
+    ]
+    calibration = [
+        Test(f"sf_h1_{name}", "h1", f"SF-H1, {name}", 500 + n, None, True, sensor, struck, peak=HOLDER, last=7100.0)
+        for n, (name, sensor, struck) in enumerate((("aa", 0.0, 0.0), ("ab", 0.0, 0.02), ("bb", 0.02, 0.02)))
+    ]
+    mounted = [
+        Test(f"sf_h2_j{torque}_t{n}", f"h2_t{n}", f"SF-H2-J{torque}-T{n}", 600 + n, float(torque), True, last=7100.0)
+        for n, torque in ((1, 100), (2, 80), (3, 20))
+    ]
+    return (*parts, *series, *novel, *calibration, *mounted)
+
+
+TESTS = _tests()
+
+
+def structure_of(test: Test, *, accelerometer: bool) -> dovetail.Assembly:
+    """Return the structure that is struck, on the lines of the simulation."""
+    described_as = described(test.structure)
+    sensor = described_as["response"]["position"] if test.sensor is None else test.sensor
+    structure = finer(on_spindle(described_as) if test.mounted else described_as)
+    if accelerometer:
+        structure = with_accelerometer(structure, sensor)
+    settings = HammerTest()
+    structure["frequency"] = {"start": settings.step, "stop": settings.rate / 2, "step": settings.step}
+    return dovetail.load(structure)
+
+
+def theta_of(test: Test, assembly: dovetail.Assembly) -> dict[str, float]:
+    """Return the true values of the joint's parameters by the assembly's names."""
+    values = {} if test.torque is None else parameters_at(test.torque)
+    return {p.name: values[p.name.rpartition(".")[2]] for p in assembly.parameters}
+
+
+def measure(test: Test) -> dovetail.Frf:
+    """Strike the structure and estimate its FRF."""
+    assembly = structure_of(test, accelerometer=True)
+    response = assembly.description.response
+    nodes = assembly.description.substructures[response.substructure].nodes
+    own = nodes[response.node].position
+    sensor, struck = (own if given is None else given for given in (test.sensor, test.struck))
+    part = response.substructure
+    receptance = assembly.receptance(theta_of(test, assembly), [(part, sensor, "x")], [(part, struck, "x")])[:, 0, 0]
+    accelerance = receptance * (2j * np.pi * assembly.frequency) ** 2
+    settings = replace(HammerTest(), peak=test.peak)
+    force, acceleration = settings.records(accelerance, test.seed)
+    return _estimated(force, acceleration, settings, test)
+
+
+def _estimated(force: Any, acceleration: Any, settings: HammerTest, test: Test) -> dovetail.Frf:
+    """H1 and coherence of the ten records, cut to the lines that are kept, in single precision."""
+    spectrum, response = np.fft.rfft(force), np.fft.rfft(acceleration)
+    cross = np.mean(np.conj(spectrum) * response, axis=0)
+    own, other = (np.mean(np.abs(one) ** 2, axis=0) for one in (spectrum, response))
+    frequency = np.fft.rfftfreq(settings.samples, 1.0 / settings.rate)
+    kept = (frequency >= 90.0) & (frequency <= test.last)
+    return dovetail.Frf(
+        frequency[kept],
+        (cross / own)[kept].astype(np.complex64),
+        "accelerance",
+        coherence=(np.abs(cross) ** 2 / (own * other))[kept].astype(np.float32),
+        averages=settings.impacts,
+        note=f"SYNTHETIC, no laboratory: {test.label}, H1 of {settings.impacts} impacts, 1.2 g on it",
+    )
+
+
+def truth_of(test: Test) -> dict[str, Any]:
+    """Return what was put in, and the natural frequencies of the structure without and with the accelerometer."""
+    bare, loaded = (structure_of(test, accelerometer=on) for on in (False, True))
+    theta = theta_of(test, bare)
+    return {
+        "label": test.label,
+        "structure": f"{test.structure}.yaml" + (" on spindle.yaml" if test.mounted else ""),
+        "torque_Nm": test.torque,
+        "parameters": {name.rpartition(".")[2]: float(f"{value:.8g}") for name, value in theta.items()},
+        "natural_frequencies_Hz": _natural(bare, theta, test.last),
+        "natural_frequencies_with_accelerometer_Hz": _natural(loaded, theta, test.last),
+    }
+
+
+def _natural(assembly: dovetail.Assembly, theta: dict[str, float], last: float) -> list[float]:
+    found = assembly.natural_frequencies(theta, count=12)
+    return [round(float(f), 3) for f in found[found <= last]]
+
+
+def main() -> None:
+    """Write the files that the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--only", nargs="+", metavar="NAME", choices=[test.name for test in TESTS])
+    parser.add_argument("--to", type=Path, default=HERE / "measurements", metavar="FOLDER")
+    chosen = parser.parse_args()
+    chosen.to.mkdir(parents=True, exist_ok=True)
+    for test in TESTS:
+        if chosen.only is None or test.name in chosen.only:
+            dovetail.write_frf(measure(test), chosen.to / f"{test.name}.uff", overwrite=True, binary=True)
+    if chosen.only is None:
+        truth = {
+            "synthetic": True,
+            "note": f"Truth behind the files beside it: mesh {FINER} times finer, {ACCELEROMETER * 1e3:g} g on the "
+            "structure, made by make_campaign.py. Natural frequencies are those of the undamped structure.",
+            "tests": {test.name: truth_of(test) for test in TESTS},
+        }
+        (chosen.to / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""``dovetail validate``: measured resonances beside what models predict."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dovetail.cli.options import AsJson, PluginFiles, check_method
+from dovetail.cli.terminal import note, print_json, progress_bars, table, title
+
+if TYPE_CHECKING:
+    from dovetail.assembly import Assembly
+    from dovetail.evaluation import Validation
+    from dovetail.frf import Frf
+    from dovetail.identification import Identification
+
+__all__ = ["validate"]
+
+_FILES = ("validation.json", "validation.csv", "frfs.png")
+_SERIES = "series.png"
+
+
+def validate(
+    cases: Annotated[
+        Path, typer.Argument(metavar="CASES", help="Measurements and the models that predict them (YAML).")
+    ],
+    method: Annotated[str, typer.Option(metavar="METHOD", help="How joints are identified.")] = "refined",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the table and the figures.")
+    ] = None,
+    plugin: PluginFiles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Hold models against measurements.
+
+    For each case: the resonances as measured, without the accelerometer, and as predicted by the model, with the joint
+    that was identified elsewhere. Files of an earlier run in the output folder are replaced.
+    """
+    from dovetail.cli.result_files import prepare_folder
+    from dovetail.evaluation import read_cases
+    from dovetail.evaluation import validate as run
+
+    check_method(method)
+    read = read_cases(cases)
+    names = (*_FILES, _SERIES) if read.series else _FILES
+    if output is not None:
+        prepare_folder(output, names, _FILES[0])
+    with progress_bars() as progress:
+        done = run(read, _identification(method, plugin or []), plugins=plugin or (), progress=progress)
+    if output is not None:
+        _write(done, output)
+    if as_json:
+        print_json(done.to_dict())
+    else:
+        _print(done)
+    if output is not None:
+        note(f"Written to {output}: {', '.join(names)}")
+
+
+def _identification(method: str, plugins: list[Path]) -> Callable[[Assembly, Frf], Identification]:
+    def identify(assembly: Assembly, measured: Frf) -> Identification:
+        from dovetail.cli.model_cache import trained_model
+
+        return trained_model(assembly, plugins, retrain=False).identify(measured, method=method)
+
+    return identify
+
+
+def _print(done: Validation) -> None:
+    title(done.title)
+    headers = ["case", "measured [Hz]", "compensated [Hz]", "predicted [Hz]", "error [%]", "shift [%]", "joint"]
+    table(headers, _rows(done), numbers=headers[1:6])
+
+
+def _rows(done: Validation) -> Iterator[list[str]]:
+    for one in done.cases:
+        method = "" if one.joint is None else one.joint.method
+        for index, row in enumerate(one.peaks):
+            frequencies = [_text(f, ".1f") for f in (row.measured, row.compensated, row.predicted)]
+            first = [one.case.name, method] if index == 0 else ["", ""]
+            yield [first[0], *frequencies, _text(row.error, "+.2f"), _text(row.shift, "+.2f"), first[1]]
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else f"{value:{form}}"
+
+
+def _write(done: Validation, folder: Path) -> None:
+    from dovetail.cli.result_files import csv_text
+    from dovetail.measurement.disk import write_whole
+    from dovetail.report.figures import save_png
+    from dovetail.report.validation_figures import series_figure, validation_figure
+
+    plain = done.to_dict()
+    header = ["case", "value", "measured_Hz", "compensated_Hz", "predicted_Hz", "error_percent", "shift_percent"]
+    keys = ("measured", "compensated", "predicted", "error", "shift")
+    rows: list[list[Any]] = [
+        [case["name"], case["value"], *(row[key] for key in keys)] for case in plain["cases"] for row in case["peaks"]
+    ]
+    content = {
+        _FILES[0]: json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _FILES[1]: csv_text(header, rows),
+    }
+    for name, text in content.items():
+        write_whole(folder / name, text.encode("utf-8"), overwrite=True)
+    save_png(validation_figure(done), folder / _FILES[2], dpi=120)
+    if done.series:
+        save_png(series_figure(done), folder / _SERIES, dpi=120)

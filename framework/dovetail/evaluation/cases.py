@@ -1,0 +1,209 @@
+"""A list of measurements and the models that predict them, read from one YAML file."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from dovetail.assembly.findings import Findings
+from dovetail.assembly.inheritance import read_source
+from dovetail.assembly.tree import plain, shown
+from dovetail.assembly.validation import validate
+from dovetail.frf import Frf
+from dovetail.measurement import read_frf
+from dovetail.units import InUnit
+
+__all__ = ["FORMAT", "Case", "Cases", "JointSource", "Measurement", "read_cases"]
+
+FORMAT = 1
+"""Version of the format, which is what ``dovetail_cases:`` says."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A measured file and how it is read.
+
+    Parameters
+    ----------
+    file : Path
+    accelerometer_mass : float
+        kg at the measured point, to be taken off.
+    quantity : str or None
+    index : int or None
+        As in `dovetail.read_frf`.
+    """
+
+    file: Path
+    accelerometer_mass: float
+    quantity: str | None
+    index: int | None
+
+    def read(self, *, compensated: bool) -> Frf:
+        """Return the FRF as measured, or without the accelerometer's mass.
+
+        Raises
+        ------
+        MeasurementError
+        """
+        mass = self.accelerometer_mass if compensated else 0.0
+        return read_frf(self.file, quantity=self.quantity, index=self.index, accelerometer_mass=mass)
+
+
+@dataclass(frozen=True)
+class JointSource:
+    """Where a case's joint comes from: an assembly with its measurement, or the result of an identification."""
+
+    assembly: Path | None
+    measured: Measurement | None
+    result: Path | None
+
+
+@dataclass(frozen=True)
+class Case:
+    """One measurement and the model that predicts it.
+
+    Parameters
+    ----------
+    name : str
+    assembly : Path
+        Its description.
+    measured : Measurement
+    joint : JointSource or None
+        None where the description leaves nothing to identify.
+    value : float or None
+        Of the quantity that a series runs over.
+    """
+
+    name: str
+    assembly: Path
+    measured: Measurement
+    joint: JointSource | None
+    value: float | None
+
+
+@dataclass(frozen=True)
+class Cases:
+    """All cases of a file.
+
+    Parameters
+    ----------
+    title : str
+    series : str
+        What the cases' values are, with its unit, as ``tightening torque [N m]``; empty where they are no series.
+    cases : tuple of Case
+    """
+
+    title: str
+    series: str
+    cases: tuple[Case, ...]
+
+
+def _as_section(value: object) -> object:
+    return {"file": value} if isinstance(value, str) else value
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+_Mass = Annotated[float, Field(ge=0), InUnit("kg")]
+
+
+class _Measured(_Section):
+    file: str
+    accelerometer_mass: _Mass | None = None
+    quantity: str | None = None
+    index: Annotated[int, Field(ge=1)] | None = None
+
+
+_MeasuredFile = Annotated[_Measured, BeforeValidator(_as_section)]
+
+
+class _Joint(_Section):
+    assembly: str | None = None
+    measured: _MeasuredFile | None = None
+    result: str | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        given = (self.assembly is not None, self.measured is not None, self.result is not None)
+        if given not in ((True, True, False), (False, False, True)):
+            raise ValueError("a joint comes from 'assembly' and 'measured', or from 'result'")
+        return self
+
+
+class _Case(_Section):
+    assembly: str
+    measured: _MeasuredFile
+    joint: _Joint | None = None
+    value: float | None = None
+
+
+class _File(_Section):
+    title: str = "Validation"
+    series: str = ""
+    accelerometer_mass: _Mass = 0.0
+    cases: Annotated[dict[str, _Case], Field(min_length=1)]
+
+
+def read_cases(source: str | os.PathLike[str]) -> Cases:
+    """Read a file of cases.
+
+    Parameters
+    ----------
+    source : path
+        YAML. File names in it are taken from its folder.
+
+    Returns
+    -------
+    Cases
+
+    Raises
+    ------
+    DescriptionError
+        Everything that is wrong with the file, at once.
+    """
+    findings = Findings()
+    _, findings.root = read_source(source, findings)
+    _check_format(findings)
+    read = validate(_File, (), findings, "the file of cases", reserved=("dovetail_cases",))
+    if read is not None and read.series:
+        for name, case in read.cases.items():
+            if case.value is None:
+                findings.add(("cases", name), "the case lacks 'value', which the series runs over.", key=True)
+    findings.raise_if_any()
+    assert read is not None
+    folder, mass = Path(source).parent, read.accelerometer_mass
+    cases = tuple(_case(name, case, folder, mass) for name, case in read.cases.items())
+    return Cases(read.title, read.series, cases)
+
+
+def _check_format(findings: Findings) -> None:
+    item = findings.root.at(("dovetail_cases",))
+    if item is None:
+        remedy = f"Begin it with 'dovetail_cases: {FORMAT}'."
+        findings.add(("dovetail_cases",), "the file does not say that it holds cases.", remedy=remedy)
+    elif item.value != FORMAT or isinstance(item.value, bool):
+        found = f"{shown(plain(item))} is not a format that this version of dovetail reads."
+        findings.add(("dovetail_cases",), found, str(FORMAT))
+
+
+def _case(name: str, case: _Case, folder: Path, mass: float) -> Case:
+    joint = case.joint
+    source = None
+    if joint is not None:
+        source = JointSource(
+            assembly=None if joint.assembly is None else folder / joint.assembly,
+            measured=None if joint.measured is None else _measurement(joint.measured, folder, mass),
+            result=None if joint.result is None else folder / joint.result,
+        )
+    return Case(name, folder / case.assembly, _measurement(case.measured, folder, mass), source, case.value)
+
+
+def _measurement(measured: _Measured, folder: Path, mass: float) -> Measurement:
+    own = measured.accelerometer_mass
+    return Measurement(folder / measured.file, mass if own is None else own, measured.quantity, measured.index)

@@ -1,0 +1,205 @@
+"""Validation: natural frequencies as measured, without the accelerometer, and as a model predicts them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from dovetail.assembly import Assembly, load
+from dovetail.errors import Fault, ParameterError
+from dovetail.evaluation.cases import Case, Cases, JointSource
+from dovetail.frf import Frf, coherence_spectrum
+from dovetail.identification import Identification, predict
+from dovetail.identification.modes import counterpart, resonance_peaks
+from dovetail.identification.stored import read_identification
+from dovetail.interfaces import Progress, silent
+from dovetail.measurement import on_grid
+
+__all__ = ["Identify", "PeakRow", "ValidatedCase", "Validation", "validate"]
+
+PROMINENCE = 1.5
+"""dB by which a peak must stand out: modes that the joint damps have low peaks."""
+
+Identify = Callable[[Assembly, Frf], Identification]
+"""What identifies a joint from an assembly's measurement without the accelerometer."""
+
+
+@dataclass(frozen=True)
+class PeakRow:
+    """A resonance as measured, without the accelerometer, and as predicted.
+
+    Parameters
+    ----------
+    measured, compensated, predicted : float or None
+        Hz; where the accelerance peaks. None where there is no such peak.
+    """
+
+    measured: float | None
+    compensated: float | None
+    predicted: float | None
+
+    @property
+    def error(self) -> float | None:
+        """Predicted against compensated, per cent."""
+        return _per_cent(self.predicted, self.compensated)
+
+    @property
+    def shift(self) -> float | None:
+        """Compensated against measured, per cent: large where the measured part itself is what vibrates."""
+        return _per_cent(self.compensated, self.measured)
+
+
+def _per_cent(value: float | None, of: float | None) -> float | None:
+    return None if value is None or of is None else 100.0 * (value / of - 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ValidatedCase:
+    """A case with its three FRFs on the assembly's frequencies.
+
+    Parameters
+    ----------
+    case : Case
+    measured, compensated, predicted : Frf
+    peaks : tuple of PeakRow
+        By frequency.
+    joint : Identification or None
+        The joint that was used.
+    """
+
+    case: Case
+    measured: Frf
+    compensated: Frf
+    predicted: Frf
+    peaks: tuple[PeakRow, ...]
+    joint: Identification | None
+
+    @property
+    def mean_coherence(self) -> float:
+        """Mean agreement of prediction and compensated measurement (Eq. 15)."""
+        if not self.compensated.has_phase:
+            return float(coherence_spectrum(self.compensated.amplitude, self.predicted.amplitude).mean())
+        return float(coherence_spectrum(self.compensated.values, self.predicted.values).mean())
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """All cases of a file, validated."""
+
+    title: str
+    series: str
+    cases: tuple[ValidatedCase, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but the FRFs as plain values, fit for JSON."""
+        return {
+            "title": self.title,
+            "series": self.series,
+            "cases": [
+                {
+                    "name": one.case.name,
+                    "value": one.case.value,
+                    "peaks": [asdict(row) | {"error": row.error, "shift": row.shift} for row in one.peaks],
+                    "mean_coherence": one.mean_coherence,
+                    "method": None if one.joint is None else one.joint.method,
+                    "joint": None if one.joint is None else {n: p.value for n, p in one.joint.parameters.items()},
+                }
+                for one in self.cases
+            ],
+        }
+
+
+def validate(
+    cases: Cases,
+    identify: Identify,
+    *,
+    plugins: Iterable[str | PathLike[str]] = (),
+    progress: Progress = silent,
+) -> Validation:
+    """Predict what was measured, case by case.
+
+    Parameters
+    ----------
+    cases : Cases
+    identify : callable
+        From (assembly, measurement without the accelerometer) to an identification; asked once for each measurement.
+    plugins : iterable of paths
+        Plugin files to take in.
+    progress : callable
+
+    Returns
+    -------
+    Validation
+
+    Raises
+    ------
+    DovetailError
+        A description, a measurement or an identification cannot be used.
+
+    Notes
+    -----
+    Resonances are compared where the accelerance peaks, as both FRFs show them, on the lines of the prediction.
+    """
+    files = tuple(plugins)
+    loaded = [load(case.assembly, plugins=files) for case in cases.cases]
+    joints = _Joints(identify, files)
+    validated = []
+    for index, (case, assembly) in enumerate(zip(cases.cases, loaded, strict=True)):
+        progress("cases", index, len(loaded))
+        validated.append(_validated(case, assembly, joints))
+    progress("cases", len(loaded), len(loaded))
+    return Validation(cases.title, cases.series, tuple(validated))
+
+
+class _Joints:
+    """The joints of a run; what several cases share is identified once."""
+
+    def __init__(self, identify: Identify, plugins: tuple[str | PathLike[str], ...]) -> None:
+        self._identify = identify
+        self._plugins = plugins
+        self._known: dict[JointSource, Identification] = {}
+
+    def get(self, source: JointSource) -> Identification:
+        if source not in self._known:
+            self._known[source] = self._made(source)
+        return self._known[source]
+
+    def _made(self, source: JointSource) -> Identification:
+        if source.assembly is None or source.measured is None:
+            assert source.result is not None
+            return read_identification(source.result)
+        return self._identify(load(source.assembly, plugins=self._plugins), source.measured.read(compensated=True))
+
+
+def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase:
+    if case.joint is None and assembly.parameters:
+        raise ParameterError(
+            Fault(
+                f"case {case.name}",
+                f"assembly '{assembly.name}' has parameters to identify, and the case does not say from what.",
+                remedy="Add 'joint: {assembly: ..., measured: ...}' or 'joint: {result: ...}'.",
+            )
+        )
+    joint = None if case.joint is None else joints.get(case.joint)
+    predicted = predict(assembly, {} if joint is None else joint)
+    raw, bare = (
+        on_grid(case.measured.read(compensated=compensated), assembly.frequency).to(predicted.quantity)
+        for compensated in (False, True)
+    )
+    peaks = tuple(_paired(*(resonance_peaks(frf, PROMINENCE) for frf in (raw, bare, predicted))))
+    return ValidatedCase(case, raw, bare, predicted, peaks, joint)
+
+
+def _paired(measured: Any, compensated: Any, predicted: Any) -> Iterator[PeakRow]:
+    """Yield a row for each compensated peak, and one for each predicted peak that has no counterpart."""
+    rows = [
+        PeakRow(counterpart(peak, compensated, measured), float(peak), counterpart(peak, compensated, predicted))
+        for peak in compensated
+    ]
+    taken = {row.predicted for row in rows}
+    rows += [PeakRow(None, None, float(peak)) for peak in predicted if float(peak) not in taken]
+    yield from sorted(rows, key=lambda row: row.compensated or row.predicted or np.inf)

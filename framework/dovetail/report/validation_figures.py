@@ -1,0 +1,112 @@
+"""Figures of a validation: the FRFs of every case, and resonances over a series."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dovetail.evaluation import PeakRow, ValidatedCase, Validation
+from dovetail.frf import Frf, unit_of
+from dovetail.report.figures import INK, LINES, MARKERS, MEASURED, RECONSTRUCTED, WIDTH, style_axes
+from dovetail.report.wording import unit_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["series_figure", "validation_figure"]
+
+_PANEL_HEIGHT = 2.5
+_COMPENSATED = LINES[2]
+
+
+def validation_figure(validation: Validation) -> Figure:
+    """Draw for each case the amplitude as measured, without the accelerometer, and as predicted.
+
+    Parameters
+    ----------
+    validation : Validation
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Compensated and predicted peaks are marked; what has no counterpart by a cross.
+    """
+    from matplotlib.figure import Figure
+
+    count = len(validation.cases)
+    figure = Figure(figsize=(WIDTH, 0.7 + _PANEL_HEIGHT * count), layout="constrained", facecolor="white")
+    panels = figure.subplots(count, 1, squeeze=False)[:, 0]
+    for axes, one in zip(panels, validation.cases, strict=True):
+        _draw_case(axes, one)
+    panels[0].legend(loc="lower right", ncols=3, fontsize=9)
+    panels[-1].set_xlabel("Frequency [Hz]")
+    return figure
+
+
+def _draw_case(axes: Axes, one: ValidatedCase) -> None:
+    style_axes(axes)
+    axes.set_yscale("log", nonpositive="mask")
+    curves: tuple[tuple[Frf, dict[str, Any]], ...] = (
+        (one.measured, {"color": MEASURED, "linewidth": 1.2, "linestyle": (0, (4, 2)), "label": "measured"}),
+        (one.compensated, {"color": _COMPENSATED, "linewidth": 2.4, "label": "compensated"}),
+        (one.predicted, {"color": RECONSTRUCTED, "linewidth": 1.1, "label": "predicted"}),
+    )
+    for frf, style in curves:
+        axes.plot(frf.frequency, np.where(frf.amplitude > 0, frf.amplitude, np.nan), **style)
+    for row in one.peaks:
+        _mark(axes, one, row)
+    axes.set_title(one.case.name, fontsize=10, color=INK, loc="left", parse_math=False)
+    axes.set_xlim(float(one.predicted.frequency[0]), float(one.predicted.frequency[-1]))
+    quantity = one.predicted.quantity
+    axes.set_ylabel(f"{quantity.capitalize()} [{unit_text(unit_of(quantity))}]")
+
+
+def _mark(axes: Axes, one: ValidatedCase, row: PeakRow) -> None:
+    alone = row.compensated is None or row.predicted is None
+    for peak, frf, colour in (
+        (row.compensated, one.compensated, _COMPENSATED),
+        (row.predicted, one.predicted, RECONSTRUCTED),
+    ):
+        if peak is not None:
+            height = float(np.interp(peak, frf.frequency, frf.amplitude))
+            axes.plot([peak], [height], "x" if alone else "o", color=colour, markersize=6 if alone else 4)
+
+
+def series_figure(validation: Validation) -> Figure:
+    """Draw measured, compensated and predicted resonances over what the cases' values are.
+
+    Parameters
+    ----------
+    validation : Validation
+        With a series.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel for each resonance, the lowest below.
+    """
+    from matplotlib.figure import Figure
+
+    cases = sorted(validation.cases, key=lambda one: one.case.value or 0.0)
+    most = max(len([row for row in one.peaks if row.compensated is not None]) for one in cases)
+    figure = Figure(figsize=(WIDTH, 0.8 + 1.9 * most), layout="constrained", facecolor="white")
+    panels = figure.subplots(most, 1, squeeze=False, sharex=True)[::-1, 0]
+    for index, axes in enumerate(panels):
+        style_axes(axes)
+        rows = [[row for row in one.peaks if row.compensated is not None] for one in cases]
+        here = [(one.case.value, found[index]) for one, found in zip(cases, rows, strict=True) if index < len(found)]
+        values = [value for value, _ in here]
+        for name, colour, marker in (
+            ("measured", MEASURED, MARKERS[0]),
+            ("compensated", _COMPENSATED, MARKERS[1]),
+            ("predicted", RECONSTRUCTED, MARKERS[2]),
+        ):
+            frequencies = [getattr(row, name) for _, row in here]
+            drawn = np.array([np.nan if f is None else f for f in frequencies])
+            axes.plot(values, drawn, color=colour, marker=marker, markersize=5, linewidth=1.2, label=name)
+        axes.set_ylabel(f"Resonance {index + 1} [Hz]")
+    panels[-1].legend(loc="best", fontsize=9)
+    panels[0].set_xlabel(validation.series)
+    return figure
