@@ -41,15 +41,18 @@ def resonance_peaks(frf: Frf, prominence: float = _PROMINENCE) -> NDArray[np.flo
     -----
     The noise is estimated from the second differences of the values, and the amplitude is levelled there, so that
     noise in an antiresonance makes no peak. Each peak is placed by a parabola through 1/|receptance|^2 over omega^2
-    within the half-power lines: for a single mode that is exact, and it averages the noise.
+    within the half-power lines: for a single mode that is exact, and it averages the noise. A peak that stands out too
+    little to have half-power lines (less than 6 dB) is that of the accelerance, within half its prominence.
     """
     accelerance = frf.to("accelerance")
     if len(accelerance.frequency) < 3:
         return np.empty(0)
     floor = _FLOOR / prominence * _noise(accelerance)
     level = 10.0 * np.log10(np.maximum(accelerance.amplitude**2 + floor**2, np.finfo(np.float64).tiny))
-    tops, _ = find_peaks(level, prominence=prominence)
-    return np.array([_peak_frequency(accelerance, int(top)) for top in tops])
+    tops, found = find_peaks(level, prominence=prominence)
+    return np.array(
+        [_peak_frequency(accelerance, int(top), float(own)) for top, own in zip(tops, found["prominences"], strict=True)]
+    )
 
 
 def paired_modes(
@@ -109,18 +112,20 @@ def _noise(frf: Frf) -> float:
     return float(np.median(np.abs(np.diff(frf.values, 2))) / (1.1774 * np.sqrt(6.0)))
 
 
-def _peak_frequency(frf: Frf, top: int) -> float:
+def _peak_frequency(frf: Frf, top: int, prominence: float) -> float:
     """Place the peak around line `top` between the lines."""
-    half_power = frf.amplitude >= frf.amplitude[top] / np.sqrt(2.0)
+    is_low = prominence < _PROMINENCE
+    drop = prominence / 2.0 if is_low else 10.0 * np.log10(2.0)
+    upper = frf.amplitude >= frf.amplitude[top] * 10.0 ** (-drop / 20.0)
     first = last = top
-    while first > 0 and half_power[first - 1]:
+    while first > 0 and upper[first - 1]:
         first -= 1
-    while last < len(half_power) - 1 and half_power[last + 1]:
+    while last < len(upper) - 1 and upper[last + 1]:
         last += 1
-    first, last = max(min(first, top - 1), 0), min(max(last, top + 1), len(half_power) - 1)
+    first, last = max(min(first, top - 1), 0), min(max(last, top + 1), len(upper) - 1)
     squared = (frf.frequency[first : last + 1] / frf.frequency[top]) ** 2
-    receptance = frf.amplitude[first : last + 1] / squared
-    curvature, slope, _ = np.polyfit(squared - 1.0, (receptance[top - first] / receptance) ** 2, 2)
+    height = frf.amplitude[first : last + 1] / (1.0 if is_low else squared)
+    curvature, slope, _ = np.polyfit(squared - 1.0, (height[top - first] / height) ** 2, 2)
     vertex = 1.0 - slope / (2.0 * curvature) if curvature > 0 else 1.0
     if not squared[0] <= vertex <= squared[-1]:
         vertex = 1.0
