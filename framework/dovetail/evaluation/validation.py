@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from dovetail.assembly import Assembly, load
-from dovetail.errors import Fault, ParameterError
+from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, predict
 from dovetail.identification.modes import counterpart, resonance_peaks
+from dovetail.identification.prediction import joint_values
 from dovetail.identification.stored import read_identification
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import on_grid
@@ -23,6 +24,8 @@ __all__ = ["Identify", "PeakRow", "ValidatedCase", "Validation", "validate"]
 
 PROMINENCE = 1.5
 """dB by which a peak must stand out: modes that the joint damps have low peaks."""
+
+_MOST_MODES = 20
 
 Identify = Callable[[Assembly, Frf], Identification]
 """What identifies a joint from an assembly's measurement without the accelerometer."""
@@ -69,6 +72,8 @@ class ValidatedCase:
         By frequency.
     joint : Identification or None
         The joint that was used.
+    natural : tuple of float
+        Natural frequencies [Hz] of the undamped model within its frequencies; none where a part has only FRFs.
     """
 
     case: Case
@@ -77,6 +82,7 @@ class ValidatedCase:
     predicted: Frf
     peaks: tuple[PeakRow, ...]
     joint: Identification | None
+    natural: tuple[float, ...]
 
     @property
     def mean_coherence(self) -> float:
@@ -104,6 +110,7 @@ class Validation:
                     "name": one.case.name,
                     "value": one.case.value,
                     "peaks": [asdict(row) | {"error": row.error, "shift": row.shift} for row in one.peaks],
+                    "natural_frequencies": list(one.natural),
                     "mean_coherence": one.mean_coherence,
                     "method": None if one.joint is None else one.joint.method,
                     "joint": None if one.joint is None else {n: p.value for n, p in one.joint.parameters.items()},
@@ -185,13 +192,23 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
             )
         )
     joint = None if case.joint is None else joints.get(case.joint)
-    predicted = predict(assembly, {} if joint is None else joint)
+    known: Identification | dict[str, float] = {} if joint is None else joint
+    predicted = predict(assembly, known)
     raw, bare = (
         on_grid(case.measured.read(compensated=compensated), assembly.frequency).to(predicted.quantity)
         for compensated in (False, True)
     )
     peaks = tuple(_paired(*(resonance_peaks(frf, PROMINENCE) for frf in (raw, bare, predicted))))
-    return ValidatedCase(case, raw, bare, predicted, peaks, joint)
+    return ValidatedCase(case, raw, bare, predicted, peaks, joint, _natural(assembly, joint_values(assembly, known)))
+
+
+def _natural(assembly: Assembly, values: dict[str, float]) -> tuple[float, ...]:
+    try:
+        found = assembly.natural_frequencies(values, count=_MOST_MODES)
+    except DovetailError:
+        return ()
+    inside = (found >= assembly.frequency[0]) & (found <= assembly.frequency[-1])
+    return tuple(found[inside].tolist())
 
 
 def _paired(measured: Any, compensated: Any, predicted: Any) -> Iterator[PeakRow]:

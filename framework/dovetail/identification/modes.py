@@ -51,7 +51,10 @@ def resonance_peaks(frf: Frf, prominence: float = _PROMINENCE) -> NDArray[np.flo
     level = 10.0 * np.log10(np.maximum(accelerance.amplitude**2 + floor**2, np.finfo(np.float64).tiny))
     tops, found = find_peaks(level, prominence=prominence)
     return np.array(
-        [_peak_frequency(accelerance, int(top), float(own)) for top, own in zip(tops, found["prominences"], strict=True)]
+        [
+            _peak_frequency(accelerance, int(top), float(own))
+            for top, own in zip(tops, found["prominences"], strict=True)
+        ]
     )
 
 
