@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -147,7 +147,7 @@ class _File(_Section):
     title: str = "Validation"
     series: str = ""
     accelerometer_mass: _Mass = 0.0
-    cases: Annotated[dict[str, _Case], Field(min_length=1)]
+    cases: Annotated[dict[str, Any], Field(min_length=1)]
 
 
 def read_cases(source: str | os.PathLike[str]) -> Cases:
@@ -171,15 +171,19 @@ def read_cases(source: str | os.PathLike[str]) -> Cases:
     _, findings.root = read_source(source, findings)
     _check_format(findings)
     read = validate(_File, (), findings, "the file of cases", reserved=("dovetail_cases",))
-    if read is not None and read.series:
-        for name, case in read.cases.items():
-            if case.value is None:
-                findings.add(("cases", name), "the case lacks 'value', which the series runs over.", key=True)
+    sections = {} if read is None else {name: _section(name, bool(read.series), findings) for name in read.cases}
     findings.raise_if_any()
     assert read is not None
     folder, mass = Path(source).parent, read.accelerometer_mass
-    cases = tuple(_case(name, case, folder, mass) for name, case in read.cases.items())
+    cases = tuple(_case(name, case, folder, mass) for name, case in sections.items() if case is not None)
     return Cases(read.title, read.series, cases)
+
+
+def _section(name: str, in_series: bool, findings: Findings) -> _Case | None:
+    case = validate(_Case, ("cases", name), findings, f"case '{name}'")
+    if case is not None and in_series and case.value is None:
+        findings.add(("cases", name), "the case lacks 'value', which the series runs over.", key=True)
+    return case
 
 
 def _check_format(findings: Findings) -> None:

@@ -1,0 +1,72 @@
+"""The file of cases, sound and broken."""
+
+from __future__ import annotations
+
+import pytest
+
+from dovetail.errors import DescriptionError
+from dovetail.evaluation import read_cases
+
+SOUND = """\
+dovetail_cases: 1
+title: Two
+series: torque [N m]
+accelerometer_mass: 1.2 g
+cases:
+  first:
+    assembly: a.yaml
+    measured: m/first.uff
+    joint: {assembly: b.yaml, measured: {file: joint.uff, accelerometer_mass: 2 g, index: 3}}
+    value: 20
+  second:
+    assembly: a.yaml
+    measured: {file: second.csv, quantity: mobility}
+    joint: {result: results}
+    value: 40
+"""
+
+
+def written(tmp_path, text):
+    file = tmp_path / "cases.yaml"
+    file.write_text(text)
+    return file
+
+
+def test_names_are_taken_from_the_files_folder(tmp_path):
+    cases = read_cases(written(tmp_path, SOUND))
+    first, second = cases.cases
+    assert (cases.title, cases.series) == ("Two", "torque [N m]")
+    assert (first.name, first.value, first.assembly) == ("first", 20.0, tmp_path / "a.yaml")
+    assert (first.measured.file, first.measured.accelerometer_mass) == (tmp_path / "m/first.uff", 1.2e-3)
+    assert (first.joint.assembly, first.joint.result) == (tmp_path / "b.yaml", None)
+    assert (first.joint.measured.accelerometer_mass, first.joint.measured.index) == (2e-3, 3)
+    assert (second.measured.quantity, second.joint.result) == ("mobility", tmp_path / "results")
+
+
+BROKEN = {
+    "no format": ("dovetail_cases: 1\n", "", ["the file does not say that it holds cases."]),
+    "newer format": ("dovetail_cases: 1", "dovetail_cases: 2", [":1:17  dovetail_cases", "2 is not a format"]),
+    "a typing error": ("    assembly: a.yaml\n    measured: m", "    asembly: a.yaml\n    measured: m",
+                       [":7:5  cases.first.asembly", "Did you mean 'assembly'?"]),
+    "two sources": ("{result: results}", "{result: results, assembly: b.yaml}",
+                    [":14:5  cases.second.joint", "a joint comes from 'assembly' and 'measured', or from 'result'"]),
+    "no value": ("    value: 40\n", "", [":11:3  cases.second", "the case lacks 'value'"]),
+    "a mass in seconds": ("1.2 g", "1.2 s", [":4:21  accelerometer_mass", "kg"]),
+    "a negative mass": ("1.2 g", "-1.2 g", [":4:21  accelerometer_mass", "at least 0"]),
+    "no cases": (SOUND[SOUND.index("cases:\n  first") :], "cases: {}\n", ["cases", "1 or more"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_fault_names_its_place(case, tmp_path):
+    old, new, expected = BROKEN[case]
+    assert SOUND.count(old) == 1
+    with pytest.raises(DescriptionError) as caught:
+        read_cases(written(tmp_path, SOUND.replace(old, new)))
+    for part in expected:
+        assert part in str(caught.value)
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(DescriptionError, match="there is no such file"):
+        read_cases(tmp_path / "none.yaml")
