@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["validate"]
 
-_FILES = ("validation.json", "validation.csv", "frfs.png")
+_FILES = ("validation.json", "validation.csv", "table.md", "frfs.png")
+_HEADERS = ("case", "measured [Hz]", "compensated [Hz]", "predicted [Hz]", "error [%]", "shift [%]", "joint")
 _SERIES = "series.png"
 
 
@@ -72,8 +73,7 @@ def _identification(method: str, plugins: list[Path]) -> Callable[[Assembly, Frf
 
 def _print(done: Validation) -> None:
     title(done.title)
-    headers = ["case", "measured [Hz]", "compensated [Hz]", "predicted [Hz]", "error [%]", "shift [%]", "joint"]
-    table(headers, _rows(done), numbers=headers[1:6])
+    table(_HEADERS, _rows(done), numbers=_HEADERS[1:6])
 
 
 def _rows(done: Validation) -> Iterator[list[str]]:
@@ -83,6 +83,15 @@ def _rows(done: Validation) -> Iterator[list[str]]:
             frequencies = [_text(f, ".1f") for f in (row.measured, row.compensated, row.predicted)]
             first = [one.case.name, method] if index == 0 else ["", ""]
             yield [first[0], *frequencies, _text(row.error, "+.2f"), _text(row.shift, "+.2f"), first[1]]
+
+
+def _markdown(done: Validation) -> str:
+    """Return the table for a page of documentation; without the last column where no joint was identified."""
+    rows = list(_rows(done))
+    width = len(_HEADERS) if any(row[-1] for row in rows) else len(_HEADERS) - 1
+    rule = ["---", *["---:"] * 5, "---"][:width]
+    lines = [list(_HEADERS[:width]), rule, *(row[:width] for row in rows)]
+    return "".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines)
 
 
 def _text(value: float | None, form: str) -> str:
@@ -104,9 +113,10 @@ def _write(done: Validation, folder: Path) -> None:
     content = {
         _FILES[0]: json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         _FILES[1]: csv_text(header, rows),
+        _FILES[2]: _markdown(done),
     }
     for name, text in content.items():
         write_whole(folder / name, text.encode("utf-8"), overwrite=True)
-    save_png(validation_figure(done), folder / _FILES[2], dpi=120)
+    save_png(validation_figure(done), folder / _FILES[3], dpi=120)
     if done.series:
         save_png(series_figure(done), folder / _SERIES, dpi=120)
