@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -85,28 +86,40 @@ def series_figure(validation: Validation) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        One panel for each resonance, the lowest below.
+        One panel for each resonance, the lowest below; with the models' natural frequencies where there are as many.
     """
     from matplotlib.figure import Figure
 
     cases = sorted(validation.cases, key=lambda one: one.case.value or 0.0)
-    most = max(len([row for row in one.peaks if row.compensated is not None]) for one in cases)
-    figure = Figure(figsize=(WIDTH, 0.8 + 1.9 * most), layout="constrained", facecolor="white")
-    panels = figure.subplots(most, 1, squeeze=False, sharex=True)[::-1, 0]
+    most = max(len(_compensated(one)) for one in cases)
+    figure = Figure(figsize=(WIDTH, 0.8 + 2.1 * max(most, 1)), layout="constrained", facecolor="white")
+    panels = figure.subplots(max(most, 1), 1, squeeze=False, sharex=True)[::-1, 0]
     for index, axes in enumerate(panels):
-        style_axes(axes)
-        rows = [[row for row in one.peaks if row.compensated is not None] for one in cases]
-        here = [(one.case.value, found[index]) for one, found in zip(cases, rows, strict=True) if index < len(found)]
-        values = [value for value, _ in here]
+        _draw_resonance(axes, cases, index)
+    panels[-1].legend(loc="best", fontsize=9)
+    panels[0].set_xlabel(validation.series)
+    return figure
+
+
+def _compensated(one: ValidatedCase) -> list[PeakRow]:
+    return [row for row in one.peaks if row.compensated is not None]
+
+
+def _draw_resonance(axes: Axes, cases: Sequence[ValidatedCase], index: int) -> None:
+    style_axes(axes)
+    present = [one for one in cases if index < len(_compensated(one))]
+    values = [one.case.value or 0.0 for one in present]
+    curves = {
+        name: (colour, marker, "-", [getattr(_compensated(one)[index], name) for one in present])
         for name, colour, marker in (
             ("measured", MEASURED, MARKERS[0]),
             ("compensated", _COMPENSATED, MARKERS[1]),
             ("predicted", RECONSTRUCTED, MARKERS[2]),
-        ):
-            frequencies = [getattr(row, name) for _, row in here]
-            drawn = np.array([np.nan if f is None else f for f in frequencies])
-            axes.plot(values, drawn, color=colour, marker=marker, markersize=5, linewidth=1.2, label=name)
-        axes.set_ylabel(f"Resonance {index + 1} [Hz]")
-    panels[-1].legend(loc="best", fontsize=9)
-    panels[0].set_xlabel(validation.series)
-    return figure
+        )
+    }
+    if all(len(one.natural) == len(_compensated(one)) for one in present):
+        curves["natural, of the model"] = (INK, MARKERS[3], ":", [one.natural[index] for one in present])
+    for name, (colour, marker, line, frequencies) in curves.items():
+        drawn = np.array([np.nan if frequency is None else frequency for frequency in frequencies])
+        axes.plot(values, drawn, color=colour, marker=marker, markersize=4.5, linestyle=line, linewidth=1.2, label=name)
+    axes.set_ylabel(f"Resonance {index + 1} [Hz]")
