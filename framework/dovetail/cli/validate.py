@@ -63,9 +63,14 @@ def validate(
 
 
 def _identification(method: str, plugins: list[Path]) -> Callable[[Assembly, Frf], Identification]:
+    """Return what identifies a joint; a fit needs no trained network."""
+
     def identify(assembly: Assembly, measured: Frf) -> Identification:
         from dovetail.cli.model_cache import trained_model
+        from dovetail.identification.refinement import identify_from_range
 
+        if method == "refined":
+            return identify_from_range(assembly, measured)
         return trained_model(assembly, plugins, retrain=False).identify(measured, method=method)
 
     return identify

@@ -43,7 +43,8 @@ class Identifier:
         measured : Frf
             Of any quantity; it must cover the assembly's frequencies.
         method : str
-            ``"network"``: the trained network's answer as it is.
+            ``"network"``: the trained network's answer as it is. ``"refined"``: a least-squares fit to the measured
+            FRF that starts there.
 
         Returns
         -------

@@ -51,8 +51,8 @@ def component_sources(assembly: Assembly) -> dict[str, str]:
     return {f"{component.kind} {component.name}": _source(component) for component in components}
 
 
-def provenance(assembly: Assembly, measured: Frf, evaluation: Evaluation) -> dict[str, Any]:
-    """Return what is needed to make a result again, as plain values."""
+def provenance(assembly: Assembly, measured: Frf, evaluation: Evaluation | None) -> dict[str, Any]:
+    """Return what is needed to make a result again, as plain values; no `evaluation` where no network took part."""
     description = assembly.description
     return {
         "assembly": description.name,
@@ -60,10 +60,10 @@ def provenance(assembly: Assembly, measured: Frf, evaluation: Evaluation) -> dic
         "measurement": measured.label,
         "measurement_note": measured.note,
         "measured_quantity": measured.quantity,
-        "seed": evaluation.seed,
+        "seed": description.identification.seed if evaluation is None else evaluation.seed,
         "components": component_sources(assembly),
         "packages": package_versions(),
-        "evaluation": evaluation.to_dict(),
+        "evaluation": {} if evaluation is None else evaluation.to_dict(),
         "description": description.text,
     }
 

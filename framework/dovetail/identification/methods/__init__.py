@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from dovetail.frf import Frf
-from dovetail.identification.methods import network
+from dovetail.identification.methods import network, refined
 from dovetail.identification.result import Identification
 
 if TYPE_CHECKING:
@@ -14,4 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["METHODS"]
 
-METHODS: Mapping[str, Callable[[Identifier, Frf], Identification]] = {"network": network.identify}
+METHODS: Mapping[str, Callable[[Identifier, Frf], Identification]] = {
+    "network": network.identify,
+    "refined": refined.identify,
+}
