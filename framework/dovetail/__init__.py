@@ -13,6 +13,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly, load
+    from dovetail.coupling import ReceptanceMatrix, read_receptance, spindle_flange, write_receptance
     from dovetail.dataset import Dataset, generate
     from dovetail.errors import DovetailError, Fault
     from dovetail.frf import Frf, coherence_spectrum
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
         Component,
         ComponentConfig,
         Epoch,
+        FileName,
         FittedReducer,
         FittedRegressor,
         JointModel,
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "dovetail.assembly": ("Assembly", "load"),
+    "dovetail.coupling": ("ReceptanceMatrix", "read_receptance", "spindle_flange", "write_receptance"),
     "dovetail.dataset": ("Dataset", "generate"),
     "dovetail.errors": ("DovetailError", "Fault"),
     "dovetail.frf": ("Frf", "coherence_spectrum"),
@@ -49,6 +52,7 @@ _HOMES = {
         "Component",
         "ComponentConfig",
         "Epoch",
+        "FileName",
         "FittedReducer",
         "FittedRegressor",
         "JointModel",
@@ -77,6 +81,7 @@ __all__ = [
     "DovetailError",
     "Epoch",
     "Fault",
+    "FileName",
     "FittedReducer",
     "FittedRegressor",
     "Frf",
@@ -88,6 +93,7 @@ __all__ = [
     "Parameter",
     "Port",
     "Progress",
+    "ReceptanceMatrix",
     "Reducer",
     "Regressor",
     "State",
@@ -100,9 +106,12 @@ __all__ = [
     "load_model",
     "predict",
     "read_frf",
+    "read_receptance",
     "silent",
+    "spindle_flange",
     "train",
     "write_frf",
+    "write_receptance",
 ]
 
 

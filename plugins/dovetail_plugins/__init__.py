@@ -15,6 +15,7 @@ from dovetail_plugins.reducers.umap import UMAP
 from dovetail_plugins.regressors.mlp import MLP
 from dovetail_plugins.substructures.ground import Ground
 from dovetail_plugins.substructures.lumped import Lumped
+from dovetail_plugins.substructures.measured import Measured
 from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
 
@@ -25,6 +26,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         TimoshenkoBeam,
         Lumped,
         Ground,
+        Measured,
         Collet,
         Bolted,
         InterferenceFit,

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
+from pydantic import BaseModel
+
 from dovetail.assembly.findings import Findings
-from dovetail.assembly.tree import Path, shown
+from dovetail.assembly.tree import Path, replaced, shown
 from dovetail.assembly.validation import validate
 from dovetail.errors import DovetailError, PluginError, listing
-from dovetail.interfaces import Component, Kind
+from dovetail.interfaces import Component, FileName, Kind
 from dovetail.registry import Offer, Registry
 
 __all__ = ["Built", "build", "read_property"]
@@ -57,6 +60,7 @@ def build(
         return None
     label = f"{kind} model '{offer.component.name}' ({offer.source})"
     keys = ("model", *reserved)
+    _locate_files(offer.component.Config, path, findings)
     config = validate(offer.component.Config, path, findings, label, reserved=keys, data={})
     if config is None:
         return None
@@ -65,6 +69,18 @@ def build(
     except Exception as error:  # a plugin's constructor may raise anything
         findings.add(path, f"{label} cannot be made from this section: {_reason(error)}", key=True)
         return None
+
+
+def _locate_files(config: type[BaseModel], path: Path, findings: Findings) -> None:
+    """Take the names of files from the folder of the description that says them, so that its text stands alone."""
+    for name, field in config.model_fields.items():
+        item = findings.root.at((*path, name))
+        if item is None or not any(isinstance(mark, FileName) for mark in field.metadata):
+            continue
+        if isinstance(item.value, str) and item.value:
+            folder = os.path.dirname(os.path.abspath(item.mark.file)) if item.mark.line else os.getcwd()
+            located = os.path.normpath(os.path.join(folder, item.value))
+            findings.root = replaced(findings.root, (*path, name), located)
 
 
 def _offer(kind: Kind, path: Path, findings: Findings, registry: Registry, default: str | None) -> Offer | None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-__all__ = ["Entry", "Item", "Mark", "Path", "Scalar", "dotted", "plain", "shown"]
+__all__ = ["Entry", "Item", "Mark", "Path", "Scalar", "dotted", "plain", "replaced", "shown"]
 
 Scalar: TypeAlias = str | int | float | bool | None
 Path: TypeAlias = tuple[str | int, ...]
@@ -82,6 +82,15 @@ class Item:
         if len(found) < len(path):
             return None
         return found[-1] if found else self
+
+
+def replaced(item: Item, path: Path, value: Scalar) -> Item:
+    """Return the tree with another value at a path of keys that is there."""
+    if not path:
+        return Item(item.mark, value)
+    key, entry = str(path[0]), item.entries[str(path[0])]
+    changed = Entry(entry.key, replaced(entry.item, path[1:], value))
+    return Item(item.mark, {**item.entries, key: changed})
 
 
 def plain(item: Item) -> Any:

@@ -21,6 +21,7 @@ from dovetail.cli.options import PluginFiles
 from dovetail.cli.predict import predict
 from dovetail.cli.robustness import robustness
 from dovetail.cli.simulate import simulate
+from dovetail.cli.spindle import spindle
 from dovetail.cli.train import train
 from dovetail.cli.validate import validate
 
@@ -57,7 +58,7 @@ def dovetail(
     context.obj = plugin
 
 
-for command in (plugins, describe, check, simulate, generate, train, identify, predict, validate, robustness):
+for command in (plugins, describe, check, simulate, generate, train, identify, predict, validate, spindle, robustness):
     app.command()(command)
 
 

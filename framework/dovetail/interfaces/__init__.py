@@ -3,6 +3,7 @@
 from dovetail.interfaces.blame import blamed_on, source_file
 from dovetail.interfaces.component import KINDS, Component, ComponentConfig, Kind
 from dovetail.interfaces.declarations import joint_faults, parameter_faults, port_faults
+from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.joint import JointModel, Parameter, Port, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.progress import Progress, silent
@@ -17,6 +18,7 @@ __all__ = [
     "Component",
     "ComponentConfig",
     "Epoch",
+    "FileName",
     "FittedReducer",
     "FittedRegressor",
     "JointModel",

@@ -1,0 +1,65 @@
+"""``dovetail spindle``: the receptance of a spindle's flange from three impact tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dovetail.cli.options import Overwrite, PluginFiles, check_new_files, quantity_in
+from dovetail.cli.terminal import note, say, title
+
+__all__ = ["spindle"]
+
+_length = quantity_in("m")
+
+
+def spindle(
+    holder: Annotated[
+        Path, typer.Argument(metavar="HOLDER", help="Description of the calibration holder beyond its flange.")
+    ],
+    drive_a: Annotated[Path, typer.Argument(metavar="AA", help="Test: accelerometer and hammer at a, near the tip.")],
+    transfer: Annotated[Path, typer.Argument(metavar="AB", help="Test: accelerometer at a, hammer at b.")],
+    drive_b: Annotated[Path, typer.Argument(metavar="BB", help="Test: accelerometer and hammer at b.")],
+    at: Annotated[float, typer.Option(metavar="LENGTH", parser=_length, help="Position of b on the holder.")],
+    flange: Annotated[float, typer.Option(metavar="LENGTH", parser=_length, help="Position of the holder's end.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE.npz", help="The file for a 'measured' substructure.")
+    ],
+    tip: Annotated[
+        float, typer.Option(metavar="LENGTH", parser=_length, help="Position of a.", show_default="0 mm")
+    ] = 0.0,
+    accelerometer_mass: Annotated[
+        float, typer.Option(metavar="MASS", parser=quantity_in("kg"), show_default=False, help="Such as '1.2 g'.")
+    ] = 0.0,
+    rotations: Annotated[
+        str, typer.Option(metavar="HOW", help="model, or difference (first-order finite differences).")
+    ] = "model",
+    overwrite: Overwrite = False,
+    plugin: PluginFiles = None,
+) -> None:
+    """Measure a spindle's flange.
+
+    Three impact tests on a calibration holder in the spindle, and the holder's model, give the receptance of the
+    spindle with its flange alone: a 'measured' substructure for any holder and tool (inverse RCSA).
+    """
+    import dovetail
+    from dovetail.coupling.spindle import ROTATIONS
+    from dovetail.measurement import on_grid
+
+    how = next((known for known in ROTATIONS if known == rotations), None)
+    if how is None:
+        raise typer.BadParameter(f"'{rotations}' is not one of {', '.join(ROTATIONS)}.", param_hint="--rotations")
+    check_new_files([output], [".npz"], overwrite)
+    loaded = dovetail.load(holder, plugins=plugin or ())
+    aa, ab, bb = (on_grid(dovetail.read_frf(file), loaded.frequency) for file in (drive_a, transfer, drive_b))
+    flange_receptance = dovetail.spindle_flange(
+        loaded, (aa, ab, bb), (tip, at), flange, accelerometer_mass=accelerometer_mass, rotations=how
+    )
+    output.parent.mkdir(parents=True, exist_ok=True)
+    dovetail.write_receptance(flange_receptance, output)
+    title(f"The spindle's flange, from {drive_a.name}, {transfer.name} and {drive_b.name}")
+    lines = flange_receptance.frequency
+    say(f"{lines.size} lines from {lines[0]:g} to {lines[-1]:g} Hz, rotations by {how}.")
+    note(f"Written: {output}")

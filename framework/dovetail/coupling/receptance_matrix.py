@@ -1,0 +1,117 @@
+"""The receptance of a part at one point in x and rz, and its file."""
+
+from __future__ import annotations
+
+import io
+import os
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError
+
+__all__ = ["ReceptanceMatrix", "read_receptance", "write_receptance"]
+
+_LARGEST_FILE = 100_000_000
+_NAMES = ("frequency", "receptance")
+
+
+@dataclass(frozen=True, eq=False)
+class ReceptanceMatrix:
+    """Receptance over x and rz of one point.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array
+        Hz, positive and increasing.
+    values : (n_freq, 2, 2) complex array
+        m or rad per N or N m.
+    note : str
+        Where it comes from.
+
+    Raises
+    ------
+    MeasurementError
+        Wrong shapes, values that are not finite, an axis that does not increase.
+    """
+
+    frequency: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if self.frequency.ndim != 1 or self.values.shape != (self.frequency.size, 2, 2):
+            raise MeasurementError(
+                f"a receptance matrix of the shape {self.values.shape} does not fit {self.frequency.shape} frequencies."
+            )
+        if not (np.isfinite(self.frequency).all() and np.isfinite(self.values).all()):
+            raise MeasurementError("a receptance matrix holds values that are not finite.")
+        if np.any(np.diff(self.frequency, prepend=0.0) <= 0):
+            raise MeasurementError("the frequencies of a receptance matrix must be positive and increase.")
+
+    def at(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the receptance on other lines, drawn through the nearest by cubic splines.
+
+        Raises
+        ------
+        MeasurementError
+            The lines reach beyond those that are known.
+        """
+        from scipy.interpolate import CubicSpline
+
+        first, last = self.frequency[0], self.frequency[-1]
+        if frequency.min() < first * (1 - 1e-9) or frequency.max() > last * (1 + 1e-9):
+            wanted = f"{frequency.min():g} to {frequency.max():g} Hz are wanted."
+            remedy = "Narrow 'frequency' in the description."
+            found = f"it covers {first:g} to {last:g} Hz, and {wanted}"
+            raise MeasurementError(Fault(self.note or "receptance matrix", found, remedy=remedy))
+        spline = CubicSpline(self.frequency, self.values)
+        return np.asarray(spline(np.clip(frequency, first, last)), dtype=np.complex128)
+
+
+def write_receptance(matrix: ReceptanceMatrix, path: str | os.PathLike[str]) -> None:
+    """Write a receptance matrix as NPZ, whole or not at all.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be written.
+    """
+    target = Path(path)
+    buffer = io.BytesIO()
+    np.savez(buffer, frequency=matrix.frequency, receptance=matrix.values, note=np.array(matrix.note))
+    temporary = target.with_name(f".{target.name}.part")
+    try:
+        temporary.write_bytes(buffer.getvalue())
+        os.replace(temporary, target)
+    except OSError as error:
+        raise MeasurementError(Fault(str(target), f"the file cannot be written: {error.strerror}.")) from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
+    """Read a receptance matrix that `write_receptance` or ``dovetail spindle`` wrote.
+
+    Raises
+    ------
+    MeasurementError
+        The file is missing, too large, or holds no receptance matrix.
+    """
+    file = Path(path)
+    try:
+        if file.stat().st_size > _LARGEST_FILE:
+            raise MeasurementError(Fault(str(file), "the file is far larger than a receptance matrix."))
+        with np.load(file, allow_pickle=False) as archive:
+            frequency, values = (archive[name] for name in _NAMES)
+            note = str(archive["note"]) if "note" in archive else ""
+    except FileNotFoundError:
+        raise MeasurementError(Fault(str(file), "there is no such file.")) from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile):
+        raise MeasurementError(
+            Fault(str(file), "this is no receptance matrix.", "an archive (.npz) as 'dovetail spindle' writes it")
+        ) from None
+    return ReceptanceMatrix(frequency.astype(np.float64), values.astype(np.complex128), note or file.name)

@@ -1,0 +1,114 @@
+"""The receptance of a spindle's flange from impact tests on a holder whose model is known."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.coupling.receptance import decoupled
+from dovetail.coupling.receptance_matrix import ReceptanceMatrix
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import Frf
+
+__all__ = ["ROTATIONS", "Rotations", "difference_receptance", "spindle_flange"]
+
+Rotations = Literal["model", "difference"]
+ROTATIONS: tuple[Rotations, ...] = get_args(Rotations)
+
+
+def spindle_flange(
+    holder: Assembly,
+    tests: tuple[Frf, Frf, Frf],
+    points: tuple[float, float],
+    flange: float,
+    *,
+    accelerometer_mass: float = 0.0,
+    rotations: Rotations = "model",
+) -> ReceptanceMatrix:
+    """Decouple a calibration holder from the spindle (inverse RCSA).
+
+    Parameters
+    ----------
+    holder : Assembly
+        The holder beyond its flange, free-free; its response's substructure is what was struck.
+    tests : three Frf
+        h_aa, h_ab and h_bb on the holder's frequencies, translations at the points a and b with the holder on the
+        spindle. The accelerometer was at a, at a and at b.
+    points : (float, float)
+        m, the positions of a (near the tip) and b on the holder.
+    flange : float
+        m, where the holder ends and the spindle's flange begins.
+    accelerometer_mass : float
+        kg, taken off each test.
+    rotations : {"model", "difference"}
+        Where rotations come from: the holder's model, which gives both translations and rotations (no approximation);
+        or first-order finite differences of the measured translations at a (Eq. 16), which err with the square of
+        the distance over the wavelength.
+
+    Returns
+    -------
+    ReceptanceMatrix
+        Of the spindle with its flange alone, x and rz.
+
+    Raises
+    ------
+    MeasurementError
+        A test is on other lines or has no phase.
+
+    References
+    ----------
+    Eqs. 16 to 18 of the reference method; with ``"model"`` the same decoupling over two translations in place of a
+    translation and a rotation.
+    """
+    aa, ab, bb = _bare(tests, holder.frequency, accelerometer_mass)
+    part = holder.description.response.substructure
+    ends = [(part, flange, "x"), (part, flange, "rz")]
+    if rotations == "model":
+        measured = np.stack([np.stack([aa, ab], -1), np.stack([ab, bb], -1)], -2)
+        chosen = [(part, points[0], "x"), (part, points[1], "x")]
+    else:
+        measured = difference_receptance(aa, ab, bb, points[1] - points[0])
+        chosen = [(part, points[0], "x"), (part, points[0], "rz")]
+    known = holder.receptance(None, [*chosen, *ends], [*chosen, *ends])
+    tt, ti, it, ii = known[:, :2, :2], known[:, :2, 2:], known[:, 2:, :2], known[:, 2:, 2:]
+    flange_receptance = decoupled(measured, tt, ti, it, ii)
+    symmetric = (flange_receptance + flange_receptance.swapaxes(1, 2)) / 2.0
+    return ReceptanceMatrix(holder.frequency, symmetric, note=tests[0].note)
+
+
+def difference_receptance(
+    aa: NDArray[np.complex128], ab: NDArray[np.complex128], bb: NDArray[np.complex128], distance: float
+) -> NDArray[np.complex128]:
+    """Receptance over x and rz at a from translations at a and b (Eq. 16).
+
+    Parameters
+    ----------
+    aa, ab, bb : (n_freq,) complex arrays
+        m/N.
+    distance : float
+        m from a to b, along the axis on which rz = dx/ds.
+
+    Returns
+    -------
+    (n_freq, 2, 2) complex array
+    """
+    mixed, turning = (ab - aa) / distance, (aa - 2.0 * ab + bb) / distance**2
+    return np.stack([np.stack([aa, mixed], -1), np.stack([mixed, turning], -1)], -2)
+
+
+def _bare(
+    tests: tuple[Frf, Frf, Frf], frequency: NDArray[np.float64], mass: float
+) -> tuple[NDArray[np.complex128], ...]:
+    """Return the three receptances without the accelerometer."""
+    for frf in tests:
+        if not frf.has_phase:
+            raise MeasurementError(Fault(frf.label, "the coupling needs a phase, and this is an amplitude alone."))
+        if frf.frequency.shape != frequency.shape or not np.allclose(frf.frequency, frequency):
+            raise MeasurementError(Fault(frf.label, "the test is not on the lines of the holder's description."))
+    omega = 2.0 * np.pi * frequency
+    aa, ab, bb = (frf.to("receptance").values for frf in tests)
+    at_a, at_b = (1.0 + mass * omega**2 * drive for drive in (aa, bb))
+    return aa / at_a, ab / at_a, bb / at_b
