@@ -51,9 +51,9 @@ class HammerTest:
     scatter: float = 0.1
     before: float = 10e-3
     force_noise: float = 0.01
-    acceleration_noise: float = 0.02
+    acceleration_noise: float = 0.01
     force_step: float = 0.002
-    acceleration_step: float = 0.005
+    acceleration_step: float = 0.002
     blocks: int = 4
 
     @property

@@ -21,8 +21,9 @@ from models import ACCELEROMETER, FINER, HERE, described, finer, on_spindle, par
 
 import dovetail
 
-TOOL, HOLDER = 80.0, 400.0
-"""N, mean peak of the force: on a tool, on a holder. The accelerometer stays within its 5000 m/s^2."""
+TOOL, HOLDER, SPINDLE = (80.0, 0.1e-3), (400.0, 0.1e-3), (420.0, 0.18e-3)
+"""Mean peak [N] and duration [s] of the pulse on a tool, a holder, and a holder in the spindle, which a softer tip
+strikes. The accelerometer stays within its 5000 m/s^2."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class Test:
         On the spindle, else free-free.
     sensor, struck : float or None
         Position [m] on the measured part; None: the description's response point.
-    peak : float
-        N.
+    pulse : (float, float)
+        Mean peak [N] and duration [s].
     last : float
         Hz, last line that is kept.
     """
@@ -58,14 +59,14 @@ class Test:
     mounted: bool = False
     sensor: float | None = None
     struck: float | None = None
-    peak: float = TOOL
+    pulse: tuple[float, float] = TOOL
     last: float = 10200.0
 
 
 def _tests() -> tuple[Test, ...]:
     parts = [
         *(Test(f"t{n}", f"t{n}", f"tool T{n}, free-free", 10 + n) for n in range(4)),
-        Test("h0", "h0", "holder H0, free-free", 14, peak=HOLDER),
+        Test("h0", "h0", "holder H0, free-free", 14, pulse=HOLDER),
     ]
     series = [
         Test(f"h0_j{torque}_t0", "h0_t0", f"H0-J{torque}-T0, free-free", 100 + torque, float(torque))
@@ -76,7 +77,7 @@ def _tests() -> tuple[Test, ...]:
         for n, torque in ((1, 20), (2, 40), (3, 60))
     ]
     calibration = [
-        Test(f"sf_h1_{name}", "h1", f"SF-H1, {name}", 500 + n, None, True, sensor, struck, peak=HOLDER, last=7100.0)
+        Test(f"sf_h1_{name}", "h1", f"SF-H1, {name}", 500 + n, None, True, sensor, struck, pulse=SPINDLE, last=7100.0)
         for n, (name, sensor, struck) in enumerate((("aa", 0.0, 0.0), ("ab", 0.0, 0.02), ("bb", 0.02, 0.02)))
     ]
     mounted = [
@@ -117,7 +118,7 @@ def measure(test: Test) -> dovetail.Frf:
     part = response.substructure
     receptance = assembly.receptance(theta_of(test, assembly), [(part, sensor, "x")], [(part, struck, "x")])[:, 0, 0]
     accelerance = receptance * (2j * np.pi * assembly.frequency) ** 2
-    settings = replace(HammerTest(), peak=test.peak)
+    settings = replace(HammerTest(), peak=test.pulse[0], duration=test.pulse[1])
     force, acceleration = settings.records(accelerance, test.seed)
     return _estimated(force, acceleration, settings, test)
 

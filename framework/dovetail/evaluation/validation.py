@@ -198,7 +198,7 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
         on_grid(case.measured.read(compensated=compensated), assembly.frequency).to(predicted.quantity)
         for compensated in (False, True)
     )
-    peaks = tuple(_paired(*(resonance_peaks(frf, PROMINENCE) for frf in (raw, bare, predicted))))
+    peaks = tuple(_paired(raw, bare, predicted))
     return ValidatedCase(case, raw, bare, predicted, peaks, joint, _natural(assembly, joint_values(assembly, known)))
 
 
@@ -211,12 +211,13 @@ def _natural(assembly: Assembly, values: dict[str, float]) -> tuple[float, ...]:
     return tuple(found[inside].tolist())
 
 
-def _paired(measured: Any, compensated: Any, predicted: Any) -> Iterator[PeakRow]:
-    """Yield a row for each compensated peak, and one for each predicted peak that has no counterpart."""
+def _paired(raw: Frf, bare: Frf, prediction: Frf) -> Iterator[PeakRow]:
+    """Yield a row for each compensated peak, and one for each clear predicted peak that has no counterpart."""
+    measured, compensated, predicted = (resonance_peaks(frf, PROMINENCE) for frf in (raw, bare, prediction))
     rows = [
         PeakRow(counterpart(peak, compensated, measured), float(peak), counterpart(peak, compensated, predicted))
         for peak in compensated
     ]
     taken = {row.predicted for row in rows}
-    rows += [PeakRow(None, None, float(peak)) for peak in predicted if float(peak) not in taken]
+    rows += [PeakRow(None, None, float(peak)) for peak in resonance_peaks(prediction) if float(peak) not in taken]
     yield from sorted(rows, key=lambda row: row.compensated or row.predicted or np.inf)
