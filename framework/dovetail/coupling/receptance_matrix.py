@@ -110,7 +110,7 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
             note = str(archive["note"]) if "note" in archive else ""
     except FileNotFoundError:
         raise MeasurementError(Fault(str(file), "there is no such file.")) from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
         raise MeasurementError(
             Fault(str(file), "this is no receptance matrix.", "an archive (.npz) as 'dovetail spindle' writes it")
         ) from None

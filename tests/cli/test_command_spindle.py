@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dovetail
+
+
+@pytest.fixture
+def arguments(assemblies, tmp_path):
+    folder = assemblies / "campaign"
+    tests = [folder / "measurements" / f"sf_h1_{name}.uff" for name in ("aa", "ab", "bb")]
+    options = ["--at", "20 mm", "--flange", "72 mm", "--accelerometer-mass", "1.2 g", "-o", tmp_path / "flange.npz"]
+    return ["spindle", folder / "h1.yaml", *tests, *options]
+
+
+def test_three_tests_become_a_file(run, arguments, assemblies, tmp_path):
+    printed = run(*arguments).stdout
+    assert "3451 lines from 100 to 7000 Hz, rotations by model." in printed
+    shipped = dovetail.read_receptance(assemblies / "campaign" / "measurements" / "spindle_flange.npz")
+    np.testing.assert_allclose(dovetail.read_receptance(tmp_path / "flange.npz").values, shipped.values, rtol=1e-6)
+
+
+def test_finite_differences_give_another_flange(run, arguments, tmp_path):
+    run(*arguments)
+    by_model = dovetail.read_receptance(tmp_path / "flange.npz").values
+    run(*arguments, "--rotations", "difference", "--overwrite")
+    assert np.abs(dovetail.read_receptance(tmp_path / "flange.npz").values / by_model - 1).max() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "found"),
+    [
+        (["--rotations", "diffrence"], 2, "'diffrence' is not one of model, difference"),
+        (["--at", "20 kg"], 2, "20 kg"),
+        (["--at", "21 mm"], 1, "has no node at 21 mm"),
+        (["-o", "flange.csv"], 2, "Accepted: .npz"),
+    ],
+)
+def test_what_cannot_be_used_is_said_and_nothing_is_written(run, arguments, tmp_path, more, code, found):
+    assert found in run(*arguments, *more, code=code).stderr
+    assert not (tmp_path / "flange.npz").exists()
+
+
+def test_an_existing_file_stays(run, arguments, tmp_path):
+    (tmp_path / "flange.npz").write_text("mine")
+    assert "add --overwrite" in run(*arguments, code=1).stderr
+    assert (tmp_path / "flange.npz").read_text() == "mine"

@@ -1,0 +1,177 @@
+"""Coupling and decoupling of beams, held against the beam in one piece; the spindle's flange from three tests."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.coupling import coupled, decoupled, difference_receptance
+from dovetail.errors import DescriptionError, MeasurementError
+from dovetail.measurement import add_accelerometer_mass
+
+STEEL = {"young": 2.05e11, "density": 7850.0, "poisson": 0.3, "loss_factor": 0.01}
+LINES = {"start": 50.0, "stop": 5000.0, "step": 10.0}
+
+
+def beam(length: float, elements: int, outer: float = 0.03, at: float = 0.0) -> dovetail.Assembly:
+    section = {"length": length, "outer": outer, "elements": elements}
+    return dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "beam",
+            "frequency": LINES,
+            "substructures": {"holder": {"model": "timoshenko_beam", "material": STEEL, "sections": [section]}},
+            "response": {"at": "holder", "position": at},
+        }
+    )
+
+
+def receptance(assembly, *positions):
+    points = [("holder", position, direction) for position, direction in positions]
+    return assembly.receptance(None, points, points)
+
+
+@pytest.fixture(scope="module")
+def parts():
+    """A stub of 72 mm, the rest of 240 mm, and both in one piece of 312 mm with the same elements."""
+    return beam(0.072, 9), beam(0.24, 30), beam(0.312, 39)
+
+
+TIP, END = ((0.0, "x"), (0.0, "rz")), ((0.072, "x"), (0.072, "rz"))
+
+
+def blocks(matrix):
+    return matrix[:, :2, :2], matrix[:, :2, 2:], matrix[:, 2:, :2], matrix[:, 2:, 2:]
+
+
+def worst(found, exact):
+    return np.abs(found - exact).max() / np.abs(exact).max()
+
+
+def test_two_beams_are_the_long_one(parts):
+    stub, rest, whole = parts
+    known = blocks(receptance(stub, *TIP, *END))
+    found = coupled(*known, receptance(rest, *TIP))
+    assert worst(found, receptance(whole, *TIP)) < 1e-8
+
+
+def test_decoupling_undoes_coupling(parts):
+    stub, rest, whole = parts
+    known = blocks(receptance(stub, *TIP, *END))
+    assert worst(decoupled(receptance(whole, *TIP), *known), receptance(rest, *TIP)) < 1e-6
+    assert worst(decoupled(coupled(*known, receptance(rest, *TIP)), *known), receptance(rest, *TIP)) < 1e-8
+
+
+def struck(whole, mass=0.0, a=0.0, b=0.024):
+    """Return h_aa, h_ab and h_bb with the accelerometer's mass on each."""
+    matrix = receptance(whole, (a, "x"), (b, "x"))
+    omega = 2 * np.pi * whole.frequency
+    aa, ab, bb = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1]
+    loaded = (aa / (1 - mass * omega**2 * aa), ab / (1 - mass * omega**2 * aa), bb / (1 - mass * omega**2 * bb))
+    return tuple(dovetail.Frf(whole.frequency, values, "receptance").to("accelerance") for values in loaded)
+
+
+def test_three_translations_give_the_flange(parts):
+    stub, rest, whole = parts
+    found = dovetail.spindle_flange(stub, struck(whole), (0.0, 0.024), 0.072)
+    assert worst(found.values, receptance(rest, *TIP)) < 1e-6
+
+
+def test_the_accelerometer_is_taken_off_drive_and_transfer_tests(parts):
+    stub, rest, whole = parts
+    mass = 1.2e-3
+    tests = struck(whole, mass)
+    bare = dovetail.Frf(whole.frequency, receptance(whole, (0.0, "x"))[:, 0, 0], "receptance")
+    np.testing.assert_allclose(tests[0].values, add_accelerometer_mass(bare, mass).to("accelerance").values, rtol=1e-9)
+    found = dovetail.spindle_flange(stub, tests, (0.0, 0.024), 0.072, accelerometer_mass=mass)
+    assert worst(found.values, receptance(rest, *TIP)) < 1e-6
+
+
+def test_finite_differences_err_in_the_first_order():
+    """On a slender beam: a pair of opposite forces also shears what is between them, which grows as they approach."""
+    slender = beam(0.6, 300, outer=0.002)
+    exact = receptance(slender, *TIP)[:, 1, 1]
+    errors = []
+    for distance in (0.032, 0.016, 0.008):
+        matrix = receptance(slender, (0.0, "x"), (distance, "x"))
+        found = difference_receptance(matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1], distance)[:, 1, 1]
+        errors.append(abs(found[0] - exact[0]) / abs(exact[0]))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(orders, 1.0, atol=0.15)
+
+
+def test_a_test_on_other_lines_or_without_phase_is_refused(parts):
+    stub, _, whole = parts
+    aa, ab, bb = struck(whole)
+    short = dovetail.Frf(aa.frequency[:-1], aa.values[:-1], "accelerance")
+    with pytest.raises(MeasurementError, match="not on the lines"):
+        dovetail.spindle_flange(stub, (short, ab, bb), (0.0, 0.024), 0.072)
+    amplitude = dovetail.Frf(aa.frequency, aa.amplitude, "accelerance", has_phase=False)
+    with pytest.raises(MeasurementError, match="needs a phase"):
+        dovetail.spindle_flange(stub, (amplitude, ab, bb), (0.0, 0.024), 0.072)
+
+
+@pytest.fixture
+def flange_file(parts, tmp_path):
+    stub, _, whole = parts
+    flange = dovetail.spindle_flange(stub, struck(whole), (0.0, 0.024), 0.072)
+    dovetail.write_receptance(flange, tmp_path / "flange.npz")
+    return tmp_path / "flange.npz"
+
+
+def test_the_file_gives_back_every_digit(flange_file, parts):
+    stub, _, whole = parts
+    made = dovetail.spindle_flange(stub, struck(whole), (0.0, 0.024), 0.072)
+    read = dovetail.read_receptance(flange_file)
+    assert np.array_equal(read.values, made.values)
+    assert np.array_equal(read.frequency, made.frequency)
+    between = made.frequency[:-1] + 5.0
+    assert worst(read.at(between)[:3], made.values[:3]) < 0.5
+    with pytest.raises(MeasurementError, match=r"covers 50 to 5000 Hz, and 50 to 6000 Hz are wanted"):
+        read.at(np.array([50.0, 6000.0]))
+
+
+@pytest.mark.parametrize("content", [b"", b"not an archive", b"PK\x05\x06" + bytes(18)])
+def test_what_is_no_receptance_matrix_is_refused(content, tmp_path):
+    file = tmp_path / "x.npz"
+    file.write_bytes(content)
+    with pytest.raises(MeasurementError, match="this is no receptance matrix"):
+        dovetail.read_receptance(file)
+    with pytest.raises(MeasurementError, match="there is no such file"):
+        dovetail.read_receptance(tmp_path / "none.npz")
+
+
+def on_flange(parts, file):
+    stub, _, _ = parts
+    described = json.loads(stub.description.text)
+    described["substructures"]["spindle"] = {"model": "measured", "file": str(file)}
+    described["joints"] = {
+        "flange": {"model": "rigid", "connect": {"a": {"to": "holder", "at": 0.072}, "b": {"to": "spindle", "at": 0.0}}}
+    }
+    return described
+
+
+def test_a_measured_part_in_a_description_is_the_part_itself(parts, flange_file):
+    assembly = dovetail.load(on_flange(parts, flange_file))
+    whole = parts[2]
+    assert worst(assembly.frf(), whole.frf()) < 1e-6
+
+
+def test_its_file_is_taken_from_the_description_that_says_it(parts, flange_file, tmp_path, monkeypatch):
+    described = on_flange(parts, flange_file.name)
+    (tmp_path / "base.yaml").write_text(json.dumps(described))
+    below = tmp_path / "below"
+    below.mkdir()
+    (below / "longer.yaml").write_text("extends: ../base.yaml\nname: longer\n")
+    monkeypatch.chdir(tmp_path.parent)
+    assembly = dovetail.load(below / "longer.yaml")
+    again = dovetail.load(json.loads(assembly.description.text))
+    assert np.array_equal(again.frf(), assembly.frf())
+
+
+def test_a_missing_file_is_a_fault_of_the_description(parts, tmp_path):
+    with pytest.raises(DescriptionError, match=r"substructures.spindle\n.*there is no such file"):
+        dovetail.load(on_flange(parts, tmp_path / "none.npz"))
