@@ -286,3 +286,10 @@ def test_the_shipped_measurement_is_said_to_be_synthetic_by_its_own_file(run, be
         done = run("identify", bench.model, given, "-o", tmp_path / f"results-{said}")
         assert ("synthetic" in (done.stdout + done.stderr).lower()) == said
         assert ("measurement is synthetic" in (tmp_path / f"results-{said}" / "report.html").read_text()) == said
+
+
+def test_refined_from_the_networks_answer(run, bench):
+    found = json.loads(run("identify", bench.model, bench.measured, "--method", "refined", "--json").stdout)
+    assert found["method"] == "refined"
+    assert found["parameters"]["k"]["value"] == pytest.approx(3e6, rel=1e-6)
+    assert found["parameters"]["c"]["value"] == pytest.approx(40.0, rel=1e-5)

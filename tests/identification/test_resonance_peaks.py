@@ -61,3 +61,27 @@ def test_modes_without_peaks() -> None:
     (mode,) = paired_modes(np.array([10.0]), np.empty(0), np.array([10.0]))
     assert (mode.reconstructed_peak, mode.measured_peak) == (None, None)
     assert paired_modes(np.empty(0), np.array([3.0]), np.array([3.0])) == ()
+
+
+def damped_mode(noise: float, seed: int) -> dovetail.Frf:
+    """A mode with 2 % damping on the flank of others: a step with a low peak above the natural frequency."""
+    frequency = np.arange(5000.0, 10001.0, 2.0)
+    omega, own = 2 * np.pi * frequency, 2 * np.pi * 8000.0
+    values = 60.0 - 2.0 * omega**2 / (own**2 + 2j * 0.02 * own * omega - omega**2)
+    rng = np.random.default_rng(seed)
+    spread = noise * np.abs(values) / np.sqrt(2)
+    values = values + spread * (rng.normal(size=omega.size) + 1j * rng.normal(size=omega.size))
+    return dovetail.Frf(frequency, values, "accelerance")
+
+
+def test_a_low_peak_is_found_on_request_and_placed_where_the_accelerance_is_highest() -> None:
+    clean = damped_mode(0.0, 0)
+    (peak,) = resonance_peaks(clean, prominence=1.5)
+    assert peak == pytest.approx(clean.frequency[np.argmax(clean.amplitude)], rel=2e-3)
+    noisy = [resonance_peaks(damped_mode(0.003, seed), prominence=1.5) for seed in range(20)]
+    assert {found.size for found in noisy} == {1}
+    np.testing.assert_allclose(np.concatenate(noisy), peak, rtol=1e-3)
+
+
+def test_at_the_usual_prominence_a_low_peak_is_none() -> None:
+    assert resonance_peaks(damped_mode(0.0, 0)).size == 0

@@ -18,6 +18,12 @@ _FLOOR = 60.0
 """Amplitudes are told apart only where they exceed this many standard deviations of the noise over the prominence:
 10 at 6 dB. At such a floor the noise of thousands of lines reaches half the prominence."""
 
+_SKEWED = 0.25
+"""Part of the width by which a parabola may miss the highest line; beyond it other modes skew the peak."""
+
+_FINE = 50
+"""Places to look at, for each line, where a curve is highest."""
+
 _NEARBY = 0.15
 """Part of a frequency within which its counterpart is looked for."""
 
@@ -41,8 +47,9 @@ def resonance_peaks(frf: Frf, prominence: float = _PROMINENCE) -> NDArray[np.flo
     -----
     The noise is estimated from the second differences of the values, and the amplitude is levelled there, so that
     noise in an antiresonance makes no peak. Each peak is placed by a parabola through 1/|receptance|^2 over omega^2
-    within the half-power lines: for a single mode that is exact, and it averages the noise. A peak that stands out too
-    little to have half-power lines (less than 6 dB) is that of the accelerance, within half its prominence.
+    within the half-power lines: for a single mode that is exact, and it averages the noise. A peak that other modes
+    skew, or that stands out too little to have half-power lines (less than 6 dB), is where a quartic through the
+    accelerance is highest, within half its prominence.
     """
     accelerance = frf.to("accelerance")
     if len(accelerance.frequency) < 3:
@@ -117,19 +124,33 @@ def _noise(frf: Frf) -> float:
 
 def _peak_frequency(frf: Frf, top: int, prominence: float) -> float:
     """Place the peak around line `top` between the lines."""
-    is_low = prominence < _PROMINENCE
-    drop = prominence / 2.0 if is_low else 10.0 * np.log10(2.0)
+    if prominence < _PROMINENCE:
+        return _skewed_peak(frf, _lines_above(frf, top, prominence / 2.0))
+    around = _lines_above(frf, top, 10.0 * np.log10(2.0))
+    squared = (frf.frequency[around] / frf.frequency[top]) ** 2
+    receptance = frf.amplitude[around] / squared
+    curvature, slope, _ = np.polyfit(squared - 1.0, (receptance[top - around.start] / receptance) ** 2, 2)
+    vertex = 1.0 - slope / (2.0 * curvature) if curvature > 0 else np.inf
+    if abs(vertex - 1.0) > _SKEWED * (squared[-1] - squared[0]):
+        return _skewed_peak(frf, around)
+    return float(frf.frequency[top] * np.sqrt(vertex))
+
+
+def _skewed_peak(frf: Frf, around: slice) -> float:
+    """Return where a quartic through the amplitude is highest: such a peak is steep on one side, flat on the other."""
+    frequency, amplitude = frf.frequency[around], frf.amplitude[around]
+    place = np.linspace(-1.0, 1.0, _FINE * frequency.size)
+    middle, half = (frequency[0] + frequency[-1]) / 2.0, (frequency[-1] - frequency[0]) / 2.0
+    curve = np.polyfit((frequency - middle) / half, amplitude, min(4, frequency.size - 1))
+    return float(middle + half * place[np.argmax(np.polyval(curve, place))])
+
+
+def _lines_above(frf: Frf, top: int, drop: float) -> slice:
+    """Return the lines around a peak that are less than `drop` dB below it, and at least its neighbours."""
     upper = frf.amplitude >= frf.amplitude[top] * 10.0 ** (-drop / 20.0)
     first = last = top
     while first > 0 and upper[first - 1]:
         first -= 1
     while last < len(upper) - 1 and upper[last + 1]:
         last += 1
-    first, last = max(min(first, top - 1), 0), min(max(last, top + 1), len(upper) - 1)
-    squared = (frf.frequency[first : last + 1] / frf.frequency[top]) ** 2
-    height = frf.amplitude[first : last + 1] / (1.0 if is_low else squared)
-    curvature, slope, _ = np.polyfit(squared - 1.0, (height[top - first] / height) ** 2, 2)
-    vertex = 1.0 - slope / (2.0 * curvature) if curvature > 0 else 1.0
-    if not squared[0] <= vertex <= squared[-1]:
-        vertex = 1.0
-    return float(frf.frequency[top] * np.sqrt(vertex))
+    return slice(max(min(first, top - 1), 0), min(max(last, top + 1), len(upper) - 1) + 1)
