@@ -123,8 +123,9 @@ def test_plain_values_and_figures(bench):
     plain = json.loads(json.dumps(done.to_dict(), allow_nan=False))
     assert [case["name"] for case in plain["cases"]] == ["heavier", "again"]
     assert plain["cases"][0]["joint"] == TRUTH
-    assert len(validation_figure(done).axes) == 2
-    assert len(series_figure(done).axes) == 1
+    frfs, series = validation_figure(done), series_figure(done)
+    assert (len(frfs.axes), len(series.axes)) == (2, 1)
+    assert {figure.get_suptitle() for figure in (frfs, series)} == {done.title}
 
 
 def test_errors_are_relative_to_the_compensated_peak():

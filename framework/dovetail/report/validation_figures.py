@@ -42,6 +42,7 @@ def validation_figure(validation: Validation) -> Figure:
     for axes, one in zip(panels, validation.cases, strict=True):
         _draw_case(axes, one)
     panels[0].legend(loc="lower right", ncols=3, fontsize=9)
+    figure.suptitle(validation.title, fontsize=11, color=INK, parse_math=False)
     panels[-1].set_xlabel("Frequency [Hz]")
     return figure
 
@@ -98,6 +99,7 @@ def series_figure(validation: Validation) -> Figure:
         _draw_resonance(axes, cases, index)
     panels[-1].legend(loc="best", fontsize=9)
     panels[0].set_xlabel(validation.series)
+    figure.suptitle(validation.title, fontsize=11, color=INK, parse_math=False)
     return figure
 
 
