@@ -123,8 +123,8 @@ class ReducedEpochs:
     Notes
     -----
     A reducer that makes rows short enough for `copies` epochs to take no more memory than one epoch's FRFs is applied
-    to so many epochs, which are then gone through in turn; otherwise, and with fresh samples, each epoch is made when it
-    is asked for.
+    to so many epochs, which are then gone through in turn; otherwise, and with fresh samples, each epoch is made
+    when it is asked for.
     """
 
     def __init__(
