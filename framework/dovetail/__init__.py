@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dovetail.dataset import Dataset, generate
     from dovetail.errors import DovetailError, Fault
     from dovetail.frf import Frf, coherence_spectrum
-    from dovetail.identification import Identification, Identifier, load_model, predict, train
+    from dovetail.identification import Fit, Identification, Identifier, identify, load_model, predict, train
     from dovetail.interfaces import (
         Component,
         ComponentConfig,
@@ -47,7 +47,7 @@ _HOMES = {
     "dovetail.dataset": ("Dataset", "generate"),
     "dovetail.errors": ("DovetailError", "Fault"),
     "dovetail.frf": ("Frf", "coherence_spectrum"),
-    "dovetail.identification": ("Identification", "Identifier", "load_model", "predict", "train"),
+    "dovetail.identification": ("Fit", "Identification", "Identifier", "identify", "load_model", "predict", "train"),
     "dovetail.interfaces": (
         "Component",
         "ComponentConfig",
@@ -82,6 +82,7 @@ __all__ = [
     "Epoch",
     "Fault",
     "FileName",
+    "Fit",
     "FittedReducer",
     "FittedRegressor",
     "Frf",
@@ -102,6 +103,7 @@ __all__ = [
     "coherence_spectrum",
     "generate",
     "hookimpl",
+    "identify",
     "load",
     "load_model",
     "predict",

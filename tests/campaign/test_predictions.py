@@ -7,12 +7,11 @@ import pytest
 
 import dovetail
 from dovetail.evaluation import read_cases, validate
-from dovetail.identification.refinement import identify_from_range
 from dovetail.measurement import on_grid
 
 
 def validated(campaign, file):
-    return validate(read_cases(campaign / "cases" / f"{file}.yaml"), identify_from_range).cases
+    return validate(read_cases(campaign / "cases" / f"{file}.yaml"), dovetail.identify).cases
 
 
 def all_errors(cases):

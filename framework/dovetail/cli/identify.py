@@ -24,7 +24,19 @@ def identify(
         Path, typer.Argument(metavar="MODEL_OR_ASSEMBLY", help="A folder that 'train' wrote, or a description (YAML).")
     ],
     measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="The measured FRF: .uff, .csv or .npz.")],
-    method: Annotated[str, typer.Option(metavar="METHOD", help="How to identify.")] = "network",
+    method: Annotated[
+        str,
+        typer.Option(metavar="METHOD", help="network, refined (least squares on the FRF) or multistart."),
+    ] = "network",
+    starts: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Searches of multistart.", show_default=False)
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", help="Time that multistart may take.", show_default=False)
+    ] = None,
+    objective: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of multistart: frf or weighted.", show_default=False)
+    ] = None,
     quantity: Annotated[
         str | None,
         typer.Option(metavar="QUANTITY", help="receptance, mobility or accelerance, if the file does not say."),
@@ -51,17 +63,25 @@ def identify(
 ) -> None:
     """Identify a joint from a measured FRF.
 
-    Given a description, a network is trained first; it is kept in the user's cache folder (or where DOVETAIL_CACHE_DIR
-    says) and taken from there the next time. Files of an earlier run in the output folder are replaced.
+    Given a description, the method 'network' trains a network first; it is kept in the user's cache folder (or where
+    DOVETAIL_CACHE_DIR says) and taken from there the next time. The other methods need none; given a trained model,
+    'refined' starts from its answer too. Files of an earlier run in the output folder are replaced.
     """
     import dovetail
     from dovetail.report import read_truth
 
-    check_method(method)
+    given = {"starts": starts, "seconds": seconds, "objective": objective}
+    options = {name: value for name, value in given.items() if value is not None}
+    check_method(method, options)
     frf = dovetail.read_frf(measured, quantity=quantity, accelerometer_mass=accelerometer_mass, index=index)
-    model = _model(source, frf, truth, output, plugin or [], retrain, accelerometer_mass)
-    known = None if truth is None else read_truth(truth, model.assembly.parameters)
-    result = model.identify(frf, method=method)
+    assembly, model = _read(source, plugin or [])
+    _check(assembly, frf, truth, output, accelerometer_mass)
+    if model is None and method == "network":
+        from dovetail.cli.model_cache import trained_model
+
+        model = trained_model(assembly, plugin or [], retrain=retrain)
+    known = None if truth is None else read_truth(truth, assembly.parameters)
+    result = dovetail.identify(assembly, frf, method, model=model, **options)
     if output is not None:
         from dovetail.cli.result_files import write_results
 
@@ -74,31 +94,30 @@ def identify(
         note(f"Written to {output}: {', '.join(file.name for file in files)}")
 
 
-def _model(
-    source: Path,
-    measured: Frf,
-    truth: Path | None,
-    output: Path | None,
-    plugins: list[Path],
-    retrain: bool,
-    accelerometer_mass: float,
-) -> Identifier:
-    """Load the model, or train it once everything else that could be wrong has been looked at."""
+def _read(source: Path, plugins: list[Path]) -> tuple[Assembly, Identifier | None]:
+    """Read a trained model, which is a folder, or a description."""
     import dovetail
-    from dovetail.cli.model_cache import trained_model
+
+    if not source.is_dir():
+        return dovetail.load(source, plugins=plugins), None
+    model = dovetail.load_model(source, plugins=plugins)
+    return model.assembly, model
+
+
+def _check(
+    assembly: Assembly, measured: Frf, truth: Path | None, output: Path | None, accelerometer_mass: float
+) -> None:
+    """Look at everything that could be wrong before any work."""
     from dovetail.cli.result_files import prepare_folder
     from dovetail.measurement import on_grid
     from dovetail.report import read_truth
 
-    model = dovetail.load_model(source, plugins=plugins) if source.is_dir() else None
-    assembly = dovetail.load(source, plugins=plugins) if model is None else model.assembly
     _check_accelerometer(assembly, accelerometer_mass)
     on_grid(measured, assembly.frequency)
     if truth is not None:
         read_truth(truth, assembly.parameters)
     if output is not None:
         prepare_folder(output)
-    return model if model is not None else trained_model(assembly, plugins, retrain=retrain)
 
 
 def _check_accelerometer(assembly: Assembly, mass: float) -> None:
@@ -110,7 +129,7 @@ def _check_accelerometer(assembly: Assembly, mass: float) -> None:
 
 
 def _print(result: Identification, truth: Truth | None) -> None:
-    from dovetail.report.content import mode_rows, parameter_rows, warnings_of
+    from dovetail.report.content import fit_sentence, mode_rows, parameter_rows, warnings_of
 
     title(f"{result.provenance['assembly']}: joint identified from {result.measured.label} ({result.method})")
     rows = []
@@ -137,6 +156,8 @@ def _print(result: Identification, truth: Truth | None) -> None:
     else:
         say("none within the frequencies")
     say()
+    if result.fit is not None:
+        say(fit_sentence(result.fit))
     say(f"Mean coherence of measured and reconstructed FRF: {result.mean_coherence:.3f}")
     for warning in warnings_of(result, truth):
         say(f"Note: {warning}")

@@ -56,14 +56,15 @@ def quantity_in(unit: str) -> Callable[[str], float]:
     return parse
 
 
-def check_method(method: str) -> None:
-    """Make sure that a method of identification exists.
+def check_method(method: str, options: Iterable[str] = ()) -> None:
+    """Make sure that a method of identification exists and has these options.
 
     Raises
     ------
     typer.BadParameter
     """
     from dovetail.errors import did_you_mean
+    from dovetail.identification.identify import method_options
     from dovetail.identification.methods import METHODS
 
     if method not in METHODS:
@@ -71,6 +72,9 @@ def check_method(method: str) -> None:
         raise typer.BadParameter(
             f"'{method}' is not a method. {hint} Accepted: {', '.join(METHODS)}", param_hint="--method"
         )
+    for name in options:
+        if name not in method_options(method):
+            raise typer.BadParameter(f"the method '{method}' has no such option.", param_hint=f"--{name}")
 
 
 def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: bool) -> None:

@@ -66,11 +66,11 @@ def _identification(method: str, plugins: list[Path]) -> Callable[[Assembly, Frf
     """Return what identifies a joint; a fit needs no trained network."""
 
     def identify(assembly: Assembly, measured: Frf) -> Identification:
+        import dovetail
         from dovetail.cli.model_cache import trained_model
-        from dovetail.identification.refinement import identify_from_range
 
-        if method == "refined":
-            return identify_from_range(assembly, measured)
+        if method != "network":
+            return dovetail.identify(assembly, measured, method)
         return trained_model(assembly, plugins, retrain=False).identify(measured, method=method)
 
     return identify

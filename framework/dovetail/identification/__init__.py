@@ -1,7 +1,9 @@
 """Identification of a joint from a measured FRF: training, the network, results, bundles, prediction."""
 
 from dovetail.identification.bundle import load_model
+from dovetail.identification.fitting import Fit
 from dovetail.identification.identifier import Identifier
+from dovetail.identification.identify import identify
 from dovetail.identification.metrics import Evaluation, ParameterMetrics
 from dovetail.identification.prediction import predict
 from dovetail.identification.result import Identification, IdentifiedParameter, Mode
@@ -9,11 +11,13 @@ from dovetail.identification.training import train
 
 __all__ = [
     "Evaluation",
+    "Fit",
     "Identification",
     "IdentifiedParameter",
     "Identifier",
     "Mode",
     "ParameterMetrics",
+    "identify",
     "load_model",
     "predict",
     "train",

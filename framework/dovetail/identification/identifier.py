@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.errors import Fault, MeasurementError, did_you_mean
+from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
-from dovetail.identification.methods import METHODS
+from dovetail.identification.identify import identify
 from dovetail.identification.metrics import Evaluation
 from dovetail.identification.network import Network
 from dovetail.identification.result import Identification
@@ -35,7 +36,7 @@ class Identifier:
     network: Network
     evaluation: Evaluation
 
-    def identify(self, measured: Frf, method: str = "network") -> Identification:
+    def identify(self, measured: Frf, method: str = "network", **options: Any) -> Identification:
         """Identify the joint from a measured FRF of the assembly's response point.
 
         Parameters
@@ -44,7 +45,9 @@ class Identifier:
             Of any quantity; it must cover the assembly's frequencies.
         method : str
             ``"network"``: the trained network's answer as it is. ``"refined"``: a least-squares fit to the measured
-            FRF that starts there.
+            FRF that starts, among other points, there. ``"multistart"``: many local searches.
+        **options
+            Of the method, see `dovetail.identify`.
 
         Returns
         -------
@@ -55,13 +58,12 @@ class Identifier:
         MeasurementError
             The measurement does not cover the assembly's frequencies, or lies so far from the training data that
             the network has no finite answer.
+        ParameterError
+            The method has no such option.
         ValueError
             `method` is not a method.
         """
-        if method not in METHODS:
-            accepted = ", ".join(METHODS)
-            raise ValueError(f"'{method}' is not a method. {did_you_mean(method, METHODS)} Accepted: {accepted}")
-        return METHODS[method](self, measured)
+        return identify(self.assembly, measured, method, model=self, **options)
 
     def predict_parameters(self, amplitude: ArrayLike) -> NDArray[np.float64]:
         """Predict parameters from the amplitude of the accelerance, on the assembly's frequencies.

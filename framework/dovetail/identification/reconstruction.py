@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
+from dovetail.identification.fitting import Fit
 from dovetail.identification.modes import paired_modes, resonance_peaks
 from dovetail.identification.result import Identification, IdentifiedParameter, Mode
 from dovetail.units import format_quantity
@@ -24,6 +25,11 @@ _LOW_COHERENCE = 0.9
 
 _HARDLY_TOLD = 0.1
 """R2 on test FRFs below which a network does hardly better than a guess of the middle."""
+
+_FEWEST_AGREEING = 2
+
+_MOST_LISTED = 8
+"""Lines that were left out that a warning names."""
 
 _MOST_MODES = 10
 """Natural frequencies to ask for; those beyond the assembly's frequencies are left out."""
@@ -40,7 +46,13 @@ def sought(assembly: Assembly) -> list[tuple[str, str]]:
 
 
 def reconstruct(
-    assembly: Assembly, theta: NDArray[np.float64], measured: Frf, *, method: str, provenance: Mapping[str, Any]
+    assembly: Assembly,
+    theta: NDArray[np.float64],
+    measured: Frf,
+    *,
+    method: str,
+    provenance: Mapping[str, Any],
+    fit: Fit | None = None,
 ) -> Identification:
     """Build the result that belongs to identified parameter values.
 
@@ -54,6 +66,8 @@ def reconstruct(
     method : str
     provenance : mapping
         Plain values.
+    fit : Fit, optional
+        That gave `theta`.
 
     Returns
     -------
@@ -71,6 +85,7 @@ def reconstruct(
         modes=modes,
         warnings=(),
         provenance=MappingProxyType(dict(provenance)),
+        fit=fit,
     )
     return replace(result, warnings=_warnings(result, without_modes))
 
@@ -127,6 +142,8 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
             f"Do not rely on {', '.join(guessed)}: on FRFs that it was not trained on, the network does hardly better "
             "there than a guess of the middle of the range."
         )
+    if result.fit is not None:
+        warnings += _warnings_of_fit(result.fit)
     if not result.measured.has_phase:
         warnings.append("The measurement has no phase: the coherence compares amplitudes and cannot fall below 0.5.")
     if result.mean_coherence < _LOW_COHERENCE:
@@ -137,3 +154,21 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
     if without_modes:
         warnings.append(without_modes)
     return tuple(warnings)
+
+
+def _warnings_of_fit(fit: Fit) -> list[str]:
+    """Return what a reader must know of a fit."""
+    warnings = [f"{name} ended at the {end} end of its range." for name, end in fit.at_bounds.items()]
+    if fit.discrepancy:
+        warnings.append(
+            f"No parameters within the ranges explain this measurement down to its random error (chi-squared "
+            f"{fit.chi_squared:.3g}): the model is off by about {100 * fit.discrepancy:.2g} % of the FRF, so the "
+            "parameters may be off by more than the noise says."
+        )
+        if fit.agreeing < _FEWEST_AGREEING:
+            warnings.append("No two searches ended in the same place: there may be a better fit.")
+    if fit.ignored.size:
+        lines = ", ".join(f"{frequency:.6g}" for frequency in fit.ignored[:_MOST_LISTED])
+        more = ", ..." if fit.ignored.size > _MOST_LISTED else ""
+        warnings.append(f"{fit.ignored.size} lines stand alone and were left out: {lines}{more} Hz.")
+    return warnings

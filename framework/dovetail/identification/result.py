@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.frf import Frf, coherence_spectrum
+from dovetail.identification.fitting.fit import Fit
 from dovetail.interfaces import Scale
 
 __all__ = ["Identification", "IdentifiedParameter", "Mode"]
@@ -89,6 +90,8 @@ class Identification:
         What a reader must know before believing the numbers.
     provenance : mapping
         Versions, description, measurement and seed; plain values.
+    fit : Fit or None
+        How good the fit is; None where nothing was fitted.
     interval : None
         The network gives no intervals.
     """
@@ -101,6 +104,7 @@ class Identification:
     modes: tuple[Mode, ...]
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any]
+    fit: Fit | None = None
     interval: None = None
 
     @property
@@ -130,6 +134,7 @@ class Identification:
             "modes": [asdict(mode) for mode in self.modes],
             "warnings": list(self.warnings),
             "interval": self.interval,
+            "fit": None if self.fit is None else self.fit.to_dict(),
             "provenance": dict(self.provenance),
             "frequency_Hz": self.frf.frequency.tolist(),
             "quantity": self.frf.quantity,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.identification import Identification, IdentifiedParameter, Mode
+from dovetail.identification import Fit, Identification, IdentifiedParameter, Mode
 from dovetail.interfaces import Parameter
 from dovetail.report.truth import Truth
 from dovetail.report.wording import ABSENT, display_unit, fixed, number, readable
@@ -19,6 +19,7 @@ __all__ = [
     "ModeRow",
     "ParameterRow",
     "evaluation_rows",
+    "fit_sentence",
     "is_synthetic",
     "known_rows",
     "mode_rows",
@@ -146,6 +147,15 @@ def evaluation_rows(result: Identification) -> list[EvaluationRow]:
             )
         )
     return rows
+
+
+def fit_sentence(fit: Fit) -> str:
+    """Say how good a fit is and what it took."""
+    source = "as the measurement tells it" if fit.variance_known else "told from the scatter from line to line"
+    return (
+        f"Chi-squared {fit.chi_squared:.3g} per degree of freedom ({fit.degrees_of_freedom}) over the random error, "
+        f"{source}; {fit.starts} starts, {fit.steps} steps, {fit.seconds:.2g} s."
+    )
 
 
 def provenance_rows(provenance: Mapping[str, Any]) -> list[tuple[str, list[str]]]:

@@ -75,6 +75,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "band": f"{number(frequency[0], 5, padded=False)} to {number(frequency[-1], 5, padded=False)} Hz",
         "lines": frequency.size,
         "mean_coherence": f"{result.mean_coherence:.3f}",
+        "fit": "" if result.fit is None else content.fit_sentence(result.fit),
         "joints": list(dict.fromkeys(parameter.joint for parameter in result.parameters.values())),
         "warnings": content.warnings_of(result, truth),
         "truth": truth,

@@ -26,7 +26,7 @@ from dovetail.synthesis.system import CoupledSystem, Point, Theta, depends_on_fr
 __all__ = ["Engine"]
 
 _SAMPLES_AT_ONCE = 64
-"""Samples in one call of the kernel: enough to use each vector of substructure data well."""
+"""Most samples in one call of the kernel: enough to use each vector of substructure data well."""
 _DENSE_BYTES = 64e6
 
 
@@ -209,12 +209,14 @@ class Engine:
         by_sample = (none if weights is None else weights, result, none if derived is None else derived)
         shared = (self._omega, as_vectors(np.stack([factor.real, factor.imag]), WIDTH), self._static)
 
+        at_once = min(_SAMPLES_AT_ONCE, -(-count // self.threads))
+
         def run_block(first: int) -> None:
-            block = slice(first, min(first + _SAMPLES_AT_ONCE, count))
+            block = slice(first, min(first + at_once, count))
             arrays = (*shared, *(array[block] for array in (terms, general, *by_sample)))
             kernel(len(self._omega), block.stop - block.start, lines, arrays)
 
-        blocks = range(0, count, _SAMPLES_AT_ONCE)
+        blocks = range(0, count, at_once)
         if self.threads == 1 or len(blocks) == 1:
             for first in blocks:
                 run_block(first)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -84,13 +85,22 @@ class Collet(JointModel):
 
     def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
         """Return the derivatives: of the beam by central differences, of everything else as it stands, linear."""
-        derivatives = [self._beam_derivative(theta, column) for column in (0, 1)]
+        shape = (len(theta), self.size, self.size)
+        constant = [
+            StructuralMatrices(*(np.broadcast_to(part, shape) for part in _parts(joint)))
+            for joint in self._nut_and_layers_derivatives
+        ]
+        return [*(self._beam_derivative(theta, column) for column in (0, 1)), *constant]
+
+    @cached_property
+    def _nut_and_layers_derivatives(self) -> tuple[StructuralMatrices, ...]:
+        """The derivatives by mn1 to cr_hc, (1, d, d) each: the same for all parameter vectors."""
+        derivatives = []
         for one in np.eye(len(_PARAMETERS) - 2)[:, None, :]:
             joint = StructuralMatrices.zeros(1, self.size)
             self._add_nut_and_layers(joint, one)
-            shape = (len(theta), self.size, self.size)
-            derivatives.append(StructuralMatrices(*(np.broadcast_to(part, shape) for part in _parts(joint))))
-        return derivatives
+            derivatives.append(joint)
+        return tuple(derivatives)
 
     def _beam_derivative(self, theta: NDArray[np.float64], column: int) -> StructuralMatrices:
         step = 1e-5 * theta[:, :2] * np.eye(2)[column]

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
-from dovetail.frf import Frf
-from dovetail.identification.methods import network, refined
+from dovetail.identification.methods import multistart, network, refined
 from dovetail.identification.result import Identification
-
-if TYPE_CHECKING:
-    from dovetail.identification.identifier import Identifier
 
 __all__ = ["METHODS"]
 
-METHODS: Mapping[str, Callable[[Identifier, Frf], Identification]] = {
+METHODS: Mapping[str, Callable[..., Identification]] = {
     "network": network.identify,
     "refined": refined.identify,
+    "multistart": multistart.identify,
 }
+"""Each takes an assembly, a measurement on its frequencies, a trained model or None, and its own options by name."""

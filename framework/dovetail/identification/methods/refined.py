@@ -1,4 +1,4 @@
-"""The network's answer, refined by least squares on the measured FRF."""
+"""Least squares on the measured FRF, weighted by its random error, from several starts."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dovetail.assembly import Assembly
 from dovetail.frf import Frf
+from dovetail.identification.fitting import refine
 from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import reconstruct
-from dovetail.identification.refinement import refine
 from dovetail.identification.result import Identification
-from dovetail.measurement import on_grid
 
 if TYPE_CHECKING:
     from dovetail.identification.identifier import Identifier
@@ -19,17 +19,26 @@ if TYPE_CHECKING:
 __all__ = ["identify"]
 
 
-def identify(identifier: Identifier, measured: Frf) -> Identification:
-    """Identify the joint by a fit that starts, among other points, at the network's answer.
+def identify(
+    assembly: Assembly, measured: Frf, identifier: Identifier | None = None, *, seed: int | None = None
+) -> Identification:
+    """Fit the joint to the measured FRF, from the ranges alone or from a network's answer as well.
 
-    Raises
-    ------
-    MeasurementError
-        The measurement does not cover the assembly's frequencies.
+    Parameters
+    ----------
+    assembly : Assembly
+    measured : Frf
+        On the assembly's frequencies.
+    identifier : Identifier, optional
+        Its answer is one more start.
+    seed : int, optional
+        Of the other starts; the description's by default.
     """
-    assembly = identifier.assembly
-    on_axis = on_grid(measured.to("accelerance"), assembly.frequency)
-    guess = identifier.predict_parameters(on_axis.amplitude[np.newaxis])[0]
-    fitted = refine(assembly, on_axis, [guess] if np.isfinite(guess).all() else (), identifier.evaluation.seed)
-    origin = provenance(assembly, measured, identifier.evaluation) | {"misfit": fitted.misfit}
-    return reconstruct(assembly, fitted.theta, on_axis, method="refined", provenance=origin)
+    starts = []
+    if identifier is not None:
+        guess = identifier.predict_parameters(measured.to("accelerance").amplitude[np.newaxis])[0]
+        starts = [guess] if np.isfinite(guess).all() else []
+    settings = assembly.description.identification
+    fit = refine(assembly, measured, starts, seed=settings.seed if seed is None else seed)
+    origin = provenance(assembly, measured, identifier.evaluation if identifier is not None else None)
+    return reconstruct(assembly, fit.theta, measured, method="refined", provenance=origin, fit=fit)

@@ -1,0 +1,92 @@
+"""What a fit to a measured FRF gives, and how far it can be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+
+__all__ = ["Fit", "agreeing", "at_bounds"]
+
+_SAME = 1e-3
+"""Relative difference of sums of squares below which two searches ended in the same place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Parameters fitted to one measured FRF.
+
+    Parameters
+    ----------
+    theta : (n_params,) array
+        SI, within the ranges.
+    information : (n_params, n_params) array
+        Fisher information of the parameters in fractions of their ranges; its inverse is their covariance.
+    chi_squared : float
+        Sum of the squared residuals over their random variance, per degree of freedom: 1 where the model leaves
+        nothing but noise. Lines that were left out do not count.
+    degrees_of_freedom : int
+    variance : (n_freq,) array
+        E|random error|^2 of each line.
+    variance_known : bool
+        Whether the measurement told it, or it was taken from the scatter from line to line.
+    discrepancy : float
+        Part of each line's magnitude by which the model itself is off; 0 where the random error explains everything.
+    ignored : (n,) array
+        Frequencies [Hz] of the lines that were left out, since they stand alone.
+    at_bounds : mapping of str to "lower" or "upper"
+        Parameters that ended at an end of their range.
+    starts : int
+        Searches, from different points.
+    agreeing : int
+        How many of those that were carried to the end gave the same fit.
+    steps : int
+        FRFs with their sensitivities that were computed, all searches together.
+    seconds : float
+        Wall-clock time.
+    """
+
+    theta: NDArray[np.float64]
+    information: NDArray[np.float64]
+    chi_squared: float
+    degrees_of_freedom: int
+    variance: NDArray[np.float64]
+    variance_known: bool
+    discrepancy: float
+    ignored: NDArray[np.float64]
+    at_bounds: Mapping[str, str]
+    starts: int
+    agreeing: int
+    steps: int
+    seconds: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what tells how good the fit is as plain values, fit for JSON."""
+        return {
+            "chi_squared": self.chi_squared,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "variance_known": self.variance_known,
+            "discrepancy": self.discrepancy,
+            "ignored_lines_Hz": np.asarray(self.ignored).tolist(),
+            "at_bounds": dict(self.at_bounds),
+            "starts": self.starts,
+            "agreeing": self.agreeing,
+            "steps": self.steps,
+            "seconds": self.seconds,
+        }
+
+
+def agreeing(costs: NDArray[np.float64]) -> int:
+    """Return how many searches ended where the best did, from their sums of squares."""
+    return int(np.count_nonzero(costs <= costs.min() * (1.0 + _SAME) + 1.0))
+
+
+def at_bounds(assembly: Assembly, position: NDArray[np.float64]) -> dict[str, str]:
+    """Return the parameters at an end of their range, and which, from a position in the unit cube."""
+    pairs = zip(assembly.parameters, position.tolist(), strict=True)
+    return {p.name: "lower" if at <= 0.0 else "upper" for p, at in pairs if at <= 0.0 or at >= 1.0}

@@ -1,0 +1,174 @@
+"""How far the FRFs of an assembly are from a measured one, with derivatives, for many parameter vectors at once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.special import ive
+
+from dovetail.assembly import Assembly
+from dovetail.frf import Frf
+from dovetail.identification.fitting.least_squares import Linear
+
+__all__ = ["FrfMisfit", "LogAmplitude", "Residual", "Weighted"]
+
+_AT_ONCE = 32
+"""Parameter vectors whose complex derivatives are in memory at the same time."""
+_SMOOTHED = 9
+"""Lines over which a measured amplitude is averaged to tell how its noise is distributed."""
+_SEARCH_ERROR = 0.1
+"""Relative error that the search for the right neighbourhood allows in every line."""
+
+
+class Residual(Protocol):
+    """Real residuals of FRFs, whose squares are summed."""
+
+    def of(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals (n, m) of FRFs (n, f)."""
+        ...
+
+    def slopes(self, values: NDArray[np.complex128], of_values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals' derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
+        ...
+
+
+class FrfMisfit:
+    """Sums of squared residuals against one measured FRF.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With parameters to seek.
+    residual : Residual
+        Against the FRF of the assembly's response point, in the response's quantity.
+    """
+
+    def __init__(self, assembly: Assembly, residual: Residual) -> None:
+        self._assembly = assembly
+        self._residual = residual
+
+    @cached_property
+    def _span(self) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """Which parameters have a logarithmic scale, and how wide each range is on its scale."""
+        parameters = self._assembly.parameters
+        log = np.array([p.scale == "log" for p in parameters])
+        return log, np.array([np.log(p.upper / p.lower) if p.scale == "log" else p.upper - p.lower for p in parameters])
+
+    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at fractions (n, p) of the ranges."""
+        return self._residual.of(self._assembly.frf(self._assembly.from_unit(fraction)))
+
+    def linear(self, fraction: NDArray[np.float64]) -> Linear:
+        """Return residuals and their derivatives at fractions (n, p) of the ranges."""
+        parts = [self._linear(fraction[first : first + _AT_ONCE]) for first in range(0, len(fraction), _AT_ONCE)]
+        return Linear(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+    def _linear(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        values, of_values = self.frf(fraction)
+        residuals, slopes = self._residual.of(values), self._residual.slopes(values, of_values)
+        return residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ np.swapaxes(slopes, 1, 2)
+
+    def frf(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return FRFs (n, f) and their derivatives (n, p, f) in fractions of the ranges."""
+        theta = self._assembly.from_unit(fraction)
+        values, jacobian = self._assembly.frf_jacobian(theta)
+        log, width = self._span
+        return values, np.swapaxes(jacobian, 1, 2) * np.where(log, theta * width, width)[:, :, np.newaxis]
+
+
+class LogAmplitude:
+    """Logarithms of the amplitudes compared: shallow, with few local minima, for the search.
+
+    Parameters
+    ----------
+    target : Frf
+        In the quantity of the assembly's response.
+    variance : (n_freq,) array
+        E|error|^2 of its complex values.
+    """
+
+    def __init__(self, target: Frf, variance: NDArray[np.float64]) -> None:
+        amplitude = np.maximum(target.amplitude, np.sqrt(variance))
+        self._target = np.log(amplitude)
+        self._weight = 1.0 / np.hypot(_SEARCH_ERROR, np.sqrt(variance / 2.0) / amplitude)
+
+    def of(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return weighted differences of logarithms."""
+        return (np.log(np.abs(values)) - self._target) * self._weight
+
+    def slopes(self, values: NDArray[np.complex128], of_values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return their derivatives."""
+        return np.real(of_values * (self._weight / values)[:, np.newaxis])
+
+
+class Weighted:
+    """Differences over their standard deviation: complex, or of amplitudes where there is no phase.
+
+    Parameters
+    ----------
+    target : Frf
+        In the quantity of the assembly's response.
+    variance : (n_freq,) array
+        E|error|^2 of its complex values.
+    used : (n_freq,) bool array
+        The lines that count.
+
+    Notes
+    -----
+    Where there is no phase, the amplitude of a complex value with noise follows Rice's distribution; it is compared
+    with that distribution's mean, over its standard deviation, which both differ from the noiseless ones only where
+    the noise is as large as the value.
+    """
+
+    def __init__(self, target: Frf, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> None:
+        self._target = target
+        self._variance = variance
+        self._weight = used * (np.sqrt(2.0 / variance) if target.has_phase else 1.0 / _rice_deviation(target, variance))
+
+    def of(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return weighted differences, real and imaginary parts beside each other."""
+        if self._target.has_phase:
+            return _reals((values - self._target.values) * self._weight)
+        mean, _ = _rice_mean(np.abs(values), self._variance)
+        return (mean - self._target.amplitude) * self._weight
+
+    def size(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the size (f,) of each line's residual, 1 where it is as large as the noise, for one FRF (f,)."""
+        residuals = self.of(values)
+        return (
+            np.hypot(residuals[0::2], residuals[1::2]) / np.sqrt(2.0) if self._target.has_phase else np.abs(residuals)
+        )
+
+    def slopes(self, values: NDArray[np.complex128], of_values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return their derivatives."""
+        if self._target.has_phase:
+            return _reals(of_values * self._weight)
+        amplitude = np.maximum(np.abs(values), np.finfo(float).tiny)
+        _, slope = _rice_mean(amplitude, self._variance)
+        return np.real(of_values * (np.conj(values) / amplitude * slope * self._weight)[:, np.newaxis])
+
+
+def _reals(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    return np.ascontiguousarray(values).view(np.float64)
+
+
+def _rice_mean(
+    amplitude: NDArray[np.float64], variance: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the mean of |amplitude + complex noise| and its derivative by the amplitude."""
+    half = amplitude**2 / (2.0 * variance)
+    zero, one = ive(0, half), ive(1, half)
+    mean = np.sqrt(np.pi * variance) / 2.0 * ((1.0 + 2.0 * half) * zero + 2.0 * half * one)
+    return mean, np.sqrt(np.pi / variance) / 2.0 * amplitude * (zero + one)
+
+
+def _rice_deviation(target: Frf, variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the standard deviation of |amplitude + complex noise|, the amplitude told from the lines around."""
+    square = np.maximum(uniform_filter1d(target.amplitude**2, _SMOOTHED, mode="nearest") - variance, 0.0)
+    mean, _ = _rice_mean(np.sqrt(square), variance)
+    clear = square > 1e4 * variance  # where the difference of squares would lose its digits
+    return np.sqrt(np.where(clear, variance / 2.0, np.maximum(square + variance - mean**2, 0.2 * variance)))

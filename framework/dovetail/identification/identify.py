@@ -1,0 +1,69 @@
+"""Identification of a joint by any method, with a trained network or without."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Any
+
+from dovetail.assembly import Assembly
+from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.frf import Frf
+from dovetail.identification.methods import METHODS
+from dovetail.identification.result import Identification
+from dovetail.measurement import on_grid
+
+if TYPE_CHECKING:
+    from dovetail.identification.identifier import Identifier
+
+__all__ = ["identify", "method_options"]
+
+
+def identify(
+    assembly: Assembly, measured: Frf, method: str = "refined", *, model: Identifier | None = None, **options: Any
+) -> Identification:
+    """Identify the joint of an assembly from one measured FRF of its response point.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    measured : Frf
+        Of any quantity, without the accelerometer; it must cover the assembly's frequencies.
+    method : str
+        ``"refined"``: a least-squares fit, down to the measurement's random error. ``"multistart"``: many local
+        searches from all over the ranges. ``"network"``: the answer of `model` as it is.
+    model : Identifier, optional
+        A trained network of this assembly: its answer is one more start of ``"refined"``.
+    **options
+        Of the method: ``seed`` for the two fits; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or
+        ``"weighted"``) for ``"multistart"``.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    MeasurementError
+        The measurement does not cover the assembly's frequencies, or the network has no finite answer.
+    ParameterError
+        The assembly has nothing to identify, or the method has no such option or needs a model.
+    ValueError
+        `method` is not a method.
+    """
+    if method not in METHODS:
+        accepted = ", ".join(METHODS)
+        raise ValueError(f"'{method}' is not a method. {did_you_mean(method, METHODS)} Accepted: {accepted}")
+    if not assembly.parameters:
+        raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
+    accepted_options = method_options(method)
+    for name in options:
+        if name not in accepted_options:
+            found = f"the method '{method}' has no option '{name}'."
+            raise ParameterError(Fault("options", found, listing(accepted_options) or "none"))
+    return METHODS[method](assembly, on_grid(measured, assembly.frequency), model, **options)
+
+
+def method_options(method: str) -> tuple[str, ...]:
+    """Return the names of the options that a method takes."""
+    parameters = inspect.signature(METHODS[method]).parameters.values()
+    return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY)

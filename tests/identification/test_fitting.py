@@ -1,0 +1,236 @@
+"""Parameters fitted to the measured FRF itself."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import dovetail
+from dovetail.errors import MeasurementError, ParameterError
+from dovetail.identification.fitting import multistart, refine
+from dovetail.identification.fitting.bad_lines import isolated_lines
+from dovetail.identification.fitting.least_squares import Linear, minimise
+from dovetail.identification.fitting.misfit import FrfMisfit, LogAmplitude, Weighted
+from dovetail.identification.fitting.variance import estimated_variance
+from dovetail.measurement import complex_noise
+
+
+def measured_of(assembly, theta, noise=0.0, seed=0, **of_frf):
+    values = complex_noise(assembly.frf(theta), noise, seed)
+    return dovetail.Frf(assembly.frequency, values, "accelerance", **of_frf)
+
+
+def with_floor(assembly, theta, level, seed, *, has_phase=True, told=True):
+    """A measurement with the same noise in all lines, `level` of the standard deviation of the FRF."""
+    values = assembly.frf(theta)
+    deviation = level * values.std()
+    normal = np.random.default_rng(seed).standard_normal((2, len(values)))
+    noisy = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
+    variance = np.full(len(values), deviation**2) if told else None
+    shown = noisy if has_phase else np.abs(noisy)
+    return dovetail.Frf(assembly.frequency, shown, "accelerance", has_phase=has_phase, variance=variance)
+
+
+def random_vectors(assembly, count, seed=0):
+    return assembly.from_unit(np.random.default_rng(seed).random((count, len(assembly.parameters))))
+
+
+class Rosenbrock:
+    """The valley that every optimiser knows, in the unit cube, its minimum at (3/4, 3/4) or beyond a wall."""
+
+    def __init__(self, wall=1.0):
+        self._wall = wall
+
+    def residuals(self, position):
+        x, y = (4 * position * self._wall - 2).T
+        return np.stack([10 * (y - x**2), 1 - x], axis=1)
+
+    def linear(self, position):
+        x = 4 * position[:, 0] * self._wall - 2
+        slopes = np.zeros((len(x), 2, 2))
+        slopes[:, 0, 0], slopes[:, 0, 1], slopes[:, 1, 0] = -20 * x, -1, 10
+        slopes *= 4 * self._wall
+        residuals = self.residuals(position)
+        return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
+
+
+def test_the_valley_is_followed_to_its_end():
+    starts = np.random.default_rng(0).random((20, 2))
+    found = minimise(Rosenbrock(), starts, tolerance=1e-12, most_steps=200)
+    np.testing.assert_allclose(found.position, 0.75, atol=1e-6)
+    assert found.steps.max() < 60
+
+
+def test_a_minimum_at_a_wall_is_that_of_another_optimiser():
+    problem, start = Rosenbrock(0.6), np.array([[0.1, 0.9], [0.5, 0.5]])
+    found = minimise(problem, start, tolerance=1e-12, most_steps=200)
+    other = least_squares(lambda u: problem.residuals(u[None])[0], [0.5, 0.5], bounds=(0, 1), xtol=1e-12)
+    assert other.x[0] == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(found.position, np.broadcast_to(other.x, (2, 2)), atol=1e-4)
+
+
+def test_searches_side_by_side_are_the_searches_alone(sdof):
+    target = measured_of(sdof, sdof.from_unit(np.array([0.3, 0.6])), 0.01)
+    problem = FrfMisfit(sdof, LogAmplitude(target, np.full(len(target.frequency), 1e-6)))
+    starts = np.random.default_rng(1).random((5, 2))
+    together = minimise(problem, starts, tolerance=1e-6, most_steps=50)
+    alone = [minimise(problem, start[None], tolerance=1e-6, most_steps=50) for start in starts]
+    np.testing.assert_array_equal(together.position, np.concatenate([one.position for one in alone]))
+    np.testing.assert_array_equal(together.steps, np.concatenate([one.steps for one in alone]))
+
+
+@pytest.mark.parametrize("kind", ["complex", "amplitude", "logarithm"])
+def test_the_derivatives_are_those_of_the_residuals(collet, torque_20, kind):
+    target = with_floor(collet, torque_20, 0.01, 1, has_phase=kind != "amplitude")
+    residual = (
+        LogAmplitude(target, target.variance)
+        if kind == "logarithm"
+        else Weighted(target, target.variance, np.arange(len(target.frequency)) % 7 > 0)
+    )
+    problem, at = FrfMisfit(collet, residual), np.linspace(0.3, 0.7, 12)
+    linear = problem.linear(at[None])
+    np.testing.assert_array_equal(linear.residuals, problem.residuals(at[None]))
+    for column in range(12):
+        step = 5e-5 * np.eye(12)[column]
+        above, below = problem.residuals(np.stack([at + step, at - step]))
+        exact = linear.slopes[0, column]
+        assert np.abs((above - below) / 1e-4 - exact).max() <= 1e-4 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("has_phase", [True, False])
+def test_noise_leaves_a_chi_squared_of_one(collet, has_phase):
+    for seed, theta in enumerate(random_vectors(collet, 4)):
+        fit = refine(collet, with_floor(collet, theta, 0.01, seed, has_phase=has_phase))
+        deviation = np.sqrt(2 / fit.degrees_of_freedom)
+        assert abs(fit.chi_squared - 1) < 5 * deviation
+        assert fit.degrees_of_freedom == (2 if has_phase else 1) * 4451 - 12
+        assert fit.variance_known
+        assert fit.discrepancy == 0
+
+
+@pytest.mark.parametrize("has_phase", [True, False])
+@pytest.mark.parametrize("proportional", [True, False])
+def test_random_error_is_told_from_the_scatter(collet, torque_100, has_phase, proportional):
+    values = collet.frf(torque_100)
+    deviation = 0.02 * (np.abs(values) if proportional else values.std() * np.ones(len(values)))
+    normal = np.random.default_rng(3).standard_normal((2, len(values)))
+    noisy = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
+    shown = dovetail.Frf(collet.frequency, noisy if has_phase else np.abs(noisy), "accelerance", has_phase=has_phase)
+    told = estimated_variance(shown, values if has_phase else np.abs(values))
+    clear = np.abs(values) > 3 * deviation  # an amplitude's noise is not Gaussian below
+    ratio = (told / deviation**2)[clear]
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.15)
+    assert np.all(np.abs(np.log(np.quantile(ratio, [0.02, 0.98]))) < np.log(1.6))
+
+
+def test_where_nothing_tells_the_noise_the_fit_is_as_good(collet, torque_100):
+    frf = with_floor(collet, torque_100, 0.01, 5)
+    told, untold = refine(collet, frf), refine(collet, replace(frf, variance=None))
+    assert not untold.variance_known
+    assert untold.chi_squared == pytest.approx(1.0, abs=0.15)
+    problem = FrfMisfit(collet, Weighted(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool)))
+    costs = problem.linear(collet.to_unit(np.stack([told.theta, untold.theta]))).cost
+    assert costs[1] - costs[0] < 5  # of 8890: a twentieth of its own scatter
+
+
+def test_a_few_bad_lines_do_no_harm(collet, torque_100):
+    clean = with_floor(collet, torque_100, 0.01, 6)
+    bad = [24, 300, 301, 1500, 2200, 3000, 4100]
+    values = clean.values.copy()
+    values[bad] += np.array([300, 900j, 900, -400, 2000, 5000j, 300])
+    fit, undisturbed = refine(collet, replace(clean, values=values)), refine(collet, clean)
+    assert set(collet.frequency[bad]) == set(fit.ignored)
+    assert undisturbed.ignored.size == 0
+    assert fit.chi_squared == pytest.approx(undisturbed.chi_squared, abs=0.01)
+    difference = np.abs(collet.frf(fit.theta) - collet.frf(undisturbed.theta))
+    assert np.median(difference) < 0.1 * np.sqrt(clean.variance[0])
+
+
+def test_a_misplaced_resonance_is_no_bad_line():
+    around = np.arange(-50, 51)
+    misplaced = np.abs(1 / (around + 2 - 1j) - 1 / (around - 1j)) * 40
+    assert misplaced.max() > 20
+    assert not isolated_lines(misplaced).any()
+    spoilt = np.ones(101)
+    spoilt[[30, 31, 70]] = 20
+    np.testing.assert_array_equal(np.flatnonzero(isolated_lines(spoilt)), [30, 31, 70])
+
+
+def test_what_the_model_cannot_explain_is_told(sdof):
+    """A second, weak resonance that the model does not have."""
+    theta = sdof.from_unit(np.array([0.5, 0.5]))
+    clean = with_floor(sdof, theta, 1e-4, 2)
+    f, at = sdof.frequency, sdof.frequency[len(sdof.frequency) // 3]
+    extra = 0.02 * np.abs(clean.values).max() * (f / at) ** 2 / (1 - (f / at) ** 2 + 0.02j)
+    fit, alone = refine(sdof, replace(clean, values=clean.values + extra)), refine(sdof, clean)
+    assert alone.discrepancy == 0
+    assert fit.chi_squared > 10
+    assert fit.discrepancy > 0.001
+    result = dovetail.identify(sdof, replace(clean, values=clean.values + extra))
+    assert any("the model is off" in warning for warning in result.warnings)
+
+
+def test_known_parameters_come_back_without_a_network(collet, torque_20):
+    result = dovetail.identify(collet, measured_of(collet, torque_20))
+    np.testing.assert_allclose(result.theta, torque_20, rtol=1e-4)
+    assert result.method == "refined"
+    assert result.mean_coherence == pytest.approx(1.0, abs=1e-9)
+    assert result.to_dict()["fit"]["steps"] == result.fit.steps > 0
+
+
+def test_the_ranges_hold(sdof):
+    beyond = dovetail.Frf(sdof.frequency, sdof.frf({"k": 3e7, "c": 40.0}), "accelerance")
+    fit = refine(sdof, beyond, [np.array([-1.0, 1e9])])
+    assert all(p.lower <= value <= p.upper for p, value in zip(sdof.parameters, fit.theta, strict=True))
+    assert fit.at_bounds["k"] == "upper"
+    result = dovetail.identify(sdof, beyond)
+    assert "k ended at the upper end of its range." in result.warnings
+
+
+@pytest.mark.parametrize("objective", ["frf", "weighted"])
+def test_many_local_searches_find_it_too(collet, torque_100, objective):
+    frf = with_floor(collet, torque_100, 0.01, 3)
+    result = dovetail.identify(collet, frf, "multistart", starts=8, objective=objective)
+    assert result.fit.starts == 8
+    assert result.fit.chi_squared < 1.1
+    assert result.provenance["objective"] == objective
+
+
+def test_the_time_of_many_searches_is_bounded(collet, torque_100):
+    began = time.perf_counter()
+    fit = multistart(collet, measured_of(collet, torque_100), starts=2000, seconds=0.5)
+    assert time.perf_counter() - began < 5
+    assert fit.starts < 2000
+
+
+def test_the_same_seed_gives_the_same_fit(sdof):
+    frf = measured_of(sdof, None, 0.01)
+    np.testing.assert_array_equal(refine(sdof, frf, seed=4).theta, refine(sdof, frf, seed=4).theta)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "refined", "starts": 3}, "no option 'starts'"),
+        ({"method": "multistart", "starts": 0}, "no search"),
+        ({"method": "multistart", "seconds": -1.0}, "is no time"),
+        ({"method": "multistart", "objective": "sum"}, "not an objective"),
+        ({"method": "network"}, "needs a trained model"),
+    ],
+)
+def test_options_that_make_no_sense(sdof, options, message):
+    with pytest.raises(ParameterError, match=message):
+        dovetail.identify(sdof, measured_of(sdof, None), **options)
+
+
+def test_nothing_to_identify_and_too_few_lines(sdof, assemblies):
+    tool = dovetail.load(assemblies / "campaign" / "t0.yaml")
+    frf = dovetail.Frf(tool.frequency, tool.frf(), "accelerance")
+    with pytest.raises(ParameterError, match="nothing to identify"):
+        dovetail.identify(tool, frf)
+    with pytest.raises(MeasurementError, match="the measurement covers"):
+        dovetail.identify(sdof, dovetail.Frf(sdof.frequency[5:], sdof.frf()[5:], "accelerance"))
