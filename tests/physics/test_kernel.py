@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail import ComponentConfig, JointModel, Parameter, Port
+from dovetail import JointModel, Parameter, Port
 from dovetail.dataset import latin_hypercube
 from dovetail.registry import Registry
-from dovetail.synthesis import Attachment, Connection, Engine, Graph, assembly_matrices, direct_receptance
-from dovetail.synthesis.code import WIDTH
+from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
 from dovetail.synthesis.elimination import eliminate, run
+from dovetail.synthesis.vectors import WIDTH
 
 FREQUENCY = np.linspace(20.0, 900.0, 61)
 
@@ -152,11 +152,11 @@ class Bar(JointModel):
         return joint
 
 
-def two_masses(joint: JointModel) -> tuple[Graph, list]:
+def two_masses(joint: JointModel, left: float = 1.0) -> tuple[Graph, list]:
     registry = Registry()
     registry.load_entry_points()
     lumped = registry.find("substructure", "lumped").component
-    parts = {name: lumped(lumped.Config(masses=[{"mass": 1.0}])) for name in ("left", "right")}
+    parts = {name: lumped(lumped.Config(masses=[{"mass": m}])) for name, m in (("left", left), ("right", 1.0))}
     graph = Graph(parts, {"j": Connection(joint, (Attachment("left", (0,)), Attachment("right", (0,))))})
     return graph, [("left", 0)]
 
@@ -175,39 +175,34 @@ def test_a_vanishing_pivot_is_solved_with_pivoting_and_counted():
     assert engine.pivoted_lines == 2
 
 
-class Viscoelastic(JointModel):
-    """A layer with a fractional derivative: k + c (i omega)^alpha between the ports (Bagley and Torvik 1983)."""
+def test_where_a_pivot_vanishes_the_derivatives_are_solved_with_pivoting():
+    graph, points = two_masses(Bar(), left=2.0)
+    frequency = np.sort(np.append(FREQUENCY, 1000 / (2 * np.pi)))
+    line = int(np.argmin(np.abs(frequency - 1000 / (2 * np.pi))))
+    theta = np.array([1e6, 0.7])
+    engine = Engine(graph, frequency, points, {"j": theta[None, :]})
+    factor = 1j * frequency
+    frf, jacobian = engine.jacobian({"j": theta[None, :]}, factor)
+    assert engine.pivoted_lines == 1
+    assert np.isfinite(jacobian).all()
+    for column in range(2):
+        step = np.zeros(2)
+        step[column] = 1e-4 * theta[column]
+        rows = [
+            direct_receptance(graph, frequency, {"j": theta + turns * step}, [0], [0])[:, 0, 0] * factor
+            for turns in (2, 1, -1, -2)
+        ]
+        difference = (-rows[0] + 8 * rows[1] - 8 * rows[2] + rows[3]) / (12 * step[column])
+        error = np.abs(jacobian[0, :, column] - difference)
+        largest = np.abs(jacobian[0, :, column]).max()
+        assert error.max() < 1e-6 * largest
+        assert error[line] < 1e-6 * np.abs(difference[line]) + 1e-12 * largest  # by the mass it is zero there
+    np.testing.assert_allclose(frf[0], engine.drive_point({"j": theta[None, :]}, factor)[0], rtol=1e-8)
 
-    name, summary = "viscoelastic", "Test joint"
-    parameters = (
-        Parameter("k", "N/m", 1e5, 1e7, "log"),
-        Parameter("c", "N s^alpha/m", 1e2, 1e4, "log"),
-        Parameter("alpha", "1", 0.2, 0.8),
-    )
-    ports = (Port("a", 1), Port("b", 1))
 
-    class Config(ComponentConfig):
-        """No options."""
-
-    def matrices(self, theta):
-        raise AssertionError("the dynamic stiffness says all")
-
-    def dynamic_stiffness(self, frequency, theta):
-        k, c, alpha = (column[:, None] for column in theta.T)
-        spring = k + c * (2j * np.pi * frequency) ** alpha
-        sign = np.array([1.0, 0.0, -1.0, 0.0])
-        return spring[..., None, None] * np.outer(sign, sign)
-
-
-def test_a_joint_with_a_fractional_derivative_runs_through_the_same_elimination():
-    graph, points = two_masses(Viscoelastic())
-    theta = {"j": np.array([[1e6, 1e3, 0.5], [3e6, 5e2, 0.3], [2e5, 8e3, 0.7]])}
-    engine = Engine(graph, FREQUENCY, points, theta)
-    omega = 2 * np.pi * FREQUENCY
-    for found, (k, c, alpha) in zip(engine.drive_point(theta), theta["j"], strict=True):
-        s = k + c * (1j * omega) ** alpha
-        np.testing.assert_allclose(found, (s - omega**2) / ((s - omega**2) ** 2 - s**2), rtol=1e-10)
-    with pytest.raises(dovetail.DovetailError, match="joint 'j' depends on frequency"):
-        assembly_matrices(graph, {"j": theta["j"][0]})
-    with pytest.raises(dovetail.DovetailError, match="joint 'j' depends on frequency"):
-        engine.jacobian(theta)
+def test_a_line_on_an_undamped_resonance_is_refused(sdof):
+    at_resonance = Engine(sdof.graph, np.array([50.0]), [sdof.drive_point], sdof._by_joint(np.array([[1e6, 10.0]])))
+    theta = sdof._by_joint(np.array([[(2 * np.pi * 50.0) ** 2, 0.0]]))
+    for compute in (at_resonance.drive_point, at_resonance.jacobian):
+        with pytest.raises(dovetail.DovetailError, match="resonates without damping at 50 Hz"):
+            compute(theta)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import ClassVar, Literal, get_args
@@ -18,6 +18,8 @@ from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 __all__ = ["JointModel", "Parameter", "Port", "Scale"]
 
 Scale = Literal["linear", "log"]
+_STIFFNESS_STEP = 1e-3
+"""Step of differences of the dynamic stiffness, as a part of the parameter."""
 
 
 @dataclass(frozen=True)
@@ -244,3 +246,41 @@ class JointModel(Component):
         (n, n_freq, d, d) complex array
         """
         return self.matrices(theta).dynamic_stiffness(frequency)
+
+    def dynamic_stiffness_jacobian(
+        self, frequency: NDArray[np.float64], theta: NDArray[np.float64]
+    ) -> Iterable[NDArray[np.complex128]]:
+        """Return the derivatives of `dynamic_stiffness` by each parameter.
+
+        By default they come from `matrices_jacobian`, or, for a joint that overrides `dynamic_stiffness`, from its
+        central differences of fourth order over two steps of a thousandth of the parameter either way. Their error is
+        below 1e-9 of the derivative where the parameter matters; override this method where it can be had exactly.
+
+        Parameters
+        ----------
+        frequency : (n_freq,) array
+            Hz.
+        theta : (n, n_params) array
+
+        Returns
+        -------
+        iterable of n_params (n, n_freq, d, d) complex arrays
+            Per unit of the parameter. One after the other, so that a generator need not hold them all.
+        """
+        if type(self).dynamic_stiffness is JointModel.dynamic_stiffness:
+            return (matrices.dynamic_stiffness(frequency) for matrices in self.matrices_jacobian(theta))
+        return (self._stiffness_difference(frequency, theta, column) for column in range(len(self.parameters)))
+
+    def _stiffness_difference(
+        self, frequency: NDArray[np.float64], theta: NDArray[np.float64], column: int
+    ) -> NDArray[np.complex128]:
+        """Differentiate the dynamic stiffness by one parameter: (8 (Z+ - Z-) - (Z++ - Z--)) / 12 h."""
+        parameter = self.parameters[column]
+        step = _STIFFNESS_STEP * np.maximum(np.abs(theta[:, column]), 1e-3 * (parameter.upper - parameter.lower))
+        total = np.zeros((len(theta), len(frequency), self.size, self.size), dtype=np.complex128)
+        for steps, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+            moved = theta.copy()
+            moved[:, column] += steps * step
+            total += weight * self.dynamic_stiffness(frequency, moved)
+        total /= 12.0 * step[:, None, None, None]
+        return total

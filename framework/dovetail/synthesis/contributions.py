@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import StructuralMatrices
-from dovetail.synthesis.code import Derivative, Term
 from dovetail.synthesis.elimination import Program
+from dovetail.synthesis.layout import Derivative, Term
 from dovetail.synthesis.system import (
     CoupledSystem,
     Theta,
@@ -19,7 +19,6 @@ from dovetail.synthesis.system import (
     filled_entries,
     joint_jacobian,
     joint_matrices,
-    joint_stiffness,
 )
 
 __all__ = ["Contributions"]
@@ -91,18 +90,7 @@ class Contributions:
             (slot, part)
             for name, filled in self._filled_parts.items()
             for part in _PARTS
-            for _, slot in self._local_slots(name, filled[part])
-        }
-        return tuple(sorted(found))
-
-    @cached_property
-    def general(self) -> tuple[int, ...]:
-        """Slots to which joints that depend on frequency contribute."""
-        found = {
-            slot
-            for name, connection in self._system.graph.connections.items()
-            if depends_on_frequency(connection.model)
-            for _, slot in self._local_slots(name, self._system.filled[name])
+            for _, slot in self.local_slots(name, filled[part])
         }
         return tuple(sorted(found))
 
@@ -112,7 +100,7 @@ class Contributions:
         found: set[Derivative] = set()
         for parameter, name, filled in self._filled_derivatives:
             for part in _PARTS:
-                found.update((parameter, slot, part) for _, slot in self._local_slots(name, filled[part]))
+                found.update((parameter, slot, part) for _, slot in self.local_slots(name, filled[part]))
         return tuple(sorted(found))
 
     @property
@@ -135,9 +123,11 @@ class Contributions:
         found, parameter = [], 0
         for name, columns in self._sought.items():
             model = self._system.graph.connections[name].model
-            jacobian = joint_jacobian(name, model, self._system.probe[name]) if columns else ()
+            general = depends_on_frequency(model)
+            jacobian = joint_jacobian(name, model, self._system.probe[name]) if columns and not general else ()
             for column in columns:
-                found.append((parameter, name, _filled_by_part(jacobian[column])))
+                if not general:
+                    found.append((parameter, name, _filled_by_part(jacobian[column])))
                 parameter += 1
         return found
 
@@ -150,14 +140,14 @@ class Contributions:
                 entries.append((int(row), int(column), slot))
         return entries
 
-    def _local_slots(self, name: str, filled: NDArray[np.bool_]) -> list[tuple[tuple[int, int], int]]:
+    def local_slots(self, name: str, filled: NDArray[np.bool_]) -> list[tuple[tuple[int, int], int]]:
         """Local row and column, and slot, of a joint's filled entries."""
         local, places = self._system.located(self._system.graph.joint_dofs(name))
         entries = self._entries(places, filled[np.ix_(local, local)])
         return [((int(local[row]), int(local[column])), slot) for row, column, slot in entries]
 
     def _columns(self, name: str, filled: NDArray[np.bool_], column_of: dict[int, int]) -> _Columns:
-        pairs = self._local_slots(name, filled)
+        pairs = self.local_slots(name, filled)
         columns = np.array([column_of[slot] for _, slot in pairs], dtype=np.intp)
         entries = np.array([entry for entry, _ in pairs], dtype=np.intp).reshape(-1, 2)
         return _Columns(entries, columns, len(set(columns.tolist())) < len(columns))
@@ -210,27 +200,13 @@ class Contributions:
             raise DovetailError("a joint's matrices are not finite for these parameters.")
         return total
 
-    def gather_general(self, theta: Theta, count: int) -> NDArray[np.float64]:
-        """Return what joints that depend on frequency contribute, (n, n_slots, 2, n_freq)."""
-        frequency = self._system.frequency
-        total = np.zeros((count, len(self.general), 2, len(frequency)))
-        row_of = {slot: row for row, slot in enumerate(self.general)}
-        for name, connection in self._system.graph.connections.items():
-            if not depends_on_frequency(connection.model):
-                continue
-            Z = joint_stiffness(name, connection.model, frequency, theta[name])
-            for (row, column), slot in self._local_slots(name, self._system.filled[name]):
-                total[:, row_of[slot], 0] += Z[..., row, column].real
-                total[:, row_of[slot], 1] += Z[..., row, column].imag
-        return total
-
     def gather_weights(self, theta: Theta, count: int) -> NDArray[np.float64]:
         """Return the derivatives of the terms by the sought parameters, (n, n_derivatives), signed for -x^T dZ x."""
         total = np.zeros((count, len(self.derivatives)))
         jacobians = {
             name: joint_jacobian(name, self._system.graph.connections[name].model, theta[name])
             for name, columns in self._sought.items()
-            if columns
+            if columns and not depends_on_frequency(self._system.graph.connections[name].model)
         }
         own = {name: iter(columns) for name, columns in self._sought.items()}
         column_of = {parameter: next(own[name]) for parameter, name, _ in self._filled_derivatives}

@@ -7,27 +7,34 @@ the joints' dynamic stiffness, eliminated with the response last, so that H_rr i
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import DovetailError
-from dovetail.synthesis.code import WIDTH, Layout, kernel_source
+from dovetail.synthesis.code import kernel_source
 from dovetail.synthesis.contributions import Contributions
 from dovetail.synthesis.elimination import Program, eliminate
+from dovetail.synthesis.general import GeneralContributions
 from dovetail.synthesis.graph import Graph
+from dovetail.synthesis.layout import Layout
 from dovetail.synthesis.machine import MachineKernel, as_vectors
-from dovetail.synthesis.system import CoupledSystem, Point, Theta, depends_on_frequency
+from dovetail.synthesis.pivoting import PivotedSolver
+from dovetail.synthesis.system import CoupledSystem, Point, Theta
+from dovetail.synthesis.vectors import WIDTH
 
 __all__ = ["Engine"]
 
 _SAMPLES_AT_ONCE = 64
 """Most samples in one call of the kernel: enough to use each vector of substructure data well."""
-_DENSE_BYTES = 64e6
+_SAMPLES_GATHERED = 512
+"""Samples whose joint matrices are made at once."""
+_GENERAL_BYTES = 16e6
+"""Memory in which a thread evaluates joints that depend on frequency."""
 
 
 class Engine:
@@ -85,12 +92,25 @@ class Engine:
     def _contributions(self) -> Contributions:
         return Contributions(self.system, self.program, self._sought)
 
+    @cached_property
+    def _general(self) -> GeneralContributions:
+        return GeneralContributions(self.system, self.program, self._sought, self._contributions)
+
+    @cached_property
+    def _pivoted(self) -> PivotedSolver:
+        return PivotedSolver(self.system, self._sought)
+
     def _layout(self, *, derivatives: bool = False) -> Layout:
-        found = self._contributions
-        layout = Layout(found.static[0], found.terms, found.general)
+        found, general = self._contributions, self._general
+        layout = Layout(found.static[0], found.terms, general.slots)
         if not derivatives:
             return layout
-        return Layout(layout.static, layout.terms, layout.general, found.derivatives, found.parameters)
+        return replace(
+            layout,
+            derivatives=found.derivatives,
+            general_derivatives=general.derivatives,
+            parameters=found.parameters,
+        )
 
     @cached_property
     def _receptance_kernel(self) -> MachineKernel:
@@ -128,8 +148,9 @@ class Engine:
         """
         padded = self._padded(factor)
         result = np.empty((_count(theta), len(padded)), dtype=np.complex128)
-        self._run(self._receptance_kernel, theta, padded, result)
-        self._repair(theta, result, lambda H, lines: H * padded[lines])
+        flagged = self._run(self._receptance_kernel, theta, padded, result)
+        for one, sample, lines in self._spoilt(theta, result, flagged):
+            result[sample, lines] = self._pivoted.drive_point(one, lines) * padded[lines]
         return result[:, : self._lines]
 
     def amplitude(self, theta: Theta, factor: NDArray[np.complex128]) -> NDArray[np.float32]:
@@ -147,8 +168,9 @@ class Engine:
         """
         padded = np.abs(self._padded(factor))
         result = np.empty((_count(theta), len(padded)), dtype=np.float32)
-        self._run(self._amplitude_kernel, theta, padded, result)
-        self._repair(theta, result, lambda H, lines: np.abs(H) * padded[lines])
+        flagged = self._run(self._amplitude_kernel, theta, padded, result)
+        for one, sample, lines in self._spoilt(theta, result, flagged):
+            result[sample, lines] = np.abs(self._pivoted.drive_point(one, lines)) * padded[lines]
         return result[:, : self._lines]
 
     def jacobian(
@@ -167,23 +189,14 @@ class Engine:
         frf : (n, n_freq) complex array
         jacobian : (n, n_freq, n_sought) complex array
             Joint by joint, per unit of the parameter.
-
-        Raises
-        ------
-        DovetailError
-            A pivot vanishes, or a joint with sought parameters depends on frequency otherwise than by its matrices.
         """
-        for name, columns in self._sought.items():
-            if columns and depends_on_frequency(self.graph.connections[name].model):
-                raise DovetailError(f"joint '{name}' depends on frequency: its sensitivities are not available.")
-        count, found, padded = _count(theta), self._contributions, self._padded(factor)
+        count, padded = _count(theta), self._padded(factor)
         result = np.empty((count, len(padded)), dtype=np.complex128)
-        derived = np.empty((count, found.parameters, len(padded)), dtype=np.complex128)
-        weights = found.gather_weights(theta, count)
-        self._run(self._jacobian_kernel, theta, padded, result, weights=weights, derived=derived)
-        self._repair(theta, result, lambda H, lines: H * padded[lines])
-        if not np.isfinite(derived).all():
-            raise DovetailError("a pivot vanishes at some line, so that the sensitivities are not to be had there.")
+        derived = np.empty((count, self._contributions.parameters, len(padded)), dtype=np.complex128)
+        flagged = self._run(self._jacobian_kernel, theta, padded, result, derived)
+        for one, sample, lines in self._spoilt(theta, result, flagged):
+            result[sample, lines] = self._pivoted.drive_point(one, lines) * padded[lines]
+            derived[sample][:, lines] = self._pivoted.derivatives(one, lines).T * padded[lines]
         return result[:, : self._lines], np.swapaxes(derived, 1, 2)[:, : self._lines]
 
     def _padded(self, factor: NDArray[np.complex128] | None) -> NDArray[np.complex128]:
@@ -197,43 +210,66 @@ class Engine:
         theta: Theta,
         factor: NDArray[Any],
         result: NDArray[Any],
-        *,
-        weights: NDArray[np.float64] | None = None,
         derived: NDArray[np.complex128] | None = None,
-    ) -> None:
-        """Let the kernel fill `result`, a block of samples a thread."""
-        count, lines = result.shape
-        none = np.empty((count, 0))
-        terms = self._contributions.gather(theta, count)
-        general = self._contributions.gather_general(theta, count) if self._contributions.general else none
-        by_sample = (none if weights is None else weights, result, none if derived is None else derived)
+    ) -> NDArray[np.intp]:
+        """Let the kernel fill `result`, a block of samples a thread; return the samples with a vanishing pivot."""
+        count = len(result)
+        flags = np.zeros(count, dtype=np.uint8)
         shared = (self._omega, as_vectors(np.stack([factor.real, factor.imag]), WIDTH), self._static)
+        outputs = (result, np.empty((count, 0)) if derived is None else derived, flags)
 
-        at_once = min(_SAMPLES_AT_ONCE, -(-count // self.threads))
+        def run_block(first: int, theta: Theta, terms: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
+            block = slice(first, first + len(terms))
+            general, general_weights = self._gather_general(theta, len(terms), derivatives=derived is not None)
+            inputs = (terms, general, weights, general_weights)
+            kernel(len(self._omega), len(terms), result.shape[1], (*shared, *inputs, *(a[block] for a in outputs)))
 
-        def run_block(first: int) -> None:
-            block = slice(first, min(first + at_once, count))
-            arrays = (*shared, *(array[block] for array in (terms, general, *by_sample)))
-            kernel(len(self._omega), block.stop - block.start, lines, arrays)
+        self._in_blocks(theta, count, run_block, derivatives=derived is not None)
+        return np.flatnonzero(flags)
 
-        blocks = range(0, count, at_once)
-        if self.threads == 1 or len(blocks) == 1:
-            for first in blocks:
-                run_block(first)
-            return
+    def _in_blocks(self, theta: Theta, count: int, run_block: Callable[..., None], *, derivatives: bool) -> None:
+        """Gather what the joints contribute for some samples while the threads work on those before."""
+        size = self._block_size(derivatives=derivatives)
+        under_way: list[Future[None]] = []
         with ThreadPoolExecutor(self.threads) as pool:
-            list(pool.map(run_block, blocks))
+            for start in range(0, count, _SAMPLES_GATHERED):
+                some = _part(theta, start, min(start + _SAMPLES_GATHERED, count))
+                number = min(_SAMPLES_GATHERED, count - start)
+                terms = self._contributions.gather(some, number)
+                weights = self._contributions.gather_weights(some, number) if derivatives else np.empty((number, 0))
+                _finish(under_way)
+                under_way = [
+                    pool.submit(
+                        run_block, start + first, _part(some, first, last), terms[first:last], weights[first:last]
+                    )
+                    for first in range(0, number, size)
+                    for last in [min(first + size, number)]
+                ]
+            _finish(under_way)
 
-    def _repair(
-        self, theta: Theta, result: NDArray[Any], convert: Callable[[NDArray[np.complex128], NDArray[np.intp]], Any]
-    ) -> None:
-        """Solve again, with pivoting, the lines that the kernel left as NaN because a pivot nearly vanished."""
-        for sample in np.flatnonzero(~np.isfinite(result.sum(axis=1))):
-            lines = np.flatnonzero(~np.isfinite(result[sample]))
-            one = {name: values[sample : sample + 1] for name, values in theta.items()}
-            drive = self.system.points[:1]
-            result[sample, lines] = convert(self._solve(one, lines, drive, drive)[:, 0, 0], lines)
-            self.pivoted_lines += len(lines)
+    def _block_size(self, *, derivatives: bool) -> int:
+        if not self._general.slots:
+            return _SAMPLES_AT_ONCE
+        affordable = int(_GENERAL_BYTES / self._general.bytes_per_sample(derivatives=derivatives))
+        return max(1, min(_SAMPLES_AT_ONCE, affordable))
+
+    def _gather_general(
+        self, theta: Theta, count: int, *, derivatives: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        none = np.empty((count, 0))
+        if not self._general.slots:
+            return none, none
+        general = self._general.gather(theta, count)
+        return general, self._general.gather_weights(theta, count) if derivatives else none
+
+    def _spoilt(
+        self, theta: Theta, result: NDArray[Any], samples: NDArray[np.intp]
+    ) -> Iterator[tuple[Theta, int, NDArray[np.intp]]]:
+        """Yield the parameters, the number and the lines of each sample in which a pivot nearly vanished."""
+        for sample in map(int, samples):
+            lines = np.flatnonzero(np.isnan(result[sample]))
+            self.pivoted_lines += int(np.count_nonzero(lines < self._lines))
+            yield _part(theta, sample, sample + 1), sample, lines
 
     def receptance(self, theta: Theta, outputs: Sequence[Point], inputs: Sequence[Point]) -> NDArray[np.complex128]:
         """Receptance between points for one parameter vector, by a pivoted solve at every frequency.
@@ -248,21 +284,7 @@ class Engine:
         -------
         (n_freq, n_out, n_in) complex array
         """
-        return self._solve(theta, np.arange(self._lines), outputs, inputs)
-
-    def _solve(
-        self, theta: Theta, lines: NDArray[np.intp], outputs: Sequence[Point], inputs: Sequence[Point]
-    ) -> NDArray[np.complex128]:
-        size = len(self.system.active)
-        rows = [self.system.place(point) for point in outputs]
-        loads = np.zeros((size, len(inputs)))
-        loads[[self.system.place(point) for point in inputs], range(len(inputs))] = 1.0
-        at_once = max(1, int(_DENSE_BYTES / (16 * size**2)))
-        solved = [
-            np.linalg.solve(self.system.dynamic_stiffness(theta, lines[first : first + at_once]), loads)[:, rows]
-            for first in range(0, len(lines), at_once)
-        ]
-        return np.concatenate(solved)
+        return self._pivoted.receptance(theta, np.arange(self._lines), outputs, inputs)
 
 
 def _cores() -> int:
@@ -273,3 +295,13 @@ def _cores() -> int:
 
 def _count(theta: Theta) -> int:
     return len(next(iter(theta.values()))) if theta else 1
+
+
+def _part(theta: Theta, first: int, last: int) -> Theta:
+    return {name: values[first:last] for name, values in theta.items()}
+
+
+def _finish(under_way: Sequence[Future[None]]) -> None:
+    """Wait, and raise what was raised."""
+    for future in under_way:
+        future.result()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 __all__ = ["MachineKernel"]
 
-_INTEGERS, _ARRAYS = 3, 8
+_INTEGERS, _ARRAYS = 3, 10
 
 
 class MachineKernel:
@@ -20,7 +20,7 @@ class MachineKernel:
     Parameters
     ----------
     source : str
-        LLVM IR of a function ``kernel`` of three integers and eight arrays.
+        LLVM IR of a function ``kernel`` of three integers and ten arrays.
 
     Notes
     -----

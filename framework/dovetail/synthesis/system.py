@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,7 @@ __all__ = [
     "joint_jacobian",
     "joint_matrices",
     "joint_stiffness",
+    "joint_stiffness_jacobian",
 ]
 
 Point = tuple[str, int]
@@ -210,12 +211,43 @@ def joint_stiffness(
     label = _label(name, model)
     with blamed_on(model, label):
         stiffness = np.asarray(model.dynamic_stiffness(frequency, theta), dtype=np.complex128)
-    wanted = (len(theta), len(frequency), model.size, model.size)
+    _check_stiffness(label, model, stiffness, (len(theta), len(frequency)))
+    return stiffness
+
+
+def joint_stiffness_jacobian(
+    name: str, model: JointModel, frequency: NDArray[np.float64], theta: NDArray[np.float64]
+) -> Iterator[NDArray[np.complex128]]:
+    """Yield the derivative (n, n_freq, d, d) of a joint's dynamic stiffness by each of its parameters.
+
+    Raises
+    ------
+    PluginError
+        The model fails, or gives something else than one array of finite numbers of this shape a parameter.
+    """
+    label, count, shape = _label(name, model), 0, (len(theta), len(frequency))
+    with blamed_on(model, label):
+        derivatives = iter(model.dynamic_stiffness_jacobian(frequency, theta))
+    while True:
+        with blamed_on(model, label):
+            given = next(derivatives, None)
+            derivative = None if given is None else np.asarray(given, dtype=np.complex128)
+        if derivative is None:
+            break
+        _check_stiffness(label, model, derivative, shape)
+        count += 1
+        yield derivative
+    if count != len(model.parameters):
+        found = f"{label} returns {count} derivatives of its dynamic stiffness"
+        raise PluginError(f"{found}, not one for each of its {len(model.parameters)} parameters.")
+
+
+def _check_stiffness(label: str, model: JointModel, stiffness: NDArray[np.complex128], count: tuple[int, int]) -> None:
+    wanted = (*count, model.size, model.size)
     if stiffness.shape != wanted:
         raise PluginError(f"{label} returns a dynamic stiffness of shape {stiffness.shape}, not {wanted}.")
     if not np.isfinite(stiffness).all():
         raise PluginError(f"{label} returns a dynamic stiffness that is not finite.")
-    return stiffness
 
 
 def _label(name: str, model: JointModel) -> str:

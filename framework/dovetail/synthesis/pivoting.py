@@ -1,0 +1,83 @@
+"""The coupled system solved with pivoting, line by line: where the elimination's pivots vanish, and between points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import DovetailError
+from dovetail.synthesis.system import CoupledSystem, Point, Theta, joint_stiffness_jacobian
+
+__all__ = ["PivotedSolver"]
+
+_DENSE_BYTES = 64e6
+
+
+class PivotedSolver:
+    """Solves of one parameter vector by LAPACK.
+
+    Parameters
+    ----------
+    system : CoupledSystem
+    sought : mapping of str to list of int
+        Parameters of each joint by which to differentiate, as columns of its theta.
+    """
+
+    def __init__(self, system: CoupledSystem, sought: Mapping[str, list[int]]) -> None:
+        self._system = system
+        self._sought = sought
+
+    def receptance(
+        self, theta: Theta, lines: NDArray[np.intp], outputs: Sequence[Point], inputs: Sequence[Point]
+    ) -> NDArray[np.complex128]:
+        """Return the receptance (n_lines, n_out, n_in) at some lines.
+
+        Raises
+        ------
+        DovetailError
+            The system is singular: it resonates without damping at a line.
+        """
+        rows = [self._system.place(point) for point in outputs]
+        columns = [self._system.place(point) for point in inputs]
+        at_once = max(1, int(_DENSE_BYTES / (16 * len(self._system.active) ** 2)))
+        solved = [
+            self._motion(theta, lines[first : first + at_once], columns)[:, rows]
+            for first in range(0, len(lines), at_once)
+        ]
+        return np.concatenate(solved)
+
+    def _motion(self, theta: Theta, lines: NDArray[np.intp], places: Sequence[int]) -> NDArray[np.complex128]:
+        """Return the motion (n_lines, d, n) under a unit force at each of n places."""
+        loads = np.zeros((len(self._system.active), len(places)))
+        loads[places, range(len(places))] = 1.0
+        Z = self._system.dynamic_stiffness(theta, lines)
+        try:
+            return np.asarray(np.linalg.solve(Z, loads))
+        except np.linalg.LinAlgError as error:
+            singular = self._system.frequency[lines][np.linalg.slogdet(Z)[0] == 0]
+            where = f" at {singular[0]:g} Hz" if len(singular) else ""
+            raise DovetailError(f"the assembly resonates without damping{where}: it has no FRF there.") from error
+
+    def drive_point(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
+        """Return the receptance (n_lines,) at the first point."""
+        first = self._system.points[:1]
+        return self.receptance(theta, lines, first, first)[:, 0, 0]
+
+    def derivatives(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
+        """Return the derivatives (n_lines, n_sought) of the receptance at the first point, by the adjoint."""
+        x = self._motion(theta, lines, [self._system.place(self._system.points[0])])[:, :, 0]
+        frequency = self._system.frequency[lines]
+        found: list[NDArray[np.complex128]] = []
+        for name, columns in self._sought.items():
+            if columns:
+                local, places = self._system.located(self._system.graph.joint_dofs(name))
+                model, own = self._system.graph.connections[name].model, x[:, places]
+                by_column = {
+                    column: -np.einsum("fi,fij,fj->f", own, dZ[0][:, local[:, None], local], own)
+                    for column, dZ in enumerate(joint_stiffness_jacobian(name, model, frequency, theta[name]))
+                    if column in columns
+                }
+                found.extend(by_column[column] for column in columns)
+        return np.stack(found, axis=-1) if found else np.empty((len(lines), 0), dtype=np.complex128)

@@ -1,0 +1,93 @@
+"""Instructions on vectors of frequencies (LLVM IR), with real and imaginary parts apart."""
+
+from __future__ import annotations
+
+__all__ = ["VECTOR", "WIDTH", "ComplexVector", "VectorWriter", "constant", "declarations"]
+
+WIDTH = 8
+"""Frequencies in a vector."""
+VECTOR = f"<{WIDTH} x double>"
+
+ComplexVector = tuple[str | None, str | None]
+"""Names of real and imaginary part; None is zero."""
+
+
+class VectorWriter:
+    """Instructions on vectors; an operand that is None is zero."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._count = 0
+
+    def emit(self, line: str) -> None:
+        """Append an instruction without a result."""
+        self.lines.append(f"  {line}")
+
+    def value(self, expression: str) -> str:
+        """Append an expression and return the name of its result."""
+        self._count += 1
+        name = f"%v{self._count}"
+        self.emit(f"{name} = {expression}")
+        return name
+
+    def load(self, pointer: str, index: str | int, kind: str = VECTOR) -> str:
+        """Load the element at an index of an array."""
+        address = self.value(f"getelementptr {kind}, ptr {pointer}, i64 {index}")
+        return self.value(f"load {kind}, ptr {address}, align {4 if kind == 'float' else 8}")
+
+    def broadcast(self, scalar: str) -> str:
+        """Return a vector of one scalar."""
+        first = self.value(f"insertelement {VECTOR} poison, double {scalar}, i32 0")
+        return self.value(f"shufflevector {VECTOR} {first}, {VECTOR} poison, <{WIDTH} x i32> zeroinitializer")
+
+    def negative(self, x: str | None) -> str | None:
+        """Return -x."""
+        return None if x is None else self.value(f"fneg {VECTOR} {x}")
+
+    def magnitude(self, x: str | None) -> str | None:
+        """Return |x|."""
+        return None if x is None else self.value(f"call {VECTOR} @llvm.fabs.v{WIDTH}f64({VECTOR} {x})")
+
+    def product(self, x: str | None, y: str | None) -> str | None:
+        """Return x * y."""
+        return None if x is None or y is None else self.value(f"fmul {VECTOR} {x}, {y}")
+
+    def multiply_add(self, x: str | None, y: str | None, z: str | None) -> str | None:
+        """Return x * y + z."""
+        if x is None or y is None:
+            return z
+        if z is None:
+            return self.product(x, y)
+        return self.value(f"call {VECTOR} @llvm.fma.v{WIDTH}f64({VECTOR} {x}, {VECTOR} {y}, {VECTOR} {z})")
+
+    def add(self, x: str | None, y: str | None) -> str | None:
+        """Return x + y."""
+        if x is None or y is None:
+            return x if y is None else y
+        return self.value(f"fadd {VECTOR} {x}, {y}")
+
+    def complex_product(self, x: ComplexVector, y: ComplexVector) -> ComplexVector:
+        """Return x * y."""
+        return self.complex_multiply_add(x, y, (None, None))
+
+    def complex_multiply_add(self, x: ComplexVector, y: ComplexVector, z: ComplexVector) -> ComplexVector:
+        """Return x * y + z."""
+        minus = self.negative(x[1]) if y[1] is not None else None
+        real = self.multiply_add(minus, y[1], self.multiply_add(x[0], y[0], z[0]))
+        imaginary = self.multiply_add(x[1], y[0], self.multiply_add(x[0], y[1], z[1]))
+        return real, imaginary
+
+
+def constant(value: float) -> str:
+    """Return a vector of one number."""
+    text = "0x7FF8000000000000" if value != value else f"{value:.17e}"
+    return "<" + ", ".join([f"double {text}"] * WIDTH) + ">"
+
+
+def declarations() -> list[str]:
+    """Return the functions on vectors that the instructions call."""
+    return [
+        f"declare {VECTOR} @llvm.fma.v{WIDTH}f64({VECTOR}, {VECTOR}, {VECTOR})",
+        f"declare {VECTOR} @llvm.fabs.v{WIDTH}f64({VECTOR})",
+        f"declare {VECTOR} @llvm.sqrt.v{WIDTH}f64({VECTOR})",
+    ]
