@@ -15,6 +15,10 @@ from dovetail.synthesis.vectors import VECTOR, WIDTH, ComplexVector, VectorWrite
 
 __all__ = ["kernel_source"]
 
+_PAIRS = f"<{2 * WIDTH} x double>"
+"""As many complex numbers."""
+_MANY_SAMPLES = 8
+"""Samples whose derivatives are too much to stay in a cache until they are read."""
 _TINY_PIVOT = 1e-16
 """A pivot whose square falls below this part of its summands' has lost half of its digits."""
 _FACTOR: ComplexVector = ("%factor", "%factor_imaginary")
@@ -142,12 +146,30 @@ class _Kernel:
 
     def _store(self, pointer: str, place: str, value: ComplexVector) -> None:
         """Store a complex vector, real and imaginary parts in turn."""
+        both, address = self._in_turn(pointer, place, value)
+        self._write.emit(f"store {_PAIRS} {both}, ptr {address}, align 64")
+
+    def _stream(self, pointer: str, place: str, value: ComplexVector) -> None:
+        """Store a complex vector past the caches where there are many samples, since it is not read again soon."""
+        write = self._write
+        both, address = self._in_turn(pointer, place, value)
+        label = both.strip("%")
+        write.emit(f"br i1 %many, label %past_{label}, label %kept_{label}")
+        write.lines.append(f"past_{label}:")
+        write.emit(f"store {_PAIRS} {both}, ptr {address}, align 64, !nontemporal !0")
+        write.emit(f"br label %stored_{label}")
+        write.lines.append(f"kept_{label}:")
+        write.emit(f"store {_PAIRS} {both}, ptr {address}, align 64")
+        write.emit(f"br label %stored_{label}")
+        write.lines.append(f"stored_{label}:")
+
+    def _in_turn(self, pointer: str, place: str, value: ComplexVector) -> tuple[str, str]:
+        """Return a vector of real and imaginary parts in turn, and the address of a complex element."""
         write = self._write
         mask = ", ".join(f"i32 {index + part * WIDTH}" for index in range(WIDTH) for part in (0, 1))
         parts = ", ".join(f"{VECTOR} {part or 'zeroinitializer'}" for part in value)
         both = write.value(f"shufflevector {parts}, <{2 * WIDTH} x i32> <{mask}>")
-        address = write.value(f"getelementptr {{double, double}}, ptr {pointer}, i64 {place}")
-        write.emit(f"store <{2 * WIDTH} x double> {both}, ptr {address}, align 8")
+        return both, write.value(f"getelementptr {{double, double}}, ptr {pointer}, i64 {place}")
 
     def _store_amplitude(self, scale: str) -> None:
         """Store factor * |H| in single precision."""
@@ -182,7 +204,7 @@ class _Kernel:
             offset = write.value(f"mul i64 {row}, %lines")
             place = write.value(f"add i64 {offset}, %line")
             total = self._general_derivative(parameter, self._derivative(parts, products), products)
-            self._store("%derived", place, write.complex_product(total, _FACTOR))
+            self._stream("%derived", place, write.complex_product(total, _FACTOR))
 
     def _general_derivative(
         self, parameter: int, total: ComplexVector, products: dict[int, ComplexVector]
@@ -220,6 +242,7 @@ def _frame(body: Sequence[str], layout: Layout) -> str:
     """Put the loops over vectors of frequencies and over samples around the body."""
     return "\n".join(
         [
+            "!0 = !{i32 1}",
             *declarations(),
             "define void @kernel(i64 %vectors, i64 %samples, i64 %lines, ptr noalias %omegas, ptr noalias %factors,",
             "    ptr noalias %static, ptr noalias %terms, ptr noalias %general, ptr noalias %weights,",
@@ -240,13 +263,11 @@ def _frame(body: Sequence[str], layout: Layout) -> str:
             f"  %factor_imaginary = load {VECTOR}, ptr %factor_imaginary_at, align 8",
             f"  %static_row = mul i64 %vector, {len(layout.static)}",
             f"  %static_here = getelementptr {VECTOR}, ptr %static, i64 %static_row",
-            f"  %line_of_vector = mul i64 %vector, {WIDTH}",
-            f"  %last_line = sub i64 %lines, {WIDTH}",
-            "  %beyond = icmp sgt i64 %line_of_vector, %last_line",
-            "  %line = select i1 %beyond, i64 %last_line, i64 %line_of_vector",
+            f"  %line = mul i64 %vector, {WIDTH}",
+            f"  %many = icmp sge i64 %samples, {_MANY_SAMPLES}",
             "  br label %one",
             "one:",
-            "  %sample = phi i64 [0, %frequencies], [%next_sample, %one]",
+            "  %sample = phi i64 [0, %frequencies], [%next_sample, %after]",
             f"  %term_row = mul i64 %sample, {len(layout.terms)}",
             "  %terms_here = getelementptr double, ptr %terms, i64 %term_row",
             f"  %weight_row = mul i64 %sample, {len(layout.derivatives)}",
@@ -257,6 +278,8 @@ def _frame(body: Sequence[str], layout: Layout) -> str:
             "  %row = mul i64 %sample, %lines",
             "  %place = add i64 %row, %line",
             *body,
+            "  br label %after",
+            "after:",
             "  %next_sample = add i64 %sample, 1",
             "  %more_samples = icmp slt i64 %next_sample, %samples",
             "  br i1 %more_samples, label %one, label %end",

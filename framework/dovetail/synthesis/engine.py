@@ -22,7 +22,7 @@ from dovetail.synthesis.elimination import Program, eliminate
 from dovetail.synthesis.general import GeneralContributions
 from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.layout import Layout
-from dovetail.synthesis.machine import MachineKernel, as_vectors
+from dovetail.synthesis.machine import MachineKernel, aligned_empty, as_vectors
 from dovetail.synthesis.pivoting import PivotedSolver
 from dovetail.synthesis.system import CoupledSystem, Point, Theta
 from dovetail.synthesis.vectors import WIDTH
@@ -70,7 +70,7 @@ class Engine:
     ) -> None:
         given = np.asarray(frequency, dtype=np.float64)
         self._lines = len(given)
-        padded = np.concatenate([given, np.repeat(given[-1:], max(0, WIDTH - len(given)))])
+        padded = np.concatenate([given, np.repeat(given[-1:], -len(given) % WIDTH)])
         self.graph = graph
         self.system = CoupledSystem(graph, padded, points, probe)
         self.threads = _cores()
@@ -147,7 +147,7 @@ class Engine:
         (n, n_freq) complex array
         """
         padded = self._padded(factor)
-        result = np.empty((_count(theta), len(padded)), dtype=np.complex128)
+        result = aligned_empty((_count(theta), len(padded)), np.complex128)
         flagged = self._run(self._receptance_kernel, theta, padded, result)
         for one, sample, lines in self._spoilt(theta, result, flagged):
             result[sample, lines] = self._pivoted.drive_point(one, lines) * padded[lines]
@@ -167,7 +167,7 @@ class Engine:
         (n, n_freq) float32 array
         """
         padded = np.abs(self._padded(factor))
-        result = np.empty((_count(theta), len(padded)), dtype=np.float32)
+        result = aligned_empty((_count(theta), len(padded)), np.float32)
         flagged = self._run(self._amplitude_kernel, theta, padded, result)
         for one, sample, lines in self._spoilt(theta, result, flagged):
             result[sample, lines] = np.abs(self._pivoted.drive_point(one, lines)) * padded[lines]
@@ -191,8 +191,8 @@ class Engine:
             Joint by joint, per unit of the parameter.
         """
         count, padded = _count(theta), self._padded(factor)
-        result = np.empty((count, len(padded)), dtype=np.complex128)
-        derived = np.empty((count, self._contributions.parameters, len(padded)), dtype=np.complex128)
+        result = aligned_empty((count, len(padded)), np.complex128)
+        derived = aligned_empty((count, self._contributions.parameters, len(padded)), np.complex128)
         flagged = self._run(self._jacobian_kernel, theta, padded, result, derived)
         for one, sample, lines in self._spoilt(theta, result, flagged):
             result[sample, lines] = self._pivoted.drive_point(one, lines) * padded[lines]
@@ -230,6 +230,10 @@ class Engine:
     def _in_blocks(self, theta: Theta, count: int, run_block: Callable[..., None], *, derivatives: bool) -> None:
         """Gather what the joints contribute for some samples while the threads work on those before."""
         size = self._block_size(derivatives=derivatives)
+        if count <= size:
+            weights = self._contributions.gather_weights(theta, count) if derivatives else np.empty((count, 0))
+            run_block(0, theta, self._contributions.gather(theta, count), weights)
+            return
         under_way: list[Future[None]] = []
         with ThreadPoolExecutor(self.threads) as pool:
             for start in range(0, count, _SAMPLES_GATHERED):

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MachineKernel"]
+__all__ = ["MachineKernel", "aligned_empty", "as_vectors"]
 
 _INTEGERS, _ARRAYS = 3, 10
+_CACHE_LINE = 64
 
 
 class MachineKernel:
@@ -57,10 +58,13 @@ def _target_machine() -> Any:
 
 
 def as_vectors(rows: NDArray[np.float64], width: int) -> NDArray[np.float64]:
-    """Arrange rows (n_rows, n_lines) as vectors of frequencies, (n_vectors, n_rows, width).
+    """Arrange rows (n_rows, n_lines), a whole number of vectors long, as (n_vectors, n_rows, width)."""
+    return np.ascontiguousarray(np.moveaxis(rows.reshape(*rows.shape[:-1], -1, width), -2, 0))
 
-    The last vector ends at the last line and may overlap the one before.
-    """
-    lines = rows.shape[-1]
-    first = [min(start, lines - width) for start in range(0, lines, width)]
-    return np.ascontiguousarray(np.stack([rows[..., start : start + width] for start in first], axis=0))
+
+def aligned_empty(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:
+    """Return an array that begins on a boundary of 64 bytes, as the kernel stores whole cache lines."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    raw = np.empty(size + _CACHE_LINE, dtype=np.uint8)
+    first = -raw.ctypes.data % _CACHE_LINE
+    return raw[first : first + size].view(dtype).reshape(shape)
