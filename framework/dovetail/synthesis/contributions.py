@@ -153,26 +153,37 @@ class Contributions:
         return _Columns(entries, columns, len(set(columns.tolist())) < len(columns))
 
     @cached_property
-    def _term_columns(self) -> list[tuple[str, str, _Columns]]:
+    def _term_columns(self) -> list[tuple[str, str, _Columns, NDArray[np.float64]]]:
         by_part: dict[str, dict[int, int]] = {part: {} for part in _PARTS}
         for column, (slot, part) in enumerate(self.terms):
             by_part[part][slot] = column
-        return [
+        found = [
             (name, part, self._columns(name, filled[part], by_part[part]))
             for name, filled in self._filled_parts.items()
             for part in _PARTS
         ]
+        return [
+            (name, part, columns, np.ones(len(columns.columns)))
+            for name, part, columns in found
+            if len(columns.columns)
+        ]
 
     @cached_property
-    def _weight_columns(self) -> list[tuple[int, str, str, _Columns]]:
-        columns: dict[tuple[int, str], dict[int, int]] = {}
+    def _weight_columns(self) -> list[tuple[int, str, str, _Columns, NDArray[np.float64]]]:
+        """Parameter, joint, part, columns and the factors of -x^T dZ x, of which the lower triangle is summed."""
+        by_key: dict[tuple[int, str], dict[int, int]] = {}
         for column, (parameter, slot, part) in enumerate(self.derivatives):
-            columns.setdefault((parameter, part), {})[slot] = column
-        return [
-            (parameter, name, part, self._columns(name, filled[part], columns.get((parameter, part), {})))
-            for parameter, name, filled in self._filled_derivatives
-            for part in _PARTS
-        ]
+            by_key.setdefault((parameter, part), {})[slot] = column
+        twice = self._program.rows != self._program.columns
+        slots = np.array([slot for _, slot, _ in self.derivatives], dtype=np.intp)
+        found = []
+        for parameter, name, filled in self._filled_derivatives:
+            for part in _PARTS:
+                columns = self._columns(name, filled[part], by_key.get((parameter, part), {}))
+                if len(columns.columns):
+                    factors = np.where(twice[slots[columns.columns]], -2.0, -1.0)
+                    found.append((parameter, name, part, columns, factors))
+        return found
 
     def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
         """Return what the joints contribute to each term, (n, n_terms).
@@ -194,8 +205,8 @@ class Contributions:
                     f"joint '{name}' ({model.name}) fills the entry ({row}, {column}) of its matrices for some "
                     "parameters only; it must be filled for all, or for none."
                 )
-        for name, part, columns in self._term_columns:
-            columns.add(total, getattr(matrices[name], part), np.ones(len(columns.entries)))
+        for name, part, columns, ones in self._term_columns:
+            columns.add(total, getattr(matrices[name], part), ones)
         if not np.isfinite(total).all():
             raise DovetailError("a joint's matrices are not finite for these parameters.")
         return total
@@ -210,11 +221,8 @@ class Contributions:
         }
         own = {name: iter(columns) for name, columns in self._sought.items()}
         column_of = {parameter: next(own[name]) for parameter, name, _ in self._filled_derivatives}
-        twice = self._program.rows != self._program.columns
-        for parameter, name, part, columns in self._weight_columns:
-            slots = np.array([self.derivatives[column][1] for column in columns.columns], dtype=np.intp)
-            matrix = getattr(jacobians[name][column_of[parameter]], part)
-            columns.add(total, matrix, np.where(twice[slots], -2.0, -1.0))
+        for parameter, name, part, columns, factors in self._weight_columns:
+            columns.add(total, getattr(jacobians[name][column_of[parameter]], part), factors)
         return total
 
 
