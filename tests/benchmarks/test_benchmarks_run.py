@@ -1,4 +1,4 @@
-"""The benchmark runs, and prints a ratio for each route; how fast is for its reader to judge."""
+"""The benchmarks run, and print a ratio or a slope for each route; how fast is for their reader to judge."""
 
 from __future__ import annotations
 
@@ -8,10 +8,34 @@ import sys
 from pathlib import Path
 
 
-def test_the_synthesis_benchmark_prints_a_ratio_for_each_route():
-    script = Path(__file__).parent / "synthesis.py"
-    done = subprocess.run([sys.executable, str(script), "16", "1", "64"], capture_output=True, text=True, check=True)
-    rows = re.findall(r"^(literal|engine|64 FRFs).*?(\d+\.\d+) +(\d+) +(\d+)$", done.stdout, flags=re.M)
-    assert len(rows) >= 5
-    assert rows[0][0] == "literal"
-    assert rows[0][3] == "1"
+def run(script, *arguments) -> str:
+    command = [sys.executable, str(Path(__file__).parent / script), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def cells(printed: str) -> list[list[str]]:
+    rows = [line.strip("|").split("|") for line in printed.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in row] for row in rows]
+
+
+def test_the_synthesis_benchmark_prints_each_route_and_what_is_aimed_at(tmp_path):
+    printed = run("synthesis.py", "--samples", 16, "--rounds", 1, "--written", 64, "-o", tmp_path)
+    table = cells(printed)
+    routes = [row for row in table if row[0].startswith(("literal", "engine, "))]
+    assert len(routes) in (4, 7)
+    assert routes[0][3] == "1"
+    for _, milliseconds, rate, ratio in routes:
+        assert abs(float(milliseconds) * float(rate) / 1000 - 1) < 0.2
+        assert int(ratio) >= 1
+    assert len([row for row in table if re.search(r"\d (times|s|GB)$", row[1])]) == 9
+    assert cells((tmp_path / "comparison.md").read_text()) == table
+
+
+def test_the_cost_benchmark_prints_a_slope_for_each_quantity(tmp_path):
+    printed = run("cost.py", "--points", 2, "--rounds", 1, "-o", tmp_path)
+    slopes = {
+        row[0]: float(row[2]) for row in cells(printed)[1:] if len(row) == 4 and re.fullmatch(r"-?\d+\.\d\d", row[2])
+    }
+    assert {*slopes} == {"lines", "samples", "joint DOFs", "boundary DOFs"}
+    assert (tmp_path / "cost.md").exists()
+    assert "<svg" in (tmp_path / "cost.svg").read_text()

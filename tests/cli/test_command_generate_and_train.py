@@ -37,6 +37,29 @@ def test_resume_of_another_seed_is_refused(run, bench, tmp_path):
     run(*arguments)
 
 
+def test_complex_storage_is_chosen_on_the_command_line_and_trains(run, bench, tmp_path):
+    folder = tmp_path / "data.zarr"
+    arguments = ["generate", bench.description, "-o", folder, "--samples", 100]
+    run(*arguments, "--storage", "complex")
+    assert dovetail.Dataset(folder).accelerance.shape == (100, 600)
+    assert "begun with storage complex, not amplitude" in run(*arguments, "--resume", code=1).stderr
+    run(*arguments, "--resume", "--storage", "complex")
+    assert "--storage" in run(*arguments, "--storage", "half", code=2).stderr
+
+
+def test_a_damaged_chunk_is_one_block_on_the_terminal(run, bench, tmp_path):
+    folder = tmp_path / "data.zarr"
+    run("generate", bench.description, "-o", folder, "--samples", 100)
+    chunk = folder / "amplitude" / "c" / "0" / "0"
+    chunk.write_bytes(chunk.read_bytes()[:1000])
+    done = run("train", bench.description, "--data", folder, "-o", tmp_path / "model", code=1)
+    said = " ".join(done.stderr.split())
+    assert "this chunk holds samples 0 to 99, and it has 1000 bytes instead of 240004." in said
+    assert "Go on with --resume: it is computed anew." in said
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "model").exists()
+
+
 @pytest.mark.parametrize("arguments", [["--samples", "0"], ["--samples", "many"], ["--seed", "-1"]])
 def test_generate_refuses_impossible_numbers(run, bench, tmp_path, arguments):
     assert arguments[0] in run("generate", bench.description, "-o", tmp_path / "d", *arguments, code=2).stderr

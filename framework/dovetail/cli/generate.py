@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shlex
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,7 +13,17 @@ from dovetail.cli.commands import INTERRUPTED
 from dovetail.cli.options import AssemblyFile, PluginFiles
 from dovetail.cli.terminal import note, progress_bars, say
 
+if TYPE_CHECKING:
+    from dovetail.dataset import Storage
+
 __all__ = ["generate"]
+
+
+class StorageChoice(StrEnum):
+    """What is stored of each FRF."""
+
+    amplitude = "amplitude"
+    complex = "complex"
 
 
 def generate(
@@ -24,6 +35,10 @@ def generate(
     seed: Annotated[
         int | None, typer.Option(metavar="N", min=0, help="Seed; by default what the description says.")
     ] = None,
+    storage: Annotated[
+        StorageChoice,
+        typer.Option(help="Keep the amplitude of each FRF, or its phase too, which takes twice the room."),
+    ] = StorageChoice.amplitude,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a dataset that was interrupted.")] = False,
     plugin: PluginFiles = None,
 ) -> None:
@@ -35,11 +50,14 @@ def generate(
     import dovetail
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
+    kept: Storage = storage.value
     try:
         with progress_bars() as progress:
-            dataset = dovetail.generate(loaded, output, samples=samples, seed=seed, resume=resume, progress=progress)
+            dataset = dovetail.generate(
+                loaded, output, samples=samples, seed=seed, storage=kept, resume=resume, progress=progress
+            )
     except KeyboardInterrupt:
-        _advise(assembly, output, samples, seed, plugin or [])
+        _advise(assembly, output, samples, seed, kept, plugin or [])
         raise typer.Exit(INTERRUPTED) from None
     say(
         f"{output}: {len(dataset)} samples of {len(loaded.parameters)} parameters, "
@@ -47,7 +65,9 @@ def generate(
     )
 
 
-def _advise(assembly: Path, output: Path, samples: int | None, seed: int | None, plugin: list[Path]) -> None:
+def _advise(
+    assembly: Path, output: Path, samples: int | None, seed: int | None, storage: Storage, plugin: list[Path]
+) -> None:
     """Say what is there after an interruption, and how to go on."""
     if not output.exists():
         note("\nInterrupted before the first sample; nothing was written.")
@@ -55,5 +75,6 @@ def _advise(assembly: Path, output: Path, samples: int | None, seed: int | None,
     command = ["dovetail", "generate", str(assembly), "-o", str(output)]
     command += [] if samples is None else ["--samples", str(samples)]
     command += [] if seed is None else ["--seed", str(seed)]
+    command += [] if storage == "amplitude" else ["--storage", storage]
     command += [part for file in plugin for part in ("--plugin", str(file))]
     note(f"\nInterrupted. What is done stays in {output}; go on with:\n  {shlex.join([*command, '--resume'])}")

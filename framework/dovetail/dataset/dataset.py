@@ -1,20 +1,30 @@
-"""A dataset on disk: parameter vectors and the FRF amplitudes that belong to them."""
+"""A dataset on disk: parameter vectors and the FRFs that belong to them."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import SAME, Assembly, largest_difference
+from dovetail.dataset.stored import StoredFrfs, flags, whole_array
 from dovetail.errors import DatasetError, Fault
 
-__all__ = ["FORMAT", "Dataset"]
+__all__ = ["ARRAYS", "FORMAT", "Dataset", "Storage"]
 
 FORMAT = 1
+
+Storage = Literal["amplitude", "complex"]
+"""What is stored of each accelerance: its amplitude (float32), or amplitude and phase (complex64)."""
+
+ARRAYS: dict[Storage, tuple[str, str]] = {
+    "amplitude": ("amplitude", "float32"),
+    "complex": ("accelerance", "complex64"),
+}
+"""Name and type of the array that holds the FRFs."""
 
 
 class Dataset:
@@ -23,6 +33,19 @@ class Dataset:
     Parameters
     ----------
     path : path
+
+    Attributes
+    ----------
+    parameters : (n_samples, n_params) array
+        SI.
+    frequency : (n_freq,) array
+        Hz.
+    amplitude : StoredFrfs
+        (n_samples, n_freq) float32, of the accelerance [m/(N s^2)]; read as it is indexed, ``dataset.amplitude[:10]``.
+    storage : "amplitude" or "complex"
+        What is stored of each FRF.
+    complete : bool
+        Whether every chunk was written.
 
     Raises
     ------
@@ -39,10 +62,15 @@ class Dataset:
             self.attributes: dict[str, Any] = dict(self._group.attrs)
             if self.attributes.get("dovetail_dataset") != FORMAT:
                 raise DatasetError(Fault(str(path), f"this is not a dovetail dataset of format {FORMAT}."))
-            self.parameters: NDArray[np.float64] = np.asarray(self._group["parameters"])
-            self.frequency: NDArray[np.float64] = np.asarray(self._group["frequency"])
-            self.amplitude: Any = self._group["amplitude"]
-            self.complete = bool(np.asarray(self._group["written"]).all())
+            self.storage: Storage = self.attributes.get("storage", "amplitude")
+            if self.storage not in get_args(Storage):
+                raise DatasetError(Fault(str(path), f"it stores '{self.storage}', which this version cannot read."))
+            self.parameters: NDArray[np.float64] = whole_array(self.path, self._group, "parameters")
+            self.frequency: NDArray[np.float64] = whole_array(self.path, self._group, "frequency")
+            self._written = flags(self.path, self._group, "written")
+            self._frfs = self._group[ARRAYS[self.storage][0]]
+            self.amplitude = StoredFrfs(self.path, self._frfs, self._written, magnitude=True)
+            self.complete = bool(self._written.all())
         except (OSError, KeyError, ValueError, TypeError) as error:
             raise DatasetError(Fault(str(path), f"this is not a readable dovetail dataset ({error}).")) from error
 
@@ -51,6 +79,20 @@ class Dataset:
 
     def __repr__(self) -> str:
         return f"Dataset({str(self.path)!r}, {len(self)} samples, {len(self.frequency)} lines)"
+
+    @property
+    def accelerance(self) -> StoredFrfs:
+        """(n_samples, n_freq) complex64 accelerance [m/(N s^2)], where it is stored with its phase.
+
+        Raises
+        ------
+        DatasetError
+            Only amplitudes are stored.
+        """
+        if self.storage != "complex":
+            remedy = "Generate it anew with --storage complex."
+            raise DatasetError(Fault(str(self.path), "it holds amplitudes, without phases.", remedy=remedy))
+        return StoredFrfs(self.path, self._frfs, self._written)
 
     @property
     def description(self) -> str:
@@ -82,6 +124,7 @@ class Dataset:
             raise DatasetError(
                 Fault(str(self.path), "its generation was interrupted.", remedy="Finish it with --resume.")
             )
+        self.amplitude.require_sound()
         self.require_same_frfs(assembly)
 
     def require_same_frfs(self, assembly: Assembly) -> None:
@@ -95,9 +138,9 @@ class Dataset:
             They differ: the code of a model has changed.
         """
         chunk = self.amplitude.chunks[0]
-        written = np.flatnonzero(np.repeat(np.asarray(self._group["written"]) != 0, chunk)[: len(self)])
+        written = np.flatnonzero(np.repeat(self.amplitude.sound(), chunk)[: len(self)])
         rows = sorted({int(written[place]) for place in (0, len(written) // 2, -1)}) if len(written) else []
-        kept = [np.asarray(self.amplitude[row]) for row in rows]
+        kept = [self.amplitude[row] for row in rows]
         difference = largest_difference(assembly, self.parameters[rows], kept)
         if difference > SAME:
             found = "its FRFs are not those that the assembly gives now"

@@ -7,18 +7,19 @@ import shutil
 from concurrent.futures import Future, ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.dataset.dataset import FORMAT, Dataset
+from dovetail.dataset.dataset import ARRAYS, FORMAT, Dataset, Storage
 from dovetail.dataset.sampling import latin_hypercube
-from dovetail.errors import DatasetError, Fault
+from dovetail.errors import DatasetError, Fault, listing
+from dovetail.frf import conversion
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["generate"]
+__all__ = ["complex_accelerance", "generate"]
 
 _CHUNK_BYTES = 8e6
 
@@ -29,10 +30,11 @@ def generate(
     *,
     samples: int | None = None,
     seed: int | None = None,
+    storage: Storage = "amplitude",
     resume: bool = False,
     progress: Progress = silent,
 ) -> Dataset:
-    """Make a dataset: Latin hypercube samples and the amplitude of the accelerance of each.
+    """Make a dataset: Latin hypercube samples and the accelerance of each.
 
     Parameters
     ----------
@@ -41,9 +43,12 @@ def generate(
         Folder of the Zarr group to make.
     samples, seed : int, optional
         By default what the description says.
+    storage : "amplitude" or "complex"
+        Keep the amplitude of each FRF as float32, or amplitude and phase as complex64, which takes twice the room.
+        Training takes the amplitude of either; the phase is for an `augmentation.mass` without fresh samples.
     resume : bool
         Go on with a dataset that was interrupted; what is there already is not computed again, and the result is
-        bit for bit that of one uninterrupted run. A complete one is returned as it is.
+        bit for bit that of one uninterrupted run. Chunks that have gone missing or are cut short are computed anew.
     progress : callable
 
     Returns
@@ -53,8 +58,8 @@ def generate(
     Raises
     ------
     DatasetError
-        The path is taken; what is to be resumed was made with another description, seed or number of samples, or by
-        models whose code has changed; or the disk refuses to be written, and what is there can then be resumed.
+        The path is taken; what is to be resumed was made with another description, seed, storage or number of samples,
+        or by models whose code has changed; or the disk refuses to be written, and what is there can then be resumed.
     """
     settings = assembly.description.identification
     count = settings.samples if samples is None else samples
@@ -63,12 +68,14 @@ def generate(
         raise DatasetError(Fault(assembly.description.source, "no joint parameter is sought: nothing to sample."))
     if count < 1:
         raise DatasetError(f"{count} samples were asked for; at least 1 is needed.")
+    if storage not in get_args(Storage):
+        raise DatasetError(Fault("storage", f"{storage!r} was asked for.", listing(get_args(Storage))))
     folder = Path(path)
     try:
         if folder.exists():
-            _check_resumable(folder, assembly, count, its_seed, resume)
+            _check_resumable(folder, assembly, count, its_seed, storage, resume)
         else:
-            _create(folder, assembly, count, its_seed)
+            _create(folder, assembly, count, its_seed, storage)
         _fill(folder, assembly, progress)
     except OSError as error:
         remedy = "Make room for it and go on with --resume."
@@ -76,7 +83,7 @@ def generate(
     return Dataset(folder)
 
 
-def _check_resumable(folder: Path, assembly: Assembly, samples: int, seed: int, resume: bool) -> None:
+def _check_resumable(folder: Path, assembly: Assembly, samples: int, seed: int, storage: Storage, resume: bool) -> None:
     if not resume:
         raise DatasetError(
             Fault(str(folder), "this path is taken.", remedy="Go on with it by --resume, or choose another name.")
@@ -84,18 +91,21 @@ def _check_resumable(folder: Path, assembly: Assembly, samples: int, seed: int, 
     dataset = Dataset(folder)
     if dataset.attributes["fingerprint"] != assembly.description.fingerprint:
         dataset.require(assembly)
-    for name, here, wanted in (("samples", len(dataset), samples), ("seed", dataset.seed, seed)):
+    plan = ("samples", len(dataset), samples), ("seed", dataset.seed, seed), ("storage", dataset.storage, storage)
+    for name, here, wanted in plan:
         if here != wanted:
             raise DatasetError(Fault(str(folder), f"it was begun with {name} {here}, not {wanted}."))
     dataset.require_same_frfs(assembly)
 
 
-def _create(folder: Path, assembly: Assembly, samples: int, seed: int) -> None:
+def _create(folder: Path, assembly: Assembly, samples: int, seed: int, storage: Storage) -> None:
     """Lay out the group under a temporary name, so that a dataset is there whole or not at all."""
     import zarr
+    from zarr.codecs import Crc32cCodec
 
     lines = len(assembly.frequency)
-    chunk = max(1, min(samples, int(_CHUNK_BYTES / (4 * lines))))
+    array, dtype = ARRAYS[storage]
+    chunk = max(1, min(samples, int(_CHUNK_BYTES / (np.dtype(dtype).itemsize * lines))))
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.new")
     temporary.parent.mkdir(parents=True, exist_ok=True)
     attributes: dict[str, Any] = {
@@ -105,18 +115,18 @@ def _create(folder: Path, assembly: Assembly, samples: int, seed: int) -> None:
         "description": assembly.description.text,
         "fingerprint": assembly.description.fingerprint,
         "parameter_names": [parameter.name for parameter in assembly.parameters],
-        "quantity": "amplitude of the accelerance",
+        "quantity": "amplitude of the accelerance" if storage == "amplitude" else "accelerance",
+        "storage": storage,
         "seed": seed,
     }
-    plain: dict[str, Any] = {"compressors": None}
+    checked: dict[str, Any] = {"compressors": [Crc32cCodec()]}
+    shape, chunks = (samples, lines), (chunk, lines)
     try:
         group = zarr.open_group(temporary, mode="w", attributes=attributes)
-        group.create_array("parameters", data=latin_hypercube(assembly, samples, seed))
-        group.create_array("frequency", data=np.asarray(assembly.frequency))
-        group.create_array(
-            "amplitude", shape=(samples, lines), chunks=(chunk, lines), dtype="float32", fill_value=np.nan, **plain
-        )
-        group.create_array("written", shape=(-(-samples // chunk),), chunks=(1,), dtype="uint8", **plain)
+        group.create_array("parameters", data=latin_hypercube(assembly, samples, seed), **checked)
+        group.create_array("frequency", data=np.asarray(assembly.frequency), **checked)
+        group.create_array(array, shape=shape, chunks=chunks, dtype=dtype, fill_value=np.nan, **checked)
+        group.create_array("written", shape=(-(-samples // chunk),), chunks=(1,), dtype="uint8", compressors=None)
         temporary.rename(folder)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -129,20 +139,22 @@ def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
     for unfinished in folder.rglob("*.partial"):  # what a killed run was writing
         unfinished.unlink(missing_ok=True)
     group: Any = zarr.open_group(folder, mode="r+")
-    parameters, amplitude, written = np.asarray(group["parameters"]), group["amplitude"], group["written"]
-    chunk, samples = amplitude.chunks[0], len(parameters)
-    missing = [int(index) for index in np.flatnonzero(np.asarray(written) == 0)]
+    there = Dataset(folder)
+    parameters, stored, written = there.parameters, group[ARRAYS[there.storage][0]], group["written"]
+    compute = Assembly.accelerance_amplitude if there.storage == "amplitude" else complex_accelerance
+    chunk, samples = stored.chunks[0], len(parameters)
+    missing = [int(index) for index in np.flatnonzero(~there.amplitude.sound())]
     done = samples - sum(min(chunk, samples - index * chunk) for index in missing)
     progress("generate", done, samples)
 
-    def write(index: int, values: NDArray[np.float32]) -> None:
-        amplitude[index * chunk : index * chunk + len(values)] = values
+    def write(index: int, values: NDArray[Any]) -> None:
+        stored[index * chunk : index * chunk + len(values)] = values
         written[index] = 1
 
     with ThreadPoolExecutor(max_workers=1) as writer:
         pending: Future[None] | None = None
         for index in missing:
-            values = assembly.accelerance_amplitude(parameters[index * chunk : (index + 1) * chunk])
+            values = compute(assembly, parameters[index * chunk : (index + 1) * chunk])
             if pending is not None:
                 pending.result()
             pending = writer.submit(write, index, values)
@@ -150,3 +162,21 @@ def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
             progress("generate", done, samples)
         if pending is not None:
             pending.result()
+
+
+def complex_accelerance(assembly: Assembly, theta: NDArray[np.float64]) -> NDArray[np.complex64]:
+    """Return the accelerance at the drive point with its phase, in single precision.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    theta : (n, n_params) array
+        SI.
+
+    Returns
+    -------
+    (n, n_freq) complex64 array
+        m/(N s^2).
+    """
+    factor = conversion(assembly.frequency, assembly.description.response.quantity, "accelerance")
+    return (assembly.frf(theta) * factor).astype(np.complex64)

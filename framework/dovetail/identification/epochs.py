@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.dataset import latin_hypercube
+from dovetail.dataset import complex_accelerance, latin_hypercube
 from dovetail.errors import DatasetError, Fault
-from dovetail.frf import conversion
 from dovetail.identification.augmentation import Augmentation
 from dovetail.identification.features import log10p1
 from dovetail.identification.reduction import reduce_features
@@ -35,38 +34,45 @@ class NoisyFeatures:
     ----------
     assembly : Assembly
         Its description's `augmentation` says how much of what, and its seed fixes every epoch.
-    amplitude : (n_samples, n_freq) float32 array
-        Clean, of the accelerance; what is drawn afresh has as many samples and replaces them.
+    clean : (n_samples, n_freq) float32 or complex64 array
+        Accelerance without noise, its amplitude or with its phase; what is drawn afresh has as many samples and
+        replaces them.
     theta : (n_samples, n_params) array
         SI.
     augmentation : Augmentation
     """
 
     def __init__(
-        self, assembly: Assembly, amplitude: NDArray[np.float32], theta: NDArray[np.float64], augmentation: Augmentation
+        self, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64], augmentation: Augmentation
     ) -> None:
         self._assembly = assembly
-        self._amplitude = amplitude
+        self._stored = clean
         self._theta = theta
         self._augmentation = augmentation
         self._seed = assembly.description.identification.seed
 
     @classmethod
-    def of(cls, assembly: Assembly, amplitude: NDArray[np.float32], theta: NDArray[np.float64]) -> Self:
+    def of(cls, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64]) -> Self:
         """Take the noise's unit, the standard deviation of all amplitudes, from the training samples.
 
         Raises
         ------
         DatasetError
-            A remaining mass is asked for, which needs phases, but samples are not drawn afresh.
+            A remaining mass is asked for, which needs phases, but `clean` has none and samples are not drawn afresh.
         """
         settings = assembly.description.identification.augmentation
         assert settings is not None
-        augmentation = Augmentation(settings, assembly.frequency, float(np.std(amplitude, dtype=np.float64)))
-        if augmentation.needs_phase and not settings.fresh:
+        augmentation = Augmentation(settings, assembly.frequency, _deviation(clean))
+        if augmentation.needs_phase and not settings.fresh and not np.iscomplexobj(clean):
             found = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
-            raise DatasetError(Fault("identification.augmentation", found, remedy="Set 'fresh: true', or 'mass: 0'."))
-        return cls(assembly, amplitude, theta, augmentation)
+            raise DatasetError(
+                Fault(
+                    "identification.augmentation",
+                    found,
+                    remedy="Generate it with --storage complex, or set 'fresh: true', or 'mass: 0'.",
+                )
+            )
+        return cls(assembly, clean, theta, augmentation)
 
     @property
     def fresh(self) -> bool:
@@ -100,12 +106,17 @@ class NoisyFeatures:
         for start in range(0, len(theta), _ROWS):
             rows = slice(start, start + _ROWS)
             if not self.fresh:
-                yield self._amplitude[rows]
+                yield self._stored[rows]
             elif self._augmentation.needs_phase:
-                quantity = self._assembly.description.response.quantity
-                yield self._assembly.frf(theta[rows]) * conversion(self._assembly.frequency, quantity, "accelerance")
+                yield complex_accelerance(self._assembly, theta[rows])
             else:
                 yield self._assembly.accelerance_amplitude(theta[rows])
+
+
+def _deviation(accelerance: NDArray[np.number]) -> float:
+    """Return the standard deviation of all amplitudes, without a second copy of them where they are stored as such."""
+    amplitude = np.abs(accelerance) if np.iscomplexobj(accelerance) else accelerance
+    return float(np.std(amplitude, dtype=np.float64))
 
 
 class ReducedEpochs:

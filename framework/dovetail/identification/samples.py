@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,38 +16,43 @@ __all__ = ["read_parts"]
 
 
 def read_parts(
-    dataset: Dataset, is_test: NDArray[np.bool_], progress: Progress
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Read a dataset's amplitudes once, each into its final place.
+    dataset: Dataset, is_test: NDArray[np.bool_], progress: Progress, *, phase: bool = False
+) -> tuple[NDArray[Any], NDArray[np.float32]]:
+    """Read a dataset's FRFs once, each into its final place.
 
     Parameters
     ----------
     dataset : Dataset
     is_test : (n_samples,) bool array
     progress : callable
+    phase : bool
+        Read the training FRFs with their phases.
 
     Returns
     -------
-    training, test : (n, n_freq) float32 arrays
-        m/(N s^2).
+    training : (n, n_freq) array
+        float32 amplitudes, or complex64 [m/(N s^2)].
+    test : (n, n_freq) float32 array
+        Amplitudes.
 
     Raises
     ------
     DatasetError
-        An amplitude is not finite.
+        An FRF is not finite, a chunk is damaged, or phases are asked for and not stored.
     """
     width = len(dataset.frequency)
-    training = np.empty((np.count_nonzero(~is_test), width), dtype=np.float32)
+    stored, dtype = (dataset.accelerance, np.complex64) if phase else (dataset.amplitude, np.float32)
+    training = np.empty((np.count_nonzero(~is_test), width), dtype=dtype)
     test = np.empty((np.count_nonzero(is_test), width), dtype=np.float32)
     trained = tested = 0
     for rows in blocks(len(dataset)):
-        amplitude = np.asarray(dataset.amplitude[rows], dtype=np.float32)
-        if not np.isfinite(amplitude).all():
+        frfs = np.asarray(stored[rows], dtype=dtype)
+        if not np.isfinite(frfs).all():
             raise DatasetError(
                 f"the dataset holds amplitudes that are not finite, in samples {rows.start}-{rows.stop}."
             )
-        chosen, others = amplitude[is_test[rows]], amplitude[~is_test[rows]]
-        test[tested : tested + len(chosen)] = chosen
+        chosen, others = frfs[is_test[rows]], frfs[~is_test[rows]]
+        test[tested : tested + len(chosen)] = np.abs(chosen)
         training[trained : trained + len(others)] = others
         tested, trained = tested + len(chosen), trained + len(others)
         progress("features", rows.stop, len(dataset))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
-from dovetail.dataset import Dataset, generate
+from dovetail.dataset import Dataset, Storage, generate
 from dovetail.errors import DatasetError, Fault, PluginError
 from dovetail.identification.contracts import checked_fit, label_of
 from dovetail.identification.epochs import NoisyFeatures, ReducedEpochs
@@ -69,7 +69,8 @@ def train(
         return _train(assembly, dataset, clock, progress)
     with tempfile.TemporaryDirectory(prefix="dovetail-") as folder:
         with clock.stage("dataset"):
-            generated = generate(assembly, Path(folder) / "dataset.zarr", progress=progress)
+            storage: Storage = "complex" if _needs_stored_phase(assembly) else "amplitude"
+            generated = generate(assembly, Path(folder) / "dataset.zarr", storage=storage, progress=progress)
         return _train(assembly, generated, clock, progress)
 
 
@@ -78,6 +79,12 @@ def _with_augmentation(assembly: Assembly) -> Assembly:
     if settings.augmentation is not None:
         return assembly
     return Assembly(assembly.description.with_identification({"augmentation": {}}, augmentation=AugmentationSection()))
+
+
+def _needs_stored_phase(assembly: Assembly) -> bool:
+    """Whether a mass is to be left at the drive point of FRFs that come from the dataset."""
+    augmentation = assembly.description.identification.augmentation
+    return augmentation is not None and augmentation.mass > 0 and not augmentation.fresh
 
 
 def split(samples: int, test_fraction: float, seed: int) -> NDArray[np.bool_]:
@@ -164,8 +171,9 @@ def _fit_robust(
     """Fit to training FRFs with noise, new in every epoch; return the network and the test amplitudes, clean."""
     settings = assembly.description.identification
     with clock.stage("features"):
-        amplitude, test_amplitude = read_parts(dataset, is_test, progress)
-        noisy = NoisyFeatures.of(assembly, amplitude, dataset.parameters[~is_test])
+        phase = _needs_stored_phase(assembly)
+        clean, test_amplitude = read_parts(dataset, is_test, progress, phase=phase)
+        noisy = NoisyFeatures.of(assembly, clean, dataset.parameters[~is_test])
         features, theta = noisy(0)
     reducer = _fit_reducer(settings, features, clock, progress)
     with clock.stage("reduction"):
