@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import resource
-import time
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -15,7 +12,7 @@ from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.reader import read_description
 from dovetail.errors import PluginError
 from dovetail.registry import Registry
-from dovetail.synthesis import assembly_matrices, condensation, direct_receptance, reduced_basis
+from dovetail.synthesis import condensation, direct_receptance, reduced_basis
 from dovetail.synthesis.partition import Partition
 
 LENGTH, SIDE, LOSS = 0.3, 0.03, 0.003
@@ -212,22 +209,3 @@ def test_an_undamped_resonance_of_the_held_part_is_one_clear_error():
     w = 4 * np.pi
     expected = stiffness[0, 0] - w**2 - stiffness[0, 1] ** 2 / (stiffness[1, 1] - w**2)
     np.testing.assert_allclose(Z, [[expected]])
-
-
-@pytest.mark.slow
-def test_five_thousand_dofs(capsys):
-    """Time and memory of both routes; the direct solve at 60 lines."""
-    theta, seconds = None, {}
-    for tolerance in (1e-9, 0.0):
-        assembly = on_springs(step=2 if tolerance else 150, along=50, across=5, tolerance=tolerance)
-        theta = middle(assembly)
-        begin = time.perf_counter()
-        found = receptance(assembly, theta)
-        seconds[tolerance] = (time.perf_counter() - begin, len(found))
-        truth = direct(assembly, theta, slice(None, None, 75 if tolerance else 1))
-        assert relative(found[:: 75 if tolerance else 1], truth) < 1e-6
-    whole = assembly_matrices(assembly.graph, {n: v[0] for n, v in assembly._by_joint(theta[None, :]).items()})
-    with capsys.disabled():
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-        print(f"\n{whole.size} DOFs, {whole.K.nnz} entries, (seconds, lines) {seconds}, {memory:.0f} MB at most")
-    assert whole.size > 5000
