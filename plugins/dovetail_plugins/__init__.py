@@ -15,6 +15,7 @@ from dovetail_plugins.reducers.umap import UMAP
 from dovetail_plugins.regressors.mlp import MLP
 from dovetail_plugins.substructures.ground import Ground
 from dovetail_plugins.substructures.lumped import Lumped
+from dovetail_plugins.substructures.matrices import Matrices
 from dovetail_plugins.substructures.measured import Measured
 from dovetail_plugins.substructures.timoshenko_beam import TimoshenkoBeam
 
@@ -27,6 +28,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         Lumped,
         Ground,
         Measured,
+        Matrices,
         Collet,
         Bolted,
         InterferenceFit,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeGuard
 
 from pydantic import BaseModel
 
@@ -67,7 +67,8 @@ def build(
     try:
         return Built(offer.component(config), label)
     except Exception as error:  # a plugin's constructor may raise anything
-        findings.add(path, f"{label} cannot be made from this section: {_reason(error)}", key=True)
+        accepted, remedy = (error.faults[0].accepted, error.faults[0].remedy) if _explained(error) else ("", "")
+        findings.add(path, f"{label} cannot be made from this section: {_reason(error)}", accepted, remedy, key=True)
         return None
 
 
@@ -119,10 +120,14 @@ def read_property(built: Built, name: str, path: Path, findings: Findings) -> An
         return None
 
 
+def _explained(error: Exception) -> TypeGuard[DovetailError]:
+    return isinstance(error, DovetailError) and len(error.faults) == 1
+
+
 def _reason(error: Exception) -> str:
     """Say what went wrong, as a sentence."""
     if isinstance(error, DovetailError):
-        text = " ".join(fault.found for fault in error.faults)
+        text = " ".join(f"{fault.where}: {fault.found}" if fault.where else fault.found for fault in error.faults)
     elif isinstance(error, ValueError):
         text = str(error)
     else:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from dovetail.assembly.findings import Findings
 from dovetail.assembly.tree import Path
-from dovetail.errors import listing
+from dovetail.errors import did_you_mean, listing
 from dovetail.interfaces import Node, SubstructureModel
 from dovetail.units import format_quantity
 
@@ -17,10 +17,12 @@ _ABSOLUTE, _RELATIVE = 1e-9, 1e-6
 
 
 def find_node(
-    name: str, substructure: SubstructureModel, position: float, path: Path, findings: Findings
+    name: str, substructure: SubstructureModel, place: float | str, path: Path, findings: Findings
 ) -> int | None:
-    """Return the index of the node at `position` [m], or None with a fault."""
-    nodes = substructure.nodes
+    """Return the index of the node at a position [m] or of a label, or None with a fault."""
+    if isinstance(place, str):
+        return _find_label(name, substructure, place, path, findings)
+    nodes, position = substructure.nodes, place
     tolerance = _ABSOLUTE + _RELATIVE * abs(position)
     there = [index for index, node in enumerate(nodes) if abs(node.position - position) <= tolerance]
     shown = format_quantity(position, "m", 8)
@@ -32,6 +34,15 @@ def find_node(
     else:
         remedy = _nearest(nodes, position)
         findings.add(path, f"substructure '{name}' has no node at {shown}.", node_positions(nodes), remedy)
+    return None
+
+
+def _find_label(name: str, substructure: SubstructureModel, label: str, path: Path, findings: Findings) -> int | None:
+    labels = [node.label for node in substructure.nodes]
+    if label in labels:
+        return labels.index(label)
+    found = f"substructure '{name}' has no node '{label}'."
+    findings.add(path, found, f"{listing(labels)}; or a position", did_you_mean(label, labels))
     return None
 
 

@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+from dovetail.assembly.places import NodePlace
 from dovetail.frf import Quantity
-from dovetail.units import Frequency, Mass, Position
+from dovetail.units import Frequency, Mass
 
 __all__ = [
     "FORMAT",
@@ -65,10 +66,10 @@ class FrequencySection(_Section):
 
 
 class AttachmentSection(_Section):
-    """Where a port of a joint attaches: a substructure and the positions of its nodes."""
+    """Where a port of a joint attaches: a substructure and its nodes, by their positions or labels."""
 
     to: str
-    at: Annotated[tuple[Position, ...], BeforeValidator(_listed)]
+    at: Annotated[tuple[NodePlace, ...], BeforeValidator(_listed)]
 
 
 class ParameterSection(_Section):
@@ -83,7 +84,7 @@ class ResponseSection(_Section):
     """The drive point and the quantity that is reported."""
 
     at: str
-    position: Position
+    position: NodePlace
     direction: Literal["x", "rz"] = "x"
     quantity: Quantity = "accelerance"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -108,10 +108,14 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
         with np.load(file, allow_pickle=False) as archive:
             frequency, values = (archive[name] for name in _NAMES)
             note = str(archive["note"]) if "note" in archive else ""
+        frequency, values = frequency.astype(np.float64, casting="safe"), values.astype(np.complex128, casting="safe")
     except FileNotFoundError:
         raise MeasurementError(Fault(str(file), "there is no such file.")) from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
         raise MeasurementError(
             Fault(str(file), "this is no receptance matrix.", "an archive (.npz) as 'dovetail spindle' writes it")
         ) from None
-    return ReceptanceMatrix(frequency.astype(np.float64), values.astype(np.complex128), note or file.name)
+    try:
+        return ReceptanceMatrix(frequency, values, note or file.name)
+    except MeasurementError as error:
+        raise MeasurementError(*(replace(fault, where=str(file)) for fault in error.faults)) from None

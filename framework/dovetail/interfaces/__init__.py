@@ -9,6 +9,7 @@ from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.progress import Progress, silent
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor
+from dovetail.interfaces.sparse_matrices import SparseMatrices
 from dovetail.interfaces.state import State
 from dovetail.interfaces.substructure import Node, SubstructureModel
 
@@ -30,6 +31,7 @@ __all__ = [
     "Reducer",
     "Regressor",
     "Scale",
+    "SparseMatrices",
     "State",
     "StructuralMatrices",
     "SubstructureModel",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
+from dovetail.interfaces.sparse_matrices import SparseMatrices
 
 __all__ = ["Node", "SubstructureModel"]
 
@@ -34,7 +35,8 @@ class Node:
 class SubstructureModel(Component):
     """A part whose dynamics are known.
 
-    DOF ``2 * i`` is x of node ``i`` and DOF ``2 * i + 1`` its rz.
+    DOF ``2 * i`` is x of node ``i`` and DOF ``2 * i + 1`` its rz. What matrices have beyond the nodes' DOFs are inner
+    DOFs, which no joint and no response can reach.
 
     Attributes
     ----------
@@ -46,13 +48,18 @@ class SubstructureModel(Component):
     grounded: ClassVar[bool] = False
 
     @property
+    def condensation_tolerance(self) -> float:
+        """Relative error up to which matrices may be condensed on a reduced basis; 0, the default, for exactly."""
+        return 0.0
+
+    @property
     @abstractmethod
     def nodes(self) -> tuple[Node, ...]:
         """The nodes, in the order of their DOFs."""
 
     @abstractmethod
-    def matrices(self) -> StructuralMatrices | None:
-        """Return the (d, d) matrices over all nodes' DOFs, or None for a part known by its FRFs only."""
+    def matrices(self) -> StructuralMatrices | SparseMatrices | None:
+        """Return the (d, d) matrices over the nodes' DOFs and the inner ones; None for a part known by FRFs only."""
 
     def receptance(self, frequency: NDArray[np.float64], dofs: Sequence[int]) -> NDArray[np.complex128]:
         """Return the receptance matrix between `dofs`.
@@ -73,10 +80,12 @@ class SubstructureModel(Component):
         if matrices is None:
             raise NotImplementedError(f"'{self.name}' has no matrices, so it has to give its own receptance.")
         chosen = np.asarray(dofs, dtype=np.intp)
+        lines = np.asarray(frequency, dtype=np.float64)
+        if isinstance(matrices, SparseMatrices):
+            return np.stack([_sparse_receptance(matrices, float(line), chosen) for line in lines])
         unit_loads = np.eye(matrices.size)[:, chosen]
         receptance: list[NDArray[np.complex128]] = [
-            np.linalg.solve(matrices.dynamic_stiffness(line)[0], unit_loads)[chosen]
-            for line in np.asarray(frequency, dtype=np.float64)[:, None]
+            np.linalg.solve(matrices.dynamic_stiffness(line)[0], unit_loads)[chosen] for line in lines[:, None]
         ]
         return np.stack(receptance)
 
@@ -84,3 +93,16 @@ class SubstructureModel(Component):
         """Name a DOF for a reader: its node's position and direction."""
         node = self.nodes[dof // len(DIRECTIONS)]
         return f"{node.position * 1e3:g} mm {DIRECTIONS[dof % len(DIRECTIONS)]}"
+
+
+def _sparse_receptance(matrices: SparseMatrices, frequency: float, chosen: NDArray[np.intp]) -> NDArray[np.complex128]:
+    """Solve for unit loads on the chosen DOFs at one frequency [Hz]; DOFs without any entry stay out."""
+    from scipy.sparse.linalg import splu
+
+    Z = matrices.dynamic_stiffness(frequency)
+    active = np.union1d(np.flatnonzero(np.diff(Z.indptr)), chosen)
+    loads = np.zeros((len(active), len(chosen)), dtype=np.complex128)
+    places = np.searchsorted(active, chosen)
+    loads[places, np.arange(len(chosen))] = 1.0
+    solved: NDArray[np.complex128] = splu(Z[active][:, active].tocsc()).solve(loads)[places]
+    return solved

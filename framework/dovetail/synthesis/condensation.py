@@ -7,10 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.interfaces import SubstructureModel
+from dovetail.interfaces import SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.synthesis.elimination import eliminate, run
+from dovetail.synthesis.measured_boundary import inverted_receptance
+from dovetail.synthesis.partition import Partition
+from dovetail.synthesis.reduced_basis import condense_on_basis
+from dovetail.synthesis.substructure_matrices import substructure_matrices
 
 __all__ = ["boundary_dynamic_stiffness"]
+
+_MANY = 300
+"""DOFs from which a sparse factorisation at every frequency takes less time than a symbolic elimination for all."""
 
 
 def boundary_dynamic_stiffness(
@@ -32,10 +39,33 @@ def boundary_dynamic_stiffness(
         Z_bb - Z_bi Z_ii^-1 Z_ib, the Schur complement over the inner DOFs; the inverse of the receptance where
         there are no matrices. Inverting a receptance costs about six digits near the rigid-body modes, so matrices
         are preferred.
+
+    Raises
+    ------
+    DovetailError
+        The matrices are not sound, or the receptance cannot be inverted.
+
+    Notes
+    -----
+    Small matrices are eliminated symbolically, all frequencies at once. Sparse or large ones are factorised at every
+    frequency, unless the substructure states a tolerance: then a reduced basis serves all frequencies.
     """
-    matrices = substructure.matrices()
+    matrices = substructure_matrices(substructure)
     if matrices is None:
-        return np.asarray(np.linalg.inv(substructure.receptance(frequency, dofs)), dtype=np.complex128)
+        return inverted_receptance(substructure, dofs, frequency)
+    if isinstance(matrices, StructuralMatrices) and matrices.size < _MANY:
+        return _eliminated(matrices, dofs, frequency)
+    if isinstance(matrices, StructuralMatrices):
+        matrices = SparseMatrices(matrices.M, matrices.K, matrices.C, matrices.D)
+    partition = Partition(matrices, dofs)
+    if substructure.condensation_tolerance > 0:
+        return condense_on_basis(partition, frequency, substructure.condensation_tolerance).stiffness
+    return partition.condensed(frequency)
+
+
+def _eliminated(
+    matrices: StructuralMatrices, dofs: Sequence[int], frequency: NDArray[np.float64]
+) -> NDArray[np.complex128]:
     size = matrices.size
     filled = (matrices.M != 0) | (matrices.K != 0) | (matrices.C != 0) | (matrices.D != 0)
     active = np.union1d(np.flatnonzero(filled.any(axis=0)), dofs)

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
 
 from dovetail.errors import DovetailError
-from dovetail.interfaces import StructuralMatrices, blamed_on
-from dovetail.synthesis.graph import Graph
+from dovetail.interfaces import SparseMatrices, StructuralMatrices, blamed_on
+from dovetail.synthesis.graph import HELD, Graph
+from dovetail.synthesis.substructure_matrices import substructure_matrices
 from dovetail.synthesis.system import depends_on_frequency, joint_matrices
 
 __all__ = ["assembly_matrices", "direct_receptance"]
 
+_Part = tuple[StructuralMatrices | SparseMatrices, NDArray[np.intp]]
+"""Matrices and the global number of each of their DOFs; `HELD` where it does not move."""
 
-def assembly_matrices(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices:
-    """Assemble the matrices of all parts over the global DOFs.
+
+def assembly_matrices(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices | SparseMatrices:
+    """Assemble the matrices of all parts over the global DOFs, inner DOFs of substructures after those of the graph.
 
     Parameters
     ----------
@@ -26,35 +32,56 @@ def assembly_matrices(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) ->
 
     Returns
     -------
-    StructuralMatrices
-        Of (d, d) arrays, d the number of global DOFs.
+    StructuralMatrices or SparseMatrices
+        (d, d); sparse where a substructure's are.
 
     Raises
     ------
     DovetailError
         A substructure is known by its FRFs only, or a joint depends on frequency otherwise than through matrices.
     """
-    whole = StructuralMatrices.zeros(graph.size)
-    for name, substructure in graph.substructures.items():
-        with blamed_on(substructure, f"substructure '{name}' ({substructure.name})"):
-            matrices = substructure.matrices()
-        if matrices is None:
-            raise DovetailError(f"substructure '{name}' has no matrices, so the assembly has none either.")
-        _add(whole, matrices, graph.substructure_dofs(name))
+    parts, count = _substructures(graph)
     for name, connection in graph.connections.items():
         if depends_on_frequency(connection.model):
             raise DovetailError(f"joint '{name}' depends on frequency, so the assembly has no matrices.")
         batch = joint_matrices(name, connection.model, theta[name][None, :])
         single = StructuralMatrices(batch.M[0], batch.K[0], batch.C[0], batch.D[0])
-        _add(whole, single, graph.joint_dofs(name))
-    return whole
+        parts.append((single, graph.joint_dofs(name)))
+    whole = SparseMatrices(*(_sum(name, parts, count) for name in ("M", "K", "C", "D")))
+    if any(isinstance(matrices, SparseMatrices) for matrices, _ in parts):
+        return whole
+    return StructuralMatrices(*(matrix.toarray() for matrix in (whole.M, whole.K, whole.C, whole.D)))
 
 
-def _add(whole: StructuralMatrices, part: StructuralMatrices, numbers: NDArray[np.intp]) -> None:
-    moving = np.flatnonzero(numbers >= 0)
-    rows, columns = np.meshgrid(numbers[moving], numbers[moving], indexing="ij")
-    for target, source in ((whole.M, part.M), (whole.K, part.K), (whole.C, part.C), (whole.D, part.D)):
-        np.add.at(target, (rows, columns), source[np.ix_(moving, moving)])
+def _substructures(graph: Graph) -> tuple[list[_Part], int]:
+    """Return the substructures' matrices with their global numbers, and the number of DOFs with the inner ones."""
+    parts: list[_Part] = []
+    count = graph.size
+    for name, substructure in graph.substructures.items():
+        with blamed_on(substructure, f"substructure '{name}' ({substructure.name})"):
+            matrices = substructure_matrices(substructure)
+        if matrices is None:
+            raise DovetailError(f"substructure '{name}' has no matrices, so the assembly has none either.")
+        own = graph.substructure_dofs(name)
+        inner = np.full(matrices.size - len(own), HELD, dtype=np.intp)
+        if not substructure.grounded:
+            inner = np.arange(count, count + len(inner))
+            count += len(inner)
+        parts.append((matrices, np.concatenate([own, inner])))
+    return parts, count
+
+
+def _sum(name: str, parts: Sequence[_Part], count: int) -> Any:
+    rows, columns, values = [], [], []
+    for matrices, numbers in parts:
+        entries = coo_array(getattr(matrices, name))
+        row, column = numbers[entries.row], numbers[entries.col]
+        moving = (row != HELD) & (column != HELD)
+        rows.append(row[moving])
+        columns.append(column[moving])
+        values.append(entries.data[moving])
+    places = (np.concatenate(rows), np.concatenate(columns))
+    return coo_array((np.concatenate(values), places), shape=(count, count))
 
 
 def direct_receptance(
@@ -80,18 +107,26 @@ def direct_receptance(
     (n_freq, n_out, n_in) complex array
     """
     matrices = assembly_matrices(graph, theta)
-    entries = abs(matrices.M) + abs(matrices.K) + abs(matrices.C) + abs(matrices.D)
-    active = np.flatnonzero(entries.any(axis=0))
+    parts = (matrices.M, matrices.K, matrices.C, matrices.D)
+    active = np.flatnonzero(sum(abs(part).sum(axis=0) for part in parts))
     place = {int(dof): index for index, dof in enumerate(active)}
     loads = np.zeros((len(active), len(inputs)))
     for column, dof in enumerate(inputs):
         loads[place[dof], column] = 1.0
     rows = [place[dof] for dof in outputs]
-    reduced = StructuralMatrices(
-        *(matrix[np.ix_(active, active)] for matrix in (matrices.M, matrices.K, matrices.C, matrices.D))
-    )
+    if isinstance(matrices, SparseMatrices):
+        sparse = SparseMatrices(*(part[active][:, active] for part in parts))
+        return np.stack([_solved(sparse, float(line), loads)[rows] for line in frequency])
+    reduced = StructuralMatrices(*(part[np.ix_(active, active)] for part in parts))
     solved = [
         np.linalg.solve(reduced.dynamic_stiffness(frequency[line : line + 1])[0], loads)[rows]
         for line in range(len(frequency))
     ]
     return np.stack(solved)
+
+
+def _solved(matrices: SparseMatrices, frequency: float, loads: NDArray[np.float64]) -> NDArray[np.complex128]:
+    from scipy.sparse.linalg import splu
+
+    motion: NDArray[np.complex128] = splu(matrices.dynamic_stiffness(frequency)).solve(loads.astype(np.complex128))
+    return motion

@@ -8,7 +8,8 @@ from scipy.linalg import eigh
 from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
-from dovetail.interfaces import StructuralMatrices
+from dovetail.interfaces import SparseMatrices, StructuralMatrices
+from dovetail.synthesis.sparse_modes import sparse_elastic_frequencies
 
 __all__ = ["elastic_frequencies"]
 
@@ -16,13 +17,13 @@ _STRAIN_FLOOR = 1e-11
 """A mode whose strain energy is below this part of the largest its amplitudes allow is a rigid-body mode."""
 
 
-def elastic_frequencies(matrices: StructuralMatrices, count: int) -> NDArray[np.float64]:
+def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: int) -> NDArray[np.float64]:
     """Return the lowest natural frequencies of the modes that deform the structure.
 
     Parameters
     ----------
-    matrices : StructuralMatrices
-        Of (d, d) arrays; damping is left out.
+    matrices : StructuralMatrices or SparseMatrices
+        (d, d); damping is left out.
     count : int
 
     Returns
@@ -39,6 +40,8 @@ def elastic_frequencies(matrices: StructuralMatrices, count: int) -> NDArray[np.
     -----
     Solves M phi = mu (K + s M) phi, which takes massless DOFs and rigid-body modes without special cases.
     """
+    if isinstance(matrices, SparseMatrices):
+        return sparse_elastic_frequencies(matrices, count)
     _, group = connected_components((matrices.K != 0) | (matrices.M != 0), directed=False)
     active = np.flatnonzero(np.isin(group, group[np.diag(matrices.M) > 0]))  # what has no inertia has no motion
     K, M = matrices.K[np.ix_(active, active)], matrices.M[np.ix_(active, active)]

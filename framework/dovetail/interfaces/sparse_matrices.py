@@ -1,0 +1,56 @@
+"""Structural matrices of a large substructure, sparse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
+__all__ = ["SparseMatrices"]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class SparseMatrices:
+    """Sparse matrices of the dynamic stiffness Z = K + iD + i omega C - omega^2 M of one substructure.
+
+    Parameters
+    ----------
+    M, K, C, D : (d, d) scipy sparse arrays or matrices, or arrays
+        As in `StructuralMatrices`; kept as compressed columns of float64. `C` and `D` are zero when they are not given.
+
+    Raises
+    ------
+    ValueError
+        The matrices are not square or their shapes differ.
+    """
+
+    M: csc_array
+    K: csc_array
+    C: csc_array
+    D: csc_array
+
+    def __init__(self, M: Any, K: Any, C: Any = None, D: Any = None) -> None:
+        from scipy.sparse import csc_array
+
+        stiffness = csc_array(K, dtype=np.float64)
+        if stiffness.shape[0] != stiffness.shape[1]:
+            raise ValueError(f"K has the shape {stiffness.shape}; a square matrix (d, d) is expected.")
+        for name, given in (("M", M), ("K", stiffness), ("C", C), ("D", D)):
+            matrix = csc_array(stiffness.shape if given is None else given, dtype=np.float64)
+            if matrix.shape != stiffness.shape:
+                raise ValueError(f"{name} has the shape {matrix.shape}, but K has {stiffness.shape}.")
+            object.__setattr__(self, name, matrix)
+
+    @property
+    def size(self) -> int:
+        """Number of DOFs."""
+        return int(self.K.shape[0])
+
+    def dynamic_stiffness(self, frequency: float) -> csc_array:
+        """Return the (d, d) complex sparse array Z at one frequency [Hz]."""
+        omega = 2.0 * np.pi * frequency
+        return (self.K - omega**2 * self.M) + 1j * (self.D + omega * self.C)

@@ -1,0 +1,170 @@
+"""Which row of a matrix is which direction of which node."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail import DovetailError, Fault
+
+__all__ = ["DofTable", "read_dof_table", "table_in"]
+
+_COLUMNS = ("node", "direction", "position", "row")
+_EXAMPLE = "a first line 'node,direction' (and 'position', 'row'), then a line for each DOF"
+_LARGEST_FILE = 100_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class DofTable:
+    """DOFs of the nodes.
+
+    Parameters
+    ----------
+    nodes, directions : tuple of str
+        Of each DOF.
+    rows : (n_dofs,) array
+        Row of the matrices, from 0.
+    positions : (n_dofs,) array or None
+        Of the node, in the file's unit of length.
+    where : str
+        The file, for messages.
+    """
+
+    nodes: tuple[str, ...]
+    directions: tuple[str, ...]
+    rows: NDArray[np.intp]
+    positions: NDArray[np.float64] | None
+    where: str
+
+    def checked(self, size: int) -> DofTable:
+        """Return the table itself where it fits matrices of `size` rows.
+
+        Raises
+        ------
+        DovetailError
+            A DOF is named twice, a node is in two places, or a row is out of range or used twice.
+        """
+        seen: dict[tuple[str, str], int] = {}
+        taken: dict[int, int] = {}
+        for index, (node, direction, row) in enumerate(zip(self.nodes, self.directions, self.rows, strict=True)):
+            if (node, direction) in seen:
+                raise self._error(index, f"{direction} of node '{node}' is already DOF {seen[node, direction] + 1}.")
+            if not 0 <= row < size:
+                raise self._error(index, f"row {row + 1} is not in the matrices, which have {size} rows.")
+            if row in taken:
+                raise self._error(index, f"row {row + 1} already belongs to DOF {taken[row] + 1}.")
+            seen[node, direction] = taken[int(row)] = index
+        self._check_positions()
+        return self
+
+    def _check_positions(self) -> None:
+        if self.positions is None:
+            return
+        place: dict[str, float] = {}
+        for index, (node, position) in enumerate(zip(self.nodes, self.positions, strict=True)):
+            if not np.isfinite(position):
+                raise self._error(index, f"the position of node '{node}' is not finite.")
+            if place.setdefault(node, float(position)) != position:
+                raise self._error(index, f"node '{node}' is at {place[node]:g} and at {position:g}.")
+
+    def _error(self, index: int, found: str) -> DovetailError:
+        return DovetailError(Fault(f"{self.where}  DOF {index + 1}", found))
+
+
+def read_dof_table(path: Path, size: int) -> DofTable:
+    """Read a table from a CSV file with the columns node, direction and, where given, position and row (from 1).
+
+    Parameters
+    ----------
+    path : Path
+    size : int
+        Rows of the matrices.
+
+    Raises
+    ------
+    DovetailError
+        The file cannot be read, or the table does not fit the matrices.
+    """
+    try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise DovetailError(Fault(str(path), "the file is far larger than a table of DOFs."))
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if any(map(str.strip, line))]
+    except OSError:
+        raise DovetailError(Fault(str(path), "there is no such file.")) from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DovetailError(Fault(str(path), f"this is no table of DOFs: {error}.", _EXAMPLE)) from None
+    header = [cell.lower() for cell in lines[0]] if lines else []
+    if not {"node", "direction"} <= set(header) or not set(header) <= set(_COLUMNS) or len(lines) < 2:
+        found = f"the first line is '{','.join(lines[0])[:80]}'." if len(lines) > 1 else "the table has no DOFs."
+        raise DovetailError(Fault(str(path), found, _EXAMPLE))
+    for number, line in enumerate(lines):
+        if len(line) != len(header):
+            raise DovetailError(Fault(f"{path}:{number + 1}", f"the line has {len(line)} cells, not {len(header)}."))
+    columns = {name: [line[index] for line in lines[1:]] for index, name in enumerate(header)}
+    return _table(columns, str(path), size)
+
+
+def table_in(archive: Mapping[str, Any], where: str, size: int) -> DofTable | None:
+    """Return the table in an archive, arrays 'nodes', 'directions' and, where given, 'positions' and 'rows' (from 1).
+
+    Raises
+    ------
+    DovetailError
+        The table does not fit the matrices.
+    """
+    names = {"nodes": "node", "directions": "direction", "positions": "position", "rows": "row"}
+    given = {column: _cells(archive[name]) for name, column in names.items() if name in archive}
+    if not {"node", "direction"} & set(given):
+        return None
+    for name, column in list(names.items())[:2]:
+        if column not in given:
+            raise DovetailError(Fault(where, f"there is no '{name}' beside the other columns of the table of DOFs."))
+    lengths = {name: len(given[column]) for name, column in names.items() if column in given}
+    if len(set(lengths.values())) > 1:
+        found = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {found}."))
+    return _table(given, where, size)
+
+
+def _table(columns: Mapping[str, Sequence[str]], where: str, size: int) -> DofTable:
+    count = len(columns["node"])
+    if "row" in columns:
+        rows = _numbers(columns["row"], "row", where)
+        if np.any(rows != np.round(rows)):
+            raise DovetailError(Fault(where, "a row of the table of DOFs is no whole number.", "1, 2, 3, ..."))
+        places = rows.astype(np.intp) - 1
+    elif count == size:
+        places = np.arange(size)
+    else:
+        found = f"the table has {count} DOFs, the matrices have {size} rows."
+        raise DovetailError(Fault(where, found, "all DOFs in the order of the rows, or some with a column 'row'"))
+    positions = _numbers(columns["position"], "position", where) if "position" in columns else None
+    return DofTable(tuple(columns["node"]), tuple(columns["direction"]), places, positions, where).checked(size)
+
+
+def _numbers(cells: Sequence[str], name: str, where: str) -> NDArray[np.float64]:
+    numbers = []
+    for index, cell in enumerate(cells):
+        try:
+            numbers.append(float(cell))
+        except ValueError:
+            raise DovetailError(Fault(f"{where}  DOF {index + 1}", f"the {name} '{cell[:40]}' is no number.")) from None
+    return np.array(numbers)
+
+
+def _cells(array: Any) -> list[str]:
+    """Return the entries of an array of texts or numbers, or of MATLAB's cells, as texts."""
+    cells = []
+    for entry in np.asarray(array).ravel():
+        while isinstance(entry, np.ndarray):
+            entry = entry.ravel()[0] if entry.size else ""
+        number = isinstance(entry, (float, np.floating)) and float(entry).is_integer()
+        cells.append(str(int(entry)) if number else str(entry).strip())
+    return cells

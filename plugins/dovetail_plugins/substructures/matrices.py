@@ -1,0 +1,216 @@
+"""A part whose mass, stiffness and damping matrices come from a finite element program."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from dovetail import (
+    ComponentConfig,
+    DovetailError,
+    Fault,
+    FileName,
+    InUnit,
+    Node,
+    SparseMatrices,
+    StructuralMatrices,
+    SubstructureModel,
+)
+from dovetail_plugins.substructures.dof_table import DofTable, read_dof_table, table_in
+from dovetail_plugins.substructures.matrix_files import matrix_in, read_archive, read_matrix_market, sound_matrix
+
+__all__ = ["FileUnits", "Matrices"]
+
+_OptionalFile = Annotated[str | None, FileName()]
+_SMALL = 60
+"""DOFs up to which full matrices are given, which are condensed for all frequencies at once."""
+_MATRICES = {"M": "mass", "K": "stiffness", "C": "damping", "D": "structural_damping"}
+"""Name in an archive, and option that names a file of its own."""
+
+
+class FileUnits(ComponentConfig):
+    """What a 1 in the files stands for; rotations are in radians.
+
+    Attributes
+    ----------
+    length : float
+        Of positions, and in the entries of rotations [m].
+    mass : float
+        An entry of M between displacements [kg].
+    stiffness : float
+        An entry of K and D between displacements [N/m]; one of C is this times a second.
+    """
+
+    length: Annotated[float, Field(gt=0), InUnit("m")] = 1.0
+    mass: Annotated[float, Field(gt=0), InUnit("kg")] = 1.0
+    stiffness: Annotated[float, Field(gt=0), InUnit("N/m")] = 1.0
+
+
+class Matrices(SubstructureModel):
+    """Matrices M and K (C and D where there are any) and a table that names their DOFs.
+
+    Two directions of each node are taken for x and rz, the displacement and the rotation of the plane in which the
+    assembly vibrates. All other DOFs are inner ones: they move freely and are condensed.
+    """
+
+    name = "matrices"
+    summary = "Imported mass, stiffness and damping matrices (NPZ, MAT, Matrix Market), thousands of DOFs"
+    references = (
+        "R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA J. 6 (1968) 1313-1319",
+    )
+
+    class Config(ComponentConfig):
+        """The files and what their numbers mean.
+
+        Attributes
+        ----------
+        file : str
+            NPZ or MAT archive with M, K and, where given, C, D and the table of DOFs.
+        mass, stiffness, damping, structural_damping : str
+            In place of it, a Matrix Market file for each matrix.
+        dofs : str
+            CSV with the table of DOFs: node, direction and, where given, position and row.
+        displacement, rotation : str
+            The directions, as the table names them, that are x and rz; with a minus before it, in the opposite sense.
+        nodes : list of str
+            Nodes that joints and the response can reach; all by default.
+        units : section
+            What a 1 in the files stands for.
+        loss_factor : float
+            Structural damping D = loss_factor K, in place of a matrix.
+        tolerance : float
+            Relative error of the condensation, verified with exact lines; 0 for a factorisation at every frequency.
+        """
+
+        file: _OptionalFile = None
+        mass: _OptionalFile = None
+        stiffness: _OptionalFile = None
+        damping: _OptionalFile = None
+        structural_damping: _OptionalFile = None
+        dofs: _OptionalFile = None
+        displacement: Annotated[str, Field(pattern=r"^-?[^\s-].*$")] = "x"
+        rotation: Annotated[str, Field(pattern=r"^-?[^\s-].*$")] = "rz"
+        nodes: tuple[str | int, ...] = ()
+        units: FileUnits = FileUnits()
+        loss_factor: Annotated[float, Field(ge=0, lt=1)] = 0.0
+        tolerance: Annotated[float, Field(ge=0, le=1e-3)] = 1e-9
+
+        @model_validator(mode="after")
+        def _one_source(self) -> Matrices.Config:
+            single = [option for option in _MATRICES.values() if getattr(self, option)]
+            if bool(self.file) == bool(single):
+                raise ValueError("the matrices come either from 'file' or from 'mass' and 'stiffness'")
+            if single and not (self.mass and self.stiffness and self.dofs):
+                raise ValueError("files of single matrices need 'mass', 'stiffness' and the table 'dofs'")
+            return self
+
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        found, table = self._read()
+        self._labels, self._table = self._chosen(table), table
+        self._matrices = self._arranged(found)
+
+    @cached_property
+    def nodes(self) -> tuple[Node, ...]:
+        """The nodes that joints can reach, in the order of the table; at position 0 where the table has none."""
+        places = dict.fromkeys(self._table.nodes, 0.0)
+        if self._table.positions is not None:
+            places = dict(zip(self._table.nodes, self._table.positions * self.config.units.length, strict=True))
+        return tuple(Node(label, float(places[label])) for label in self._labels)
+
+    @property
+    def condensation_tolerance(self) -> float:
+        """The option `tolerance`."""
+        return float(self.config.tolerance)
+
+    def matrices(self) -> StructuralMatrices | SparseMatrices:
+        """Return the (d, d) matrices: x and rz of each node, then the inner DOFs."""
+        return self._matrices
+
+    def dof_label(self, dof: int) -> str:
+        """Name a DOF by its node and direction."""
+        return f"node '{self._labels[dof // 2]}' {('x', 'rz')[dof % 2]}"
+
+    def _read(self) -> tuple[dict[str, Any], DofTable]:
+        """Return the sound matrices that there are, and the table of DOFs."""
+        config, archive = self.config, {}
+        if config.file:
+            where = dict.fromkeys(_MATRICES, config.file)
+            archive = read_archive(Path(config.file))
+            given = {name: matrix_in(archive, name, config.file) for name in _MATRICES}
+        else:
+            where = {name: getattr(config, option) for name, option in _MATRICES.items()}
+            given = {name: read_matrix_market(Path(file)) if file else None for name, file in where.items()}
+        for name in ("M", "K"):
+            if given[name] is None:
+                names = ", ".join(sorted(archive)[:12]) or "nothing"
+                raise DovetailError(Fault(config.file, f"there is no matrix '{name}'; there is: {names}."))
+        found = {name: sound_matrix(name, value, where[name]) for name, value in given.items() if value is not None}
+        size = found["K"].shape[0]
+        for name, matrix in found.items():
+            if matrix.shape[0] != size:
+                raise DovetailError(Fault(where[name], f"{name} has {matrix.shape[0]} rows, K has {size}."))
+        if (light := found["M"].diagonal()).min() < 0:
+            row = int(np.argmin(light))
+            raise DovetailError(Fault(where["M"], f"the mass of row {row + 1} is negative: {light[row]:g}."))
+        if config.loss_factor and "D" in found:
+            raise DovetailError(Fault(where["D"], "there is a matrix D beside 'loss_factor'.", "one of the two"))
+        table = read_dof_table(Path(config.dofs), size) if config.dofs else table_in(archive, config.file, size)
+        if table is None:
+            remedy = "Name a CSV file with 'dofs'."
+            raise DovetailError(
+                Fault(config.file, "there is no table of DOFs: no 'nodes', no 'directions'.", "", remedy)
+            )
+        return found, table
+
+    def _chosen(self, table: DofTable) -> tuple[str, ...]:
+        """Return the nodes that have one of the two directions, all of them or those that are asked for."""
+        wanted = {option: str(getattr(self.config, option)).lstrip("-") for option in ("displacement", "rotation")}
+        directions = dict.fromkeys(table.directions)
+        reached = [n for n, d in zip(table.nodes, table.directions, strict=True) if d in wanted.values()]
+        if wanted["displacement"] not in directions:
+            found = f"no DOF has the direction '{wanted['displacement']}', which is taken for x."
+            raise DovetailError(Fault(table.where, found, ", ".join(list(directions)[:12]), "Set 'displacement'."))
+        if "rotation" in self.config.model_fields_set and wanted["rotation"] not in directions:
+            found = f"no DOF has the direction '{wanted['rotation']}', which is taken for rz."
+            raise DovetailError(Fault(table.where, found, ", ".join(list(directions)[:12]), "Set 'rotation'."))
+        labels = tuple(dict.fromkeys(reached))
+        asked = tuple(str(node) for node in self.config.nodes) or labels
+        for label in asked:
+            if label not in labels:
+                some = ", ".join(labels[:12]) + (f", and {len(labels) - 12} more" if len(labels) > 12 else "")
+                raise DovetailError(Fault(table.where, f"there is no node '{label}' with these directions.", some))
+        return tuple(dict.fromkeys(asked))
+
+    def _arranged(self, found: dict[str, Any]) -> StructuralMatrices | SparseMatrices:
+        """Bring the matrices to SI, and x and rz of the nodes to the front."""
+        units, arrangement = self.config.units, self._arrangement(found["K"].shape[0])
+        factor = {"M": units.mass, "K": units.stiffness, "C": units.stiffness, "D": units.stiffness}
+        parts = {name: factor[name] * (arrangement.T @ matrix @ arrangement) for name, matrix in found.items()}
+        if self.config.loss_factor:
+            parts["D"] = self.config.loss_factor * parts["K"]
+        if arrangement.shape[1] > _SMALL:
+            return SparseMatrices(**parts)
+        return StructuralMatrices(**{name: part.toarray() for name, part in parts.items()})
+
+    def _arrangement(self, size: int) -> Any:
+        """Return the sparse (size, d) matrix that gives the file's DOFs from those of the nodes and the inner ones."""
+        from scipy.sparse import coo_array
+
+        node_of = {label: index for index, label in enumerate(self._labels)}
+        entries: list[tuple[int, int, float]] = []
+        for axis, option in enumerate(("displacement", "rotation")):
+            word = str(getattr(self.config, option))
+            value = (-1.0 if word.startswith("-") else 1.0) * (self.config.units.length if axis else 1.0)
+            for node, direction, row in zip(self._table.nodes, self._table.directions, self._table.rows, strict=True):
+                if direction == word.lstrip("-") and node in node_of:
+                    entries.append((int(row), 2 * node_of[node] + axis, value))
+        inner = np.setdiff1d(np.arange(size), [row for row, _, _ in entries])
+        first = 2 * len(self._labels)
+        entries += [(int(row), first + index, 1.0) for index, row in enumerate(inner)]
+        rows, columns, values = zip(*entries, strict=True)
+        return coo_array((values, (rows, columns)), shape=(size, first + len(inner))).tocsc()

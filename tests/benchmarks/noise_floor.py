@@ -1,0 +1,77 @@
+"""Do the fits reach the noise? Random joints of the collet assembly, complex noise in all lines.
+
+    python tests/benchmarks/noise_floor.py [--cases 200]
+
+The noise has the same standard deviation in every line, a part of that of the FRF itself, and the fit is told it. With
+amplitude only, the amplitude of the noisy complex FRF is given. MultiStart gets, for each case, the time that the
+refined fit took.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import dovetail
+from dovetail.dataset import latin_hypercube
+from dovetail.identification.fitting import multistart, refine
+
+ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
+HEADER = (
+    "| noise | measured | method | chi-squared within 0.95 to 1.05 | median, largest | median time | 99th percentile |\n"
+    "|---|---|---|---|---|---|---|"
+)
+
+
+def measurement(assembly: dovetail.Assembly, values: np.ndarray, level: float, seed: int, phase: bool) -> dovetail.Frf:
+    """Return an FRF with noise of `level` times its own standard deviation."""
+    deviation = level * values.std()
+    normal = np.random.default_rng(seed).standard_normal((2, len(values)))
+    noisy = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
+    return dovetail.Frf(
+        assembly.frequency,
+        noisy if phase else np.abs(noisy),
+        "accelerance",
+        has_phase=phase,
+        variance=np.full(len(values), deviation**2),
+    )
+
+
+def row(level: float, phase: bool, method: str, fits: list[dovetail.Fit]) -> str:
+    """Return one line of the table."""
+    found = np.array([fit.chi_squared for fit in fits])
+    seconds = np.array([fit.seconds for fit in fits])
+    inside = np.count_nonzero((found > 0.95) & (found < 1.05))
+    return (
+        f"| {level:.0%} | {'complex' if phase else 'amplitude'} | {method} | {inside} of {len(fits)} | "
+        f"{np.median(found):.3f}, {found.max():.4g} | {np.median(seconds):.2f} s | {np.quantile(seconds, 0.99):.2f} s |"
+    )
+
+
+def study(cases: int, report: Callable[[str], object] = print) -> None:
+    """Print the table."""
+    assembly = dovetail.load(ASSEMBLY)
+    theta = latin_hypercube(assembly, cases, seed=11)
+    values = assembly.frf(theta)
+    refine(assembly, measurement(assembly, values[0], 0.01, 0, True))  # compiles the kernels
+    report(HEADER)
+    for level in (0.01, 0.05):
+        for phase in (True, False):
+            measured = [measurement(assembly, one, level, seed, phase) for seed, one in enumerate(values)]
+            fits = [refine(assembly, frf) for frf in measured]
+            report(row(level, phase, "refined", fits))
+            for objective in ("frf", "weighted"):
+                others = [
+                    multistart(assembly, frf, starts=1000, seconds=fit.seconds, objective=objective)
+                    for frf, fit in zip(measured, fits, strict=True)
+                ]
+                report(row(level, phase, f"multistart, {objective}", others))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=200)
+    study(parser.parse_args().cases)

@@ -1,0 +1,274 @@
+"""The substructure `matrices`: a beam exported to each file format is the beam; every bad file is one clear error."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+
+import dovetail
+from dovetail.assembly import components
+from dovetail.errors import DescriptionError
+
+MATERIAL = {"young": 2.1e11, "density": 7800, "loss_factor": 0.004}
+SECTIONS = [{"length": 0.16, "outer": 0.02, "elements": 8}]
+
+
+def beam():
+    model = components().find("substructure", "timoshenko_beam").component
+    return model(model.Config(material=MATERIAL, sections=SECTIONS))
+
+
+def table():
+    """Nodes, directions and positions of the beam's DOFs."""
+    nodes = beam().nodes
+    return {
+        "nodes": [node.label for node in nodes for _ in "xr"],
+        "directions": [axis for _ in nodes for axis in ("x", "rz")],
+        "positions": [node.position for node in nodes for _ in "xr"],
+    }
+
+
+def parts(matrix, name):
+    return {f"{name}_data": matrix.data, f"{name}_indices": matrix.indices, f"{name}_indptr": matrix.indptr}
+
+
+def write(folder, form, *, matrices=None, columns=None):
+    """Write the beam in one of the forms and return the section that reads it."""
+    given = beam().matrices()
+    found = {"M": given.M, "K": given.K, "D": given.D} | (matrices or {})
+    found = {name: matrix for name, matrix in found.items() if matrix is not None}
+    columns = table() if columns is None else columns
+    if form == "npz":
+        np.savez(folder / "part.npz", **found, **columns)
+    elif form == "sparse npz":
+        sparse = {}
+        for name, matrix in found.items():
+            sparse |= parts(sp.csr_array(matrix), name)
+        np.savez(folder / "part.npz", **sparse, **columns)
+    elif form == "mat":
+        cells = {name: np.array(values, dtype=object) for name, values in columns.items() if name != "positions"}
+        positions = {"positions": columns["positions"]} if "positions" in columns else {}
+        sparse = {name: sp.csc_array(matrix) for name, matrix in found.items()}
+        scipy.io.savemat(folder / "part.mat", sparse | cells | positions)
+    if form in ("npz", "sparse npz", "mat"):
+        return {"model": "matrices", "file": f"part.{form.split()[-1]}"}
+    options = {"M": "mass", "K": "stiffness", "D": "structural_damping"}
+    for name, matrix in found.items():
+        scipy.io.mmwrite(folder / f"{name}.mtx", sp.coo_array(matrix), symmetry="symmetric" if name == "K" else None)
+    lines = [",".join(cells) for cells in zip(columns["nodes"], columns["directions"], strict=True)]
+    if "positions" in columns:
+        lines = [f"{line},{place!r}" for line, place in zip(lines, columns["positions"], strict=True)]
+    header = "node,direction" + (",position" if "positions" in columns else "")
+    (folder / "dofs.csv").write_text("\n".join([header, *lines]) + "\n")
+    return {"model": "matrices", "dofs": "dofs.csv"} | {options[name]: f"{name}.mtx" for name in found}
+
+
+def load(folder, part, at=(0.0, 0.16)):
+    """The part on two springs to the ground."""
+    description = {
+        "dovetail": 1,
+        "name": "imported",
+        "frequency": {"start": 20, "stop": 6000, "step": 20},
+        "substructures": {"part": part, "base": {"model": "ground"}},
+        "joints": {
+            end: {
+                "model": "spring_damper",
+                "connect": {"a": {"to": "part", "at": place}, "b": {"to": "base", "at": 0}},
+            }
+            for end, place in zip(("near", "far"), at, strict=True)
+        },
+        "response": {"at": "part", "position": at[0]},
+    }
+    file = folder / "assembly.yaml"
+    file.write_text(json.dumps(description))
+    return dovetail.load(file)
+
+
+def truth(folder):
+    return load(folder, {"model": "timoshenko_beam", "material": MATERIAL, "sections": SECTIONS})
+
+
+@pytest.mark.parametrize("form", ["npz", "sparse npz", "mat", "mtx"])
+def test_an_exported_beam_is_the_beam_in_every_format(form, tmp_path):
+    whole, found = truth(tmp_path), load(tmp_path, write(tmp_path, form))
+    np.testing.assert_allclose(found.frf(), whole.frf(), rtol=1e-7)
+    np.testing.assert_allclose(found.natural_frequencies(), whole.natural_frequencies(), rtol=1e-7)
+
+
+def test_few_nodes_by_their_names_and_the_rest_inside(tmp_path):
+    """Without positions, nodes are addressed by name; DOFs of all others are inner ones."""
+    columns = {name: values for name, values in table().items() if name != "positions"}
+    part = write(tmp_path, "npz", columns=columns) | {"nodes": ["n9", "n1"]}
+    found = load(tmp_path, part, at=("n1", "node n9"))
+    model = found.description.substructures["part"]
+    assert [node.label for node in model.nodes] == ["n9", "n1"]
+    assert model.matrices().size == 18
+    assert model.dof_label(3) == "node 'n1' rz"
+    np.testing.assert_allclose(found.frf(), truth(tmp_path).frf(), rtol=1e-7)
+
+
+def test_units_of_the_file_and_another_plane(tmp_path):
+    """Millimetres, tonnes and N/mm; bending in the plane where the rotation has the opposite sense."""
+    turn = np.tile([1.0, -1e3], 9)  # 1 rad at 1 m is 1000 mm; the file's rotation is the negative one
+    given = beam().matrices()
+    scaled = {
+        "K": given.K * np.outer(turn, turn) / 1e3,
+        "M": given.M * np.outer(turn, turn) / 1e3,
+        "D": given.D * np.outer(turn, turn) / 1e3,
+    }
+    columns = table()
+    columns["directions"] = [{"x": "uz", "rz": "ry"}[axis] for axis in columns["directions"]]
+    columns["positions"] = [1e3 * place for place in columns["positions"]]
+    part = write(tmp_path, "mat", matrices=scaled, columns=columns)
+    part |= {"displacement": "uz", "rotation": "-ry", "units": {"length": "1 mm", "mass": "1 t", "stiffness": "1 N/mm"}}
+    points = [("part", 0.0, "x"), ("part", 0.06, "rz")]
+    found, expected = (
+        assembly.receptance(None, points, points) for assembly in (load(tmp_path, part), truth(tmp_path))
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
+def test_a_loss_factor_in_place_of_a_matrix(tmp_path):
+    part = write(tmp_path, "npz", matrices={"C": np.zeros((18, 18)), "D": None})
+    found = load(tmp_path, part | {"loss_factor": 0.004})
+    np.testing.assert_allclose(found.frf(), truth(tmp_path).frf(), rtol=1e-7)
+
+
+def test_some_rows_of_a_large_matrix(tmp_path):
+    """A table of the few DOFs that matter, with their rows counted from 1."""
+    part = write(tmp_path, "mtx")
+    (tmp_path / "dofs.csv").write_text("row,node,direction,position\n1,a,x,0\n2,a,rz,0\n17,b,x,0.16\n18,b,rz,0.16\n")
+    np.testing.assert_allclose(load(tmp_path, part, at=("a", 0.16)).frf(), truth(tmp_path).frf(), rtol=1e-7)
+
+
+def skew(matrix):
+    matrix = matrix.copy()
+    matrix[2, 5] += 1e9
+    return matrix
+
+
+def spoilt(matrix, value):
+    matrix = matrix.copy()
+    matrix[3, 3] = value
+    return matrix
+
+
+def changed(**columns):
+    def change():
+        found = table()
+        for name, value in columns.items():
+            found[name] = value(found[name]) if callable(value) else value
+        return found
+
+    return change
+
+
+K, M = beam().matrices().K, beam().matrices().M
+FAULTS = {
+    "no stiffness": ("npz", {"matrices": {"K": None}}, {}, "part.npz: there is no matrix 'K'; there is: D, M, "),
+    "not square": ("npz", {"matrices": {"K": K[:, :17]}}, {}, "the matrix K has the shape (18, 17)."),
+    "sizes": ("npz", {"matrices": {"M": M[:16, :16]}}, {}, "M has 16 rows, K has 18."),
+    "not symmetric": ("mat", {"matrices": {"K": skew(K)}}, {}, "the matrix K is not symmetric: its entry ("),
+    "nan": ("sparse npz", {"matrices": {"K": spoilt(K, np.nan)}}, {}, "the entry (4, 4) of K is nan."),
+    "infinite": ("mat", {"matrices": {"M": spoilt(M, np.inf)}}, {}, "the entry (4, 4) of M is inf."),
+    "complex": ("npz", {"matrices": {"K": K + 0j}}, {}, "the matrix K holds complex128 entries."),
+    "negative mass": ("npz", {"matrices": {"M": spoilt(M, -1.0)}}, {}, "the mass of row 4 is negative: -1."),
+    "unknown node": ("npz", {}, {"nodes": ["n1", "n99"]}, "there is no node 'n99' with these directions."),
+    "unknown direction": ("npz", {}, {"displacement": "uy"}, "no DOF has the direction 'uy', which is taken for x."),
+    "unknown rotation": ("npz", {}, {"rotation": "ry"}, "no DOF has the direction 'ry', which is taken for rz."),
+    "no table": ("npz", {"columns": lambda: {}}, {}, "there is no table of DOFs: no 'nodes', no 'directions'."),
+    "no directions": ("npz", {"columns": lambda: {"nodes": table()["nodes"]}}, {}, "there is no 'directions' beside"),
+    "short table": ("npz", {"columns": changed(nodes=table()["nodes"][1:])}, {}, "nodes 17, directions 18, positions"),
+    "double DOF": ("npz", {"columns": changed(directions=["x"] * 18)}, {}, "DOF 2: x of node 'n1' is already DOF 1."),
+    "two places": (
+        "npz", {"columns": changed(positions=lambda c: [*c[:-1], 1.0])}, {}, "node 'n9' is at 0.16 and at 1.",
+    ),
+    "row": ("npz", {"columns": changed(rows=[*range(1, 18), 99])}, {}, "row 99 is not in the matrices, which have 18 "),
+    "two dampings": ("npz", {}, {"loss_factor": 0.01}, "there is a matrix D beside 'loss_factor'."),
+    "missing file": ("npz", {}, {"file": "other.npz"}, "other.npz: there is no such file."),
+    "folder": ("npz", {}, {"file": "."}, ": this is not a file."),
+    "ending": ("npz", {}, {"file": "part.op4"}, "'.op4' is not the ending of an archive of matrices."),
+    "no source": ("npz", {}, {"file": None}, "the matrices come either from 'file' or from 'mass' and 'stiffness'"),
+    "no table file": ("mtx", {}, {"dofs": None}, "files of single matrices need 'mass', 'stiffness' and the table"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_every_bad_file_is_one_clear_error(case, tmp_path):
+    form, made, options, said = FAULTS[case]
+    made = {name: value() if callable(value) else value for name, value in made.items()}
+    part = write(tmp_path, form, **made)
+    (tmp_path / "part.op4").write_text("1\n")
+    section = {key: value for key, value in (part | options).items() if value is not None}
+    with pytest.raises(DescriptionError) as caught:
+        load(tmp_path, section)
+    assert len(caught.value.faults) == 1
+    assert said in str(caught.value)
+    assert "substructures.part\n" in str(caught.value)
+
+
+DAMAGED = {
+    "part.npz": [b"", b"PK\x03\x04 no archive", b"MATLAB"],
+    "part.mat": [b"", b"PK\x03\x04", b"MATLAB 5.0 MAT-file" + 200 * b"\0"],
+    "K.mtx": [
+        b"",
+        b"%%MatrixMarket matrix coordinate real general\n18 18 999999999\n1 1 1.0\n",
+        b"%%MatrixMarket matrix coordinate complex general\n1 1 1\n1 1 1.0 2.0\n",
+        b"%%MatrixMarket matrix array real general\n99999 99999\n1.0\n",
+        b"%%MatrixMarket matrix coordinate real general\n2 2 1\n7 7 1.0\n",
+    ],
+    "dofs.csv": [
+        b"", b"\xff\xfe\x00", b"node;direction\nn1;x\n", b"node,direction\nn1\n",
+        b"node,direction,row\nn1,x,z\n",
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "content"), [(name, content) for name in DAMAGED for content in DAMAGED[name]])
+def test_damaged_files_are_refused(name, content, tmp_path):
+    form = {"part.npz": "npz", "part.mat": "mat"}.get(name, "mtx")
+    part = write(tmp_path, form)
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(DescriptionError) as caught:
+        load(tmp_path, part)
+    assert len(caught.value.faults) == 1
+    assert name in str(caught.value)
+
+
+def test_a_file_that_announces_more_than_it_holds_is_not_begun(tmp_path):
+    part = write(tmp_path, "mtx")
+    (tmp_path / "K.mtx").write_bytes(DAMAGED["K.mtx"][1])
+    with pytest.raises(DescriptionError, match="announces 999999999 entries of a 18 x 18 matrix, more than it holds"):
+        load(tmp_path, part)
+
+
+def test_python_objects_are_never_loaded(tmp_path):
+    part = write(tmp_path, "npz")
+    np.savez(tmp_path / "part.npz", K=np.array([{}], dtype=object), M=M)
+    with pytest.raises(DescriptionError, match="cannot be read"):
+        load(tmp_path, part)
+
+
+def test_parts_of_a_sparse_matrix_that_do_not_fit(tmp_path):
+    part = write(tmp_path, "sparse npz")
+    archive = dict(np.load(tmp_path / "part.npz"))
+    archive["K_indices"] = archive["K_indices"] + 9
+    np.savez(tmp_path / "part.npz", **archive)
+    with pytest.raises(DescriptionError, match="the parts of the sparse matrix K do not fit together"):
+        load(tmp_path, part)
+    del archive["K_indptr"]
+    np.savez(tmp_path / "part.npz", **archive)
+    with pytest.raises(DescriptionError, match="the sparse matrix K lacks 'K_indptr'"):
+        load(tmp_path, part)
+
+
+def test_a_node_that_is_not_there_is_named_with_the_nearest_spelling(tmp_path):
+    part = write(tmp_path, "npz")
+    with pytest.raises(DescriptionError) as caught:
+        load(tmp_path, part, at=("n1", "nn9"))
+    assert "substructure 'part' has no node 'nn9'." in str(caught.value)
+    assert "Did you mean 'n9'?" in str(caught.value)

@@ -1,0 +1,158 @@
+"""The substructure `measured`: sound receptances stand for the part, hostile ones are one clear error."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.assembly import components
+from dovetail.errors import DescriptionError
+
+STEEL = {"young": 2.05e11, "density": 7850.0, "loss_factor": 0.01}
+FREQUENCY = np.arange(50.0, 3001.0, 10.0)
+POINT = [("beam", 0.0, "x"), ("beam", 0.0, "rz")]
+
+
+def beam(length=0.2, outer=0.04, elements=20):
+    sections = [{"length": length, "outer": outer, "elements": elements}]
+    return {"model": "timoshenko_beam", "material": STEEL, "sections": sections}
+
+
+def lines():
+    return {"start": FREQUENCY[0], "stop": FREQUENCY[-1], "step": 10.0}
+
+
+def receptance():
+    """Of the end of a free beam, (n_freq, 2, 2)."""
+    alone = dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "beam",
+            "frequency": lines(),
+            "substructures": {"beam": beam()},
+            "response": {"at": "beam", "position": 0.0},
+        }
+    )
+    return alone.receptance(None, POINT, POINT)
+
+
+def coupled(part):
+    """A rod on springs at the point."""
+    return dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "rod",
+            "frequency": lines(),
+            "substructures": {"rod": beam(0.1, 0.02, 10), "part": part},
+            "joints": {
+                "springs": {
+                    "model": "spring_damper",
+                    "connect": {"a": {"to": "rod", "at": 0.1}, "b": {"to": "part", "at": 0.0}},
+                }
+            },
+            "response": {"at": "rod", "position": 0.0},
+        }
+    )
+
+
+def written(folder, values, frequency=FREQUENCY):
+    file = folder / "end.npz"
+    dovetail.write_receptance(dovetail.ReceptanceMatrix(frequency, values), file)
+    return {"model": "measured", "file": str(file)}
+
+
+def test_a_measured_part_stands_for_the_part_itself(tmp_path):
+    found, whole = coupled(written(tmp_path, receptance())), coupled(beam())
+    np.testing.assert_allclose(found.frf(), whole.frf(), rtol=1e-6)
+
+
+def test_what_is_measured_is_reciprocal_and_passive_and_met_at_its_lines(tmp_path):
+    model = components().find("substructure", "measured").component
+    section = written(tmp_path, receptance())
+    part = model(model.Config(file=section["file"]))
+    H = part.receptance(FREQUENCY, [0, 1])
+    np.testing.assert_allclose(H, receptance(), rtol=1e-14)
+    assert np.max(np.abs(H - np.swapaxes(H, 1, 2)) / np.sqrt(np.abs(H[:, :1, :1] * H[:, 1:, 1:]))) < 1e-8
+    assert np.linalg.eigvalsh((np.swapaxes(H.conj(), 1, 2) - H) / 2j).min() > 0
+    np.testing.assert_array_equal(part.receptance(FREQUENCY, [1])[:, 0, 0], H[:, 1, 1])
+    assert part.matrices() is None
+
+
+@pytest.mark.parametrize("line", [0, 100])
+def test_a_singular_receptance_is_one_clear_error(line, tmp_path):
+    """Rotations drawn from the displacements: the rows depend on each other."""
+    values = receptance()
+    values[line] = values[line, 0, 0] * np.array([[1.0, 2.0], [2.0, 4.0]])
+    with pytest.raises(dovetail.DovetailError) as caught:
+        coupled(written(tmp_path, values)).frf()
+    message = str(caught.value)
+    assert message.startswith(
+        "substructure model 'measured'\n  its receptance between 0 mm x, 0 mm rz cannot be inverted at "
+        f"{FREQUENCY[line]:g} Hz: rows depend on each other (condition "
+    )
+    assert "Displacement and rotation must come from independent measurements" in message
+
+
+def test_a_part_without_rotation_is_one_clear_error(tmp_path):
+    values = receptance()
+    values[:, 1, :] = values[:, :, 1] = 0.0
+    with pytest.raises(dovetail.DovetailError) as caught:
+        coupled(written(tmp_path, values)).frf()
+    assert str(caught.value) == (
+        "substructure model 'measured'\n  its receptance at 0 mm rz is zero at 50 Hz: a part that is held there.\n"
+        "  Connect it with a joint to 'ground' in its place."
+    )
+
+
+def test_displacements_and_rotations_of_very_different_size_are_no_fault(tmp_path):
+    """In other units the same receptance has a condition of 1e16; only what rows share counts."""
+    values = receptance() * np.array([[1.0, 1e8], [1e8, 1e16]])
+    assert np.linalg.cond(values).min() > 1e12
+    assert np.isfinite(coupled(written(tmp_path, values)).frf()).all()
+
+
+def archive(**arrays):
+    return {"frequency": FREQUENCY, "receptance": np.ones((len(FREQUENCY), 2, 2), complex)} | arrays
+
+
+HOSTILE = {
+    "no frequency": (archive(frequency=None), "this is no receptance matrix"),
+    "no receptance": (archive(receptance=None), "this is no receptance matrix"),
+    "words": (archive(frequency=np.array(["a"] * len(FREQUENCY))), "this is no receptance matrix"),
+    "complex axis": (archive(frequency=FREQUENCY + 0j), "this is no receptance matrix"),
+    "objects": (archive(receptance=np.array([{}], dtype=object)), "this is no receptance matrix"),
+    "shape": (archive(receptance=np.ones((3, 2, 2), complex)), "does not fit"),
+    "one FRF": (archive(receptance=np.ones(len(FREQUENCY), complex)), "does not fit"),
+    "nan": (archive(receptance=np.full((len(FREQUENCY), 2, 2), np.nan)), "not finite"),
+    "backwards": (archive(frequency=FREQUENCY[::-1]), "must be positive and increase"),
+    "twice": (archive(frequency=np.repeat(FREQUENCY[:148], 2)), "must be positive and increase"),
+    "from zero": (archive(frequency=FREQUENCY - 50), "must be positive and increase"),
+}
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_hostile_files_are_refused_with_their_name(case, tmp_path):
+    arrays, said = HOSTILE[case]
+    file = tmp_path / "end.npz"
+    np.savez(file, **{name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(DescriptionError) as caught:
+        coupled({"model": "measured", "file": str(file)})
+    assert len(caught.value.faults) == 1
+    assert said in str(caught.value)
+    assert str(file) in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x93NUMPY", b"frequency_Hz,real,imag\n1,2,3\n"])
+def test_damaged_files_are_refused_with_their_name(content, tmp_path):
+    file = tmp_path / "end.npz"
+    file.write_bytes(content)
+    with pytest.raises(DescriptionError, match="this is no receptance matrix") as caught:
+        coupled({"model": "measured", "file": str(file)})
+    assert str(file) in str(caught.value)
+
+
+def test_lines_beyond_the_measured_ones_are_one_clear_error(tmp_path):
+    part = written(tmp_path, receptance()[20:], FREQUENCY[20:])
+    with pytest.raises(dovetail.DovetailError, match="it covers 250 to 3000 Hz, and 50 to 3000 Hz are wanted"):
+        coupled(part).frf()
