@@ -21,7 +21,7 @@ from dovetail.identification.fitting import multistart, refine
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 HEADER = (
-    "| noise | measured | method | chi-squared within 0.95 to 1.05 | median, largest | median time | 99th percentile |\n"
+    "| noise | measured | method | chi-squared 0.95 to 1.05 | median, largest | median time | 99th percentile |\n"
     "|---|---|---|---|---|---|---|"
 )
 
