@@ -89,7 +89,7 @@ def test_the_derivatives_are_those_of_the_residuals(collet, torque_20, kind):
     residual = (
         LogAmplitude(target, target.variance)
         if kind == "logarithm"
-        else Weighted(target, target.variance, np.arange(len(target.frequency)) % 7 > 0)
+        else Weighted.against(target, target.variance, np.arange(len(target.frequency)) % 7 > 0)
     )
     problem, at = FrfMisfit(collet, residual), np.linspace(0.3, 0.7, 12)
     linear = problem.linear(at[None])
@@ -132,7 +132,7 @@ def test_where_nothing_tells_the_noise_the_fit_is_as_good(collet, torque_100):
     told, untold = refine(collet, frf), refine(collet, replace(frf, variance=None))
     assert not untold.variance_known
     assert untold.chi_squared == pytest.approx(1.0, abs=0.15)
-    problem = FrfMisfit(collet, Weighted(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool)))
+    problem = FrfMisfit(collet, Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool)))
     costs = problem.linear(collet.to_unit(np.stack([told.theta, untold.theta]))).cost
     assert costs[1] - costs[0] < 5  # of 8890: a twentieth of its own scatter
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.description import Description
 from dovetail.assembly.parameters import ParameterSpace, Theta
@@ -244,6 +244,17 @@ class Assembly:
             modes = elastic_frequencies(assembly_matrices(self.graph, by_joint), count)
             row[: len(modes)] = modes
         return found[0] if single else found
+
+    def on(self, frequency: ArrayLike) -> Assembly:
+        """Return the same assembly on other frequencies.
+
+        Parameters
+        ----------
+        frequency : (n_freq,) array
+            Hz, positive and increasing; within the range of substructures that are known by their FRFs.
+        """
+        description = replace(self.description, frequency=np.asarray(frequency, dtype=np.float64))
+        return Assembly(description, rigid=self._rigid)
 
     def rigid(self) -> Assembly:
         """Return the same assembly with the contacts of its identified joints rigid.

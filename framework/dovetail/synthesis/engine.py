@@ -22,7 +22,7 @@ from dovetail.synthesis.elimination import Program, eliminate
 from dovetail.synthesis.general import GeneralContributions
 from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.layout import Layout
-from dovetail.synthesis.machine import MachineKernel, aligned_empty, as_vectors
+from dovetail.synthesis.machine import MachineKernel, aligned_empty, as_vectors, compiled
 from dovetail.synthesis.pivoting import PivotedSolver
 from dovetail.synthesis.system import CoupledSystem, Point, Theta
 from dovetail.synthesis.vectors import WIDTH
@@ -114,15 +114,15 @@ class Engine:
 
     @cached_property
     def _receptance_kernel(self) -> MachineKernel:
-        return MachineKernel(kernel_source(self.program, self._layout()))
+        return compiled(kernel_source(self.program, self._layout()))
 
     @cached_property
     def _amplitude_kernel(self) -> MachineKernel:
-        return MachineKernel(kernel_source(self.program, self._layout(), amplitude=True))
+        return compiled(kernel_source(self.program, self._layout(), amplitude=True))
 
     @cached_property
     def _jacobian_kernel(self) -> MachineKernel:
-        return MachineKernel(kernel_source(self.program, self._layout(derivatives=True)))
+        return compiled(kernel_source(self.program, self._layout(derivatives=True)))
 
     @cached_property
     def _static(self) -> NDArray[np.float64]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MachineKernel", "aligned_empty", "as_vectors"]
+__all__ = ["MachineKernel", "aligned_empty", "as_vectors", "compiled"]
 
 _INTEGERS, _ARRAYS = 3, 10
 _CACHE_LINE = 64
@@ -44,6 +45,12 @@ class MachineKernel:
         if not all(array.flags.c_contiguous for array in arrays):
             raise ValueError("the kernel takes contiguous arrays only.")
         self._function(vectors, samples, lines, *(array.ctypes.data for array in arrays))
+
+
+@lru_cache(maxsize=32)
+def compiled(source: str) -> MachineKernel:
+    """Return the kernel of an LLVM IR text; the same text, as on other frequencies, is compiled once."""
+    return MachineKernel(source)
 
 
 def _target_machine() -> Any:

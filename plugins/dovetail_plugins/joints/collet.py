@@ -12,7 +12,7 @@ from pydantic import Field
 
 from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
 from dovetail_plugins.joints.contact_layer import add_contact_layer
-from dovetail_plugins.timoshenko import Material, chain, circle, element_matrices
+from dovetail_plugins.timoshenko import Material, circle, element_matrices
 
 __all__ = ["Collet"]
 
@@ -79,7 +79,7 @@ class Collet(JointModel):
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, 12); D = eta K of the collet's beam."""
         joint = StructuralMatrices.zeros(len(theta), self.size)
-        self._add_beam(joint, theta[:, 0], theta[:, 1])
+        self._add_beam(joint, self._element(theta[:, 0], theta[:, 1]))
         self._add_nut_and_layers(joint, theta[:, 2:])
         return joint
 
@@ -104,12 +104,12 @@ class Collet(JointModel):
 
     def _beam_derivative(self, theta: NDArray[np.float64], column: int) -> StructuralMatrices:
         step = 1e-5 * theta[:, :2] * np.eye(2)[column]
-        above, below = (StructuralMatrices.zeros(len(theta), self.size) for _ in range(2))
-        self._add_beam(above, *(theta[:, :2] + step).T)
-        self._add_beam(below, *(theta[:, :2] - step).T)
+        above, below = (self._element(*(theta[:, :2] + sign * step).T) for sign in (1.0, -1.0))
         width = 2.0 * step[:, column, None, None]
-        high, low = _parts(above), _parts(below)
-        return StructuralMatrices(*((upper - lower) / width for upper, lower in zip(high, low, strict=True)))
+        slopes = ((upper - lower) / width for upper, lower in zip(_parts(above), _parts(below), strict=True))
+        joint = StructuralMatrices.zeros(len(theta), self.size)
+        self._add_beam(joint, StructuralMatrices(*slopes))
+        return joint
 
     def _add_nut_and_layers(self, joint: StructuralMatrices, theta: NDArray[np.float64]) -> None:
         mn1, mn2, kt_tc, kr_tc, ct_tc, cr_tc, kt_hc, kr_hc, ct_hc, cr_hc = theta.T
@@ -119,17 +119,18 @@ class Collet(JointModel):
             add_contact_layer(joint, self._facing(port)[0::2], kt, ct)
             add_contact_layer(joint, self._facing(port)[1::2], kr, cr)
 
-    def _add_beam(self, joint: StructuralMatrices, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
-        finer = int(self.config.elements_per_segment)
-        material = self.config.material
-        element = element_matrices(self.config.segment / finer, circle(outer, inner, material.poisson), material)
-        count = _SEGMENTS * finer
-        repeated = StructuralMatrices(
-            *(np.repeat(getattr(element, name)[:, None], count, axis=1) for name in ("M", "K", "C", "D"))
-        )
-        beam, own = chain(repeated), slice(self._collet_dof(0), self.size)
-        for whole, part in ((joint.M, beam.M), (joint.K, beam.K), (joint.D, beam.D)):
-            whole[:, own, own] += part
+    def _element(self, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the matrices (n, 4, 4) of one element of the collet's beam."""
+        length = self.config.segment / int(self.config.elements_per_segment)
+        return element_matrices(length, circle(outer, inner, self.config.material.poisson), self.config.material)
+
+    def _add_beam(self, joint: StructuralMatrices, element: StructuralMatrices) -> None:
+        """Add the beam of equal elements; it has no viscous damping."""
+        first = self._collet_dof(0)
+        for whole, part in ((joint.M, element.M), (joint.K, element.K), (joint.D, element.D)):
+            for node in range(_SEGMENTS * int(self.config.elements_per_segment)):
+                here = slice(first + 2 * node, first + 2 * node + 4)
+                whole[:, here, here] += part
 
     def _collet_dof(self, node: int) -> int:
         """Local DOF of x of collet node c1 (0) to c5 (4)."""

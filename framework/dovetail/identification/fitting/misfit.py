@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,17 +106,19 @@ class LogAmplitude:
         return np.real(of_values * (self._weight / values)[:, np.newaxis])
 
 
+@dataclass(frozen=True, eq=False)
 class Weighted:
     """Differences over their standard deviation: complex, or of amplitudes where there is no phase.
 
     Parameters
     ----------
-    target : Frf
-        In the quantity of the assembly's response.
+    measured : (n_freq,) array
+        Complex values, or amplitudes.
     variance : (n_freq,) array
-        E|error|^2 of its complex values.
-    used : (n_freq,) bool array
-        The lines that count.
+        E|error|^2 of the complex values.
+    weight : (n_freq,) array
+        By which a line's differences are multiplied.
+    has_phase : bool
 
     Notes
     -----
@@ -124,32 +127,48 @@ class Weighted:
     the noise is as large as the value.
     """
 
-    def __init__(self, target: Frf, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> None:
-        self._target = target
-        self._variance = variance
-        self._weight = used * (np.sqrt(2.0 / variance) if target.has_phase else 1.0 / _rice_deviation(target, variance))
+    measured: NDArray[Any]
+    variance: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    has_phase: bool
+
+    @staticmethod
+    def against(target: Frf, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> Weighted:
+        """Return the residuals against an FRF in the quantity of the assembly's response, of the lines `used`."""
+        weight = np.sqrt(2.0 / variance) if target.has_phase else 1.0 / _rice_deviation(target, variance)
+        measured = target.values if target.has_phase else target.amplitude
+        return Weighted(measured, variance, used * weight, target.has_phase)
+
+    @property
+    def parts(self) -> int:
+        """Residuals of each line: 2 where there is a phase."""
+        return 2 if self.has_phase else 1
+
+    def at(self, lines: NDArray[np.intp]) -> Weighted:
+        """Return the residuals of some lines."""
+        return Weighted(self.measured[lines], self.variance[lines], self.weight[lines], self.has_phase)
 
     def of(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return weighted differences, real and imaginary parts beside each other."""
-        if self._target.has_phase:
-            return _reals((values - self._target.values) * self._weight)
-        mean, _ = _rice_mean(np.abs(values), self._variance)
-        return (mean - self._target.amplitude) * self._weight
+        if self.has_phase:
+            return _reals((values - self.measured) * self.weight)
+        mean, _ = _rice_mean(np.abs(values), self.variance)
+        return (mean - self.measured) * self.weight
 
     def size(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the size (f,) of each line's residual, 1 where it is as large as the noise, for one FRF (f,)."""
         residuals = self.of(values)
-        return (
-            np.hypot(residuals[0::2], residuals[1::2]) / np.sqrt(2.0) if self._target.has_phase else np.abs(residuals)
-        )
+        if self.has_phase:
+            return np.asarray(np.hypot(residuals[0::2], residuals[1::2]) / np.sqrt(2.0))
+        return np.abs(residuals)
 
     def slopes(self, values: NDArray[np.complex128], of_values: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return their derivatives."""
-        if self._target.has_phase:
-            return _reals(of_values * self._weight)
+        if self.has_phase:
+            return _reals(of_values * self.weight)
         amplitude = np.maximum(np.abs(values), np.finfo(float).tiny)
-        _, slope = _rice_mean(amplitude, self._variance)
-        return np.real(of_values * (np.conj(values) / amplitude * slope * self._weight)[:, np.newaxis])
+        _, slope = _rice_mean(amplitude, self.variance)
+        return np.real(of_values * (np.conj(values) / amplitude * slope * self.weight)[:, np.newaxis])
 
 
 def _reals(values: NDArray[np.complex128]) -> NDArray[np.float64]:

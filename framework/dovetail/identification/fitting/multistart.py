@@ -67,7 +67,7 @@ def multistart(
     variance = estimated_variance(target) if known is None else known
     used = np.ones(len(variance), dtype=np.bool_)
     level = variance if objective == "weighted" else np.full_like(variance, variance.mean())
-    problem = FrfMisfit(assembly, Weighted(target, level, used))
+    problem = FrfMisfit(assembly, Weighted.against(target, level, used))
     points = qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts)
     ends = []
     for first in range(0, starts, _AT_ONCE):
@@ -77,7 +77,7 @@ def multistart(
             break
     costs = np.concatenate([end.cost for end in ends])
     best = np.concatenate([end.position for end in ends])[np.argmin(costs)]
-    at_best = FrfMisfit(assembly, Weighted(target, variance, used)).linear(best[np.newaxis])
+    at_best = FrfMisfit(assembly, Weighted.against(target, variance, used)).linear(best[np.newaxis])
     freedom = _freedom(target, best)
     return Fit(
         theta=assembly.from_unit(best),

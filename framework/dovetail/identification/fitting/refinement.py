@@ -151,7 +151,7 @@ class _Refinement:
         return best if self._is_noise(best) else best.with_others(self._fitted(promising[1:]))
 
     def _fitted(self, start: NDArray[np.float64]) -> _Ends:
-        residual = Weighted(self._target, self._variance + self._model_variance, self._used)
+        residual = Weighted.against(self._target, self._variance + self._model_variance, self._used)
         problem = FrfMisfit(self._assembly, residual)
         found = minimise(problem, start, tolerance=_FIT_TOLERANCE, most_steps=_FIT_STEPS)
         self._steps += int(found.steps.sum())
@@ -199,7 +199,7 @@ class _Refinement:
 
     def _sizes(self, ends: _Ends) -> NDArray[np.float64]:
         """Return the size of each line's residual at the best fit, over its standard deviation."""
-        everything = Weighted(self._target, self._variance, np.ones_like(self._used))
+        everything = Weighted.against(self._target, self._variance, np.ones_like(self._used))
         return everything.size(self._values(ends))
 
     @property
