@@ -1,0 +1,1 @@
+"""Samples of the parameters given the measurement."""
