@@ -17,7 +17,19 @@ if TYPE_CHECKING:
     from dovetail.dataset import Dataset, generate
     from dovetail.errors import DovetailError, Fault
     from dovetail.frf import Frf, coherence_spectrum
-    from dovetail.identification import Fit, Identification, Identifier, identify, load_model, predict, train
+    from dovetail.identification import (
+        Band,
+        Fit,
+        Identification,
+        Identifier,
+        Posterior,
+        Verdict,
+        identify,
+        load_model,
+        predict,
+        predict_band,
+        train,
+    )
     from dovetail.interfaces import (
         Component,
         ComponentConfig,
@@ -48,7 +60,20 @@ _HOMES = {
     "dovetail.dataset": ("Dataset", "generate"),
     "dovetail.errors": ("DovetailError", "Fault"),
     "dovetail.frf": ("Frf", "coherence_spectrum"),
-    "dovetail.identification": ("Fit", "Identification", "Identifier", "identify", "load_model", "predict", "train"),
+    "dovetail.identification": (
+        "Band",
+        "Fit",
+        "Identification",
+        "Identifier",
+        "Posterior",
+        "Verdict",
+        "identify",
+        "load_model",
+        "predict",
+        "predict_band",
+        "predict_band",
+        "train",
+    ),
     "dovetail.interfaces": (
         "Component",
         "ComponentConfig",
@@ -77,6 +102,7 @@ _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Assembly",
+    "Band",
     "Component",
     "ComponentConfig",
     "Dataset",
@@ -95,6 +121,7 @@ __all__ = [
     "Node",
     "Parameter",
     "Port",
+    "Posterior",
     "Progress",
     "ReceptanceMatrix",
     "Reducer",
@@ -103,6 +130,7 @@ __all__ = [
     "State",
     "StructuralMatrices",
     "SubstructureModel",
+    "Verdict",
     "coherence_spectrum",
     "generate",
     "hookimpl",
@@ -110,6 +138,7 @@ __all__ = [
     "load",
     "load_model",
     "predict",
+    "predict_band",
     "read_frf",
     "read_receptance",
     "silent",

@@ -26,13 +26,25 @@ def identify(
     measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="The measured FRF: .uff, .csv or .npz.")],
     method: Annotated[
         str,
-        typer.Option(metavar="METHOD", help="network, refined (least squares on the FRF) or multistart."),
+        typer.Option(
+            metavar="METHOD",
+            help="network, refined (least squares on the FRF), posterior (with intervals) or multistart.",
+        ),
     ] = "network",
     starts: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Searches of multistart.", show_default=False)
     ] = None,
     seconds: Annotated[
         float | None, typer.Option(metavar="S", help="Time that multistart may take.", show_default=False)
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Samples of the posterior.", show_default=False)
+    ] = None,
+    model_error: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PART", min=0.0, help="Relative error of natural frequencies that the posterior allows the model."
+        ),
     ] = None,
     objective: Annotated[
         str | None, typer.Option(metavar="NAME", help="Of multistart: frf or weighted.", show_default=False)
@@ -70,7 +82,13 @@ def identify(
     import dovetail
     from dovetail.report import read_truth
 
-    given = {"starts": starts, "seconds": seconds, "objective": objective}
+    given = {
+        "starts": starts,
+        "seconds": seconds,
+        "objective": objective,
+        "samples": samples,
+        "model_error": model_error,
+    }
     options = {name: value for name, value in given.items() if value is not None}
     check_method(method, options)
     frf = dovetail.read_frf(measured, quantity=quantity, accelerometer_mass=accelerometer_mass, index=index)
@@ -139,6 +157,8 @@ def _print(result: Identification, truth: Truth | None) -> None:
         rows.append((row.name, row.value, *true, row.unit, f"{row.lower} to {row.upper}", outside))
     headers = ["parameter", "identified", "truth", "error [%]", "unit", "range", "note"]
     table(headers, rows, numbers=headers[1:4])
+    if result.posterior is not None:
+        _print_posterior(result)
     heading("Natural frequencies [Hz]")
     modes = [
         (
@@ -161,3 +181,18 @@ def _print(result: Identification, truth: Truth | None) -> None:
     say(f"Mean coherence of measured and reconstructed FRF: {result.mean_coherence:.3f}")
     for warning in warnings_of(result, truth):
         say(f"Note: {warning}")
+
+
+def _print_posterior(result: Identification) -> None:
+    from dovetail.report.content import posterior_rows
+
+    heading("What the measurement tells of each parameter")
+    rows = [
+        (row.name, row.estimate, f"{row.lower} to {row.upper}", row.unit, row.verdict) for row in posterior_rows(result)
+    ]
+    headers = ["parameter", "estimate", "90 % interval", "unit", "verdict"]
+    table(headers, rows, numbers=headers[1:2])
+    say()
+    for row in posterior_rows(result):
+        if row.verdict != "identified":
+            say(f"{row.name}: {row.verdict}. {row.reason}")

@@ -74,7 +74,9 @@ def check_method(method: str, options: Iterable[str] = ()) -> None:
         )
     for name in options:
         if name not in method_options(method):
-            raise typer.BadParameter(f"the method '{method}' has no such option.", param_hint=f"--{name}")
+            raise typer.BadParameter(
+                f"the method '{method}' has no such option.", param_hint=f"--{name.replace('_', '-')}"
+            )
 
 
 def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: bool) -> None:

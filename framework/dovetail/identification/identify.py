@@ -30,12 +30,13 @@ def identify(
         Of any quantity, without the accelerometer; it must cover the assembly's frequencies.
     method : str
         ``"refined"``: a least-squares fit, down to the measurement's random error. ``"multistart"``: many local
-        searches from all over the ranges. ``"network"``: the answer of `model` as it is.
+        searches from all over the ranges. ``"posterior"``: the refined fit, with intervals and verdicts for each
+        parameter. ``"network"``: the answer of `model` as it is.
     model : Identifier, optional
-        A trained network of this assembly: its answer is one more start of ``"refined"``.
+        A trained network of this assembly: its answer is one more start of the refined fit.
     **options
-        Of the method: ``seed`` for the two fits; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or
-        ``"weighted"``) for ``"multistart"``.
+        Of the method: ``seed`` for all but the network; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or
+        ``"weighted"``) for ``"multistart"``; ``samples`` and ``model_error`` for ``"posterior"``.
 
     Returns
     -------

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification.fitting.fit import Fit
+from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Scale
 
 __all__ = ["Identification", "IdentifiedParameter", "Mode"]
@@ -92,8 +93,8 @@ class Identification:
         Versions, description, measurement and seed; plain values.
     fit : Fit or None
         How good the fit is; None where nothing was fitted.
-    interval : None
-        The network gives no intervals.
+    posterior : Posterior or None
+        Samples of the parameters, and how far each is known; with the method "posterior" only.
     """
 
     method: str
@@ -105,12 +106,17 @@ class Identification:
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any]
     fit: Fit | None = None
-    interval: None = None
+    posterior: Posterior | None = None
 
     @property
     def theta(self) -> NDArray[np.float64]:
         """(n_params,) SI values, in the order of ``assembly.parameters``."""
         return np.array([parameter.value for parameter in self.parameters.values()])
+
+    @property
+    def interval(self) -> Mapping[str, tuple[float, float]] | None:
+        """The 90 % interval of each parameter [SI] by name; None with methods that do not tell."""
+        return None if self.posterior is None else self.posterior.interval()
 
     @property
     def coherence(self) -> NDArray[np.float64]:
@@ -133,7 +139,8 @@ class Identification:
             "mean_coherence": self.mean_coherence,
             "modes": [asdict(mode) for mode in self.modes],
             "warnings": list(self.warnings),
-            "interval": self.interval,
+            "interval": None if self.interval is None else {name: list(ends) for name, ends in self.interval.items()},
+            "posterior": None if self.posterior is None else self.posterior.to_dict(),
             "fit": None if self.fit is None else self.fit.to_dict(),
             "provenance": dict(self.provenance),
             "frequency_Hz": self.frf.frequency.tolist(),

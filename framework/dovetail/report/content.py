@@ -18,12 +18,14 @@ __all__ = [
     "EvaluationRow",
     "ModeRow",
     "ParameterRow",
+    "PosteriorRow",
     "evaluation_rows",
     "fit_sentence",
     "is_synthetic",
     "known_rows",
     "mode_rows",
     "parameter_rows",
+    "posterior_rows",
     "provenance_rows",
     "warnings_of",
 ]
@@ -75,6 +77,22 @@ class ModeRow:
     reconstructed_peak: str
     measured_peak: str
     difference: str
+
+
+@dataclass(frozen=True)
+class PosteriorRow:
+    """What the measurement tells of one parameter; `low`, `middle` and `high` are parts of the range."""
+
+    name: str
+    estimate: str
+    lower: str
+    upper: str
+    unit: str
+    verdict: str
+    reason: str
+    low: float | None
+    middle: float | None
+    high: float | None
 
 
 @dataclass(frozen=True)
@@ -144,6 +162,32 @@ def evaluation_rows(result: Identification) -> list[EvaluationRow]:
                 mae=number(found["mae_si"] * factor, 3),
                 unit=unit,
                 mae_of_range=fixed(100.0 * found["mae"], 1),
+            )
+        )
+    return rows
+
+
+def posterior_rows(result: Identification) -> list[PosteriorRow]:
+    """Return how far each parameter is known; nothing with methods that do not tell."""
+    if result.posterior is None:
+        return []
+    posterior, intervals = result.posterior, result.posterior.interval()
+    rows = []
+    for (name, parameter), estimate in zip(result.parameters.items(), posterior.estimate.tolist(), strict=True):
+        shown, (low, high) = display_unit(parameter.unit, parameter.lower, parameter.upper), intervals[name]
+        verdict = posterior.verdicts[name]
+        rows.append(
+            PosteriorRow(
+                name=name,
+                estimate=number(estimate * shown.factor),
+                lower=number(low * shown.factor),
+                upper=number(high * shown.factor),
+                unit=shown.text,
+                verdict=verdict.word,
+                reason=verdict.reason,
+                low=_place(parameter, low),
+                middle=_place(parameter, estimate),
+                high=_place(parameter, high),
             )
         )
     return rows

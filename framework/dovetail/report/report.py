@@ -79,6 +79,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "joints": list(dict.fromkeys(parameter.joint for parameter in result.parameters.values())),
         "warnings": content.warnings_of(result, truth),
         "truth": truth,
+        "posterior": content.posterior_rows(result),
         "parameters": content.parameter_rows(result, truth),
         "known": content.known_rows(result),
         "modes": content.mode_rows(result, truth),

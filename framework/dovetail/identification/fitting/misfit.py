@@ -153,7 +153,7 @@ class Weighted:
         if self.has_phase:
             return _reals((values - self.measured) * self.weight)
         mean, _ = _rice_mean(np.abs(values), self.variance)
-        return (mean - self.measured) * self.weight
+        return np.asarray((mean - self.measured) * self.weight)
 
     def size(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the size (f,) of each line's residual, 1 where it is as large as the noise, for one FRF (f,)."""
@@ -168,7 +168,7 @@ class Weighted:
             return _reals(of_values * self.weight)
         amplitude = np.maximum(np.abs(values), np.finfo(float).tiny)
         _, slope = _rice_mean(amplitude, self.variance)
-        return np.real(of_values * (np.conj(values) / amplitude * slope * self.weight)[:, np.newaxis])
+        return np.asarray(np.real(of_values * (np.conj(values) / amplitude * slope * self.weight)[:, np.newaxis]))
 
 
 def _reals(values: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -63,7 +63,7 @@ class Chart:
 
     def components(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the components (n, d) of the residuals at z (n, d)."""
-        return self._problem.residuals(z) @ self._tangent
+        return np.asarray(self._problem.residuals(z) @ self._tangent)
 
     def solve(self, target: NDArray[np.float64], start: NDArray[np.float64], most_steps: int) -> Solved:
         """Find z whose components are given, all rows side by side.

@@ -135,15 +135,13 @@ class _Drawing:
         spread = np.linalg.cholesky(np.linalg.inv(information + 12.0 * np.eye(len(best))))
         cloud = best + 0.3 * self._random.standard_normal((_PILOTS, len(best))) @ spread.T
         snapshots = self._exact.residuals(np.clip(cloud, 1e-3, 1.0 - 1e-3))
-        known: NDArray[np.float64] | None = None
-        mode = best
+        mode, known = best, np.empty((0, len(best) + len(self._nuisance)))
         for round_ in range(_MOST_ROUNDS):
             whole = np.concatenate([snapshots, origin + 3.0 * self._nuisance])
             reduced = ReducedMisfit(self._assembly, self._residual, whole, origin, _TOLERANCE)
             problem = PriorAndData(reduced, reduced.projected(self._nuisance))
-            z = problem.coordinates(best) if known is None else mode
-            mode = _mode(problem, z)
-            known = mode[np.newaxis] if known is None else np.concatenate([known, mode[np.newaxis]])
+            mode = _mode(problem, mode if round_ else problem.coordinates(best))
+            known = np.concatenate([known, mode[np.newaxis]])
             chart = Chart(problem, mode)
             target = self._random.standard_normal((_PILOTS, len(mode)))
             pilots = chart.solve(target, _nearest(chart, target, known), _PILOT_STEPS)
@@ -169,7 +167,7 @@ def _nearest(chart: Chart, target: NDArray[np.float64], known: NDArray[np.float6
     """Return, for each target, the known place whose components are nearest."""
     components = chart.components(known)
     squares = np.einsum("kd,kd->k", components, components) - 2.0 * target @ components.T
-    return known[np.argmin(squares, axis=1)]
+    return np.asarray(known[np.argmin(squares, axis=1)])
 
 
 class _InCube:

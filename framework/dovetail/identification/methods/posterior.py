@@ -1,0 +1,55 @@
+"""The posterior: the refined fit, and samples of all parameters that explain the measurement as well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dovetail.assembly import Assembly
+from dovetail.frf import Frf
+from dovetail.identification.methods import refined
+from dovetail.identification.posterior import MODEL_ERROR, sample_posterior
+from dovetail.identification.result import Identification
+
+if TYPE_CHECKING:
+    from dovetail.identification.identifier import Identifier
+
+__all__ = ["identify"]
+
+
+def identify(
+    assembly: Assembly,
+    measured: Frf,
+    identifier: Identifier | None = None,
+    *,
+    samples: int = 400,
+    model_error: float = MODEL_ERROR,
+    seed: int | None = None,
+) -> Identification:
+    """Fit the joint to the measured FRF, and tell how far each parameter is known.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    measured : Frf
+        On the assembly's frequencies.
+    identifier : Identifier, optional
+        Its answer is one more start of the fit.
+    samples : int
+    model_error : float
+        Relative error of natural frequencies that the model is allowed.
+    seed : int, optional
+        The description's by default.
+    """
+    fitted = refined.identify(assembly, measured, identifier, seed=seed)
+    assert fitted.fit is not None
+    posterior = sample_posterior(
+        assembly,
+        measured,
+        fitted.fit,
+        samples=samples,
+        model_error=model_error,
+        seed=assembly.description.identification.seed if seed is None else seed,
+    )
+    origin = {**fitted.provenance, "model_error": model_error}
+    return replace(fitted, method="posterior", posterior=posterior, provenance=origin)

@@ -1,0 +1,196 @@
+"""What a measurement says of each parameter: samples, estimates, intervals, and how far each can be known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+
+__all__ = ["LEVEL", "Posterior", "Verdict", "Word", "quantiles"]
+
+LEVEL = 0.9
+"""Probability that an interval holds the true value."""
+
+Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable"]
+
+_IDENTIFIED, _WEAKLY = 0.9, 0.5
+"""Part of the prior variance that the measurement must take away."""
+_TRADES = 0.6
+"""Correlation from which two parameters are said to trade with each other."""
+_AT_END, _MOSTLY = 0.05, 0.4
+"""A parameter presses against an end of its range if so much of its posterior lies in so small a part of the range."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How far one parameter can be known from the measurement.
+
+    Parameters
+    ----------
+    word : str
+        "identified", "weakly identified" or "not identifiable".
+    gain : float
+        Part of the variance before the measurement that it takes away: 1 where it tells all.
+    reason : str
+        A sentence.
+    """
+
+    word: Word
+    gain: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Weighted samples of the parameters given a measurement.
+
+    Parameters
+    ----------
+    names : tuple of str
+    theta : (n, n_params) array
+        SI.
+    fraction : (n, n_params) array
+        The same in fractions of the ranges, on the parameters' scales.
+    weight : (n,) array
+        Sums to 1.
+    estimate : (n_params,) array
+        SI; posterior means, taken on the parameters' scales.
+    model_error : float
+        Standard deviation of the relative error of natural frequencies that the model was allowed.
+    drawn : int
+        Searches; n of them reached their target.
+    lines : int
+        Lines to which the FRF was reduced.
+    seconds : float
+    """
+
+    names: tuple[str, ...]
+    theta: NDArray[np.float64]
+    fraction: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    estimate: NDArray[np.float64]
+    model_error: float
+    drawn: int
+    lines: int
+    seconds: float
+
+    @staticmethod
+    def of(
+        assembly: Assembly,
+        fraction: NDArray[np.float64],
+        weight: NDArray[np.float64],
+        *,
+        model_error: float,
+        drawn: int,
+        lines: int,
+        seconds: float,
+    ) -> Posterior:
+        """Return the posterior with these samples, in fractions of the assembly's ranges."""
+        return Posterior(
+            names=tuple(parameter.name for parameter in assembly.parameters),
+            theta=assembly.from_unit(fraction),
+            fraction=fraction,
+            weight=weight,
+            estimate=assembly.from_unit(weight @ fraction),
+            model_error=model_error,
+            drawn=drawn,
+            lines=lines,
+            seconds=seconds,
+        )
+
+    @property
+    def effective(self) -> float:
+        """Effective sample size: so many independent, equally weighted samples tell as much (Kish)."""
+        return float(1.0 / np.sum(self.weight**2))
+
+    @property
+    def reached(self) -> float:
+        """Part of the searches that reached their target; the others are where the posterior folds over."""
+        return len(self.weight) / self.drawn
+
+    def interval(self, level: float = LEVEL) -> Mapping[str, tuple[float, float]]:
+        """Return the central interval of each parameter, SI, by name."""
+        ends = quantiles(self.theta, self.weight, [(1.0 - level) / 2.0, (1.0 + level) / 2.0])
+        return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
+
+    @cached_property
+    def correlation(self) -> NDArray[np.float64]:
+        """(n_params, n_params) correlations, on the parameters' scales."""
+        centred = self.fraction - self.weight @ self.fraction
+        covariance = (centred * self.weight[:, np.newaxis]).T @ centred
+        deviation = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+        return np.asarray(covariance / np.outer(deviation, deviation))
+
+    @cached_property
+    def verdicts(self) -> Mapping[str, Verdict]:
+        """How far each parameter can be known, by name."""
+        mean = self.weight @ self.fraction
+        gains = np.clip(1.0 - 12.0 * (self.weight @ (self.fraction - mean) ** 2), 0.0, 1.0)
+        return {name: self._verdict(index, float(gains[index])) for index, name in enumerate(self.names)}
+
+    def _verdict(self, index: int, gain: float) -> Verdict:
+        word: Word = (
+            "identified" if gain >= _IDENTIFIED else "weakly identified" if gain >= _WEAKLY else "not identifiable"
+        )
+        low = float(self.weight @ (self.fraction[:, index] < _AT_END))
+        high = float(self.weight @ (self.fraction[:, index] > 1.0 - _AT_END))
+        reasons = []
+        if max(low, high) >= _MOSTLY:
+            reasons.append(f"it presses against the {'lower' if low > high else 'upper'} end of its range")
+        if word != "identified":
+            reasons.append(self._trade(index))
+        reason = "; ".join(reasons) or "the measurement fixes it"
+        return Verdict(word, gain, f"{reason[0].upper()}{reason[1:]}.")
+
+    def _trade(self, index: int) -> str:
+        """Say with what a parameter that is not well known trades, or that the FRF hardly depends on it."""
+        row = self.correlation[index].copy()
+        row[index] = 0.0
+        partners = [int(other) for other in np.argsort(-np.abs(row))[:2] if abs(row[other]) >= _TRADES]
+        if not partners:
+            return "the FRF hardly depends on it"
+        named = " and ".join(f"{self.names[other]} (correlation {row[other]:+.2f})" for other in partners)
+        return f"it trades with {named}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but the samples as plain values, fit for JSON."""
+        intervals = self.interval()
+        return {
+            "level": LEVEL,
+            "parameters": {
+                name: {
+                    "estimate": float(estimate),
+                    "interval": list(intervals[name]),
+                    "verdict": self.verdicts[name].word,
+                    "gain": self.verdicts[name].gain,
+                    "reason": self.verdicts[name].reason,
+                }
+                for name, estimate in zip(self.names, self.estimate, strict=True)
+            },
+            "correlation": self.correlation.tolist(),
+            "effective_samples": self.effective,
+            "reached": self.reached,
+            "model_error": self.model_error,
+            "lines": self.lines,
+            "seconds": self.seconds,
+            "samples": {"theta": self.theta.tolist(), "weight": self.weight.tolist()},
+        }
+
+
+def quantiles(
+    values: NDArray[np.float64], weight: NDArray[np.float64], levels: list[float]
+) -> tuple[NDArray[np.float64], ...]:
+    """Return weighted quantiles of the columns of (n, m) values, an (m,) array for each level."""
+    order = np.argsort(values, axis=0)
+    ordered = np.take_along_axis(values, order, axis=0)
+    below = np.cumsum(weight[order], axis=0) - 0.5 * weight[order]
+    return tuple(
+        np.array([np.interp(level, below[:, column], ordered[:, column]) for column in range(values.shape[1])])
+        for level in levels
+    )

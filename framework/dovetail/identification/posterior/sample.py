@@ -1,0 +1,76 @@
+"""The posterior of an assembly's parameters from one measured FRF and its best fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dovetail.assembly import Assembly
+from dovetail.errors import Fault, ParameterError
+from dovetail.frf import Frf
+from dovetail.identification.fitting import Fit
+from dovetail.identification.fitting.misfit import Weighted
+from dovetail.identification.posterior.model_error import MODEL_ERROR, model_errors
+from dovetail.identification.posterior.posterior import Posterior
+from dovetail.identification.posterior.sampling import draw
+
+__all__ = ["sample_posterior"]
+
+
+def sample_posterior(
+    assembly: Assembly,
+    measured: Frf,
+    fit: Fit,
+    *,
+    samples: int = 400,
+    model_error: float = MODEL_ERROR,
+    seed: int = 0,
+) -> Posterior:
+    """Draw samples of the parameters given a measured FRF.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Its ranges are the prior: uniform on the parameters' scales.
+    measured : Frf
+        On the assembly's frequencies.
+    fit : Fit
+        Of the same measurement. Its random error and the lines it left out are taken over, and so is the part of the
+        FRF by which it found the model to be off.
+    samples : int
+        Searches, each of which gives one sample.
+    model_error : float
+        Standard deviation of the relative error of natural frequencies that the model is allowed, 0 for a model that
+        is exact; twice as much for magnitude and phase. It cannot be told from the measurement, since
+        the parameters follow it.
+    seed : int
+
+    Returns
+    -------
+    Posterior
+
+    Raises
+    ------
+    ParameterError
+        An option is out of its range.
+    """
+    if samples < 1:
+        raise ParameterError(Fault("samples", f"{samples} samples are none.", "1 or more"))
+    if not (np.isfinite(model_error) and 0.0 <= model_error < 1.0):
+        raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
+    target = measured.to(assembly.description.response.quantity)
+    values = assembly.frf(fit.theta)
+    used = ~np.isin(target.frequency, fit.ignored)
+    residual = Weighted.against(target, fit.variance + (fit.discrepancy * np.abs(values)) ** 2, used)
+    errors = model_errors(assembly.frequency, values, model_error)
+    with_errors = residual.slopes(values[np.newaxis], errors[np.newaxis])[0]
+    best = assembly.to_unit(fit.theta)
+    drawn = draw(assembly, residual, best, fit.information, with_errors, count=samples, seed=seed)
+    return Posterior.of(
+        assembly,
+        drawn.fraction,
+        drawn.weight,
+        model_error=model_error,
+        drawn=drawn.drawn,
+        lines=drawn.lines,
+        seconds=drawn.seconds,
+    )
