@@ -116,11 +116,8 @@ def main(sizes: Iterable[int] = (2, 3, 4, 6, 8, 10, 15), lines: int = 4451, long
     print(f"times in ms, one thread, {lines} lines; the engine compiles up to {chosen} multiplications without loops")
     print(f"{'':29}{'straight-line code':>30}{'loops':>30}{'LAPACK':>8}")
     titles = ["first", "FRF", "+Jacobian"]
-    print(
-        f"{'':7}{'boundary':>9}{'mult.':>8}{'param.':>7}"
-        + "".join(f"{title:>10}" for title in titles * 2)
-        + f"{'FRF':>8}"
-    )
+    heads = "".join(f"{title:>10}" for title in titles * 2)
+    print(f"{'':7}{'boundary':>9}{'mult.':>8}{'param.':>7}{heads}{'FRF':>8}")
     for kind, make in (("beams", beams), ("blocks", blocks)):
         for nodes in sizes:
             graph = make(nodes)
