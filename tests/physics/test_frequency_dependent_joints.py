@@ -6,39 +6,14 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from masses_in_a_row import SIGN, Viscoelastic, chain, spring
 
 import dovetail
-from dovetail import ComponentConfig, JointModel, Parameter, Port
 from dovetail.errors import PluginError
-from dovetail.registry import Registry
-from dovetail.synthesis import Attachment, Connection, Engine, Graph, assembly_matrices
+from dovetail.synthesis import Engine, assembly_matrices
 
 FREQUENCY = np.linspace(20.0, 900.0, 61)
 THETA = np.array([[1e6, 1e3, 0.5], [3e6, 5e2, 0.3], [2e5, 8e3, 0.7]])
-SIGN = np.array([1.0, 0.0, -1.0, 0.0])
-
-
-class Viscoelastic(JointModel):
-    """A layer with a fractional derivative: k + c (i omega)^alpha between the ports (Bagley and Torvik 1983)."""
-
-    name, summary = "viscoelastic", "Test joint"
-    parameters = (
-        Parameter("k", "N/m", 1e5, 1e7, "log"),
-        Parameter("c", "N s^alpha/m", 1e2, 1e4, "log"),
-        Parameter("alpha", "1", 0.2, 0.8),
-    )
-    ports = (Port("a", 1), Port("b", 1))
-
-    class Config(ComponentConfig):
-        """No options."""
-
-    def matrices(self, theta):
-        raise AssertionError("the dynamic stiffness says all")
-
-    def dynamic_stiffness(self, frequency, theta):
-        k, c, alpha = (column[:, None] for column in theta.T)
-        spring = k + c * (2j * np.pi * frequency) ** alpha
-        return spring[..., None, None] * np.outer(SIGN, SIGN)
 
 
 class Differentiated(Viscoelastic):
@@ -65,26 +40,6 @@ class Stray(Viscoelastic):
         Z = super().dynamic_stiffness(frequency, theta)
         Z[theta[:, 0] > 2e6, :, 1, 1] = 1.0
         return Z
-
-
-def chain(*joints: JointModel) -> tuple[Graph, list]:
-    """Masses of 1 kg in a row with the joints between them; force and response at the first."""
-    registry = Registry()
-    registry.load_entry_points()
-    lumped = registry.find("substructure", "lumped").component
-    parts = {f"m{i}": lumped(lumped.Config(masses=[{"mass": 1.0}])) for i in range(len(joints) + 1)}
-    connections = {
-        f"j{i}": Connection(joint, (Attachment(f"m{i}", (0,)), Attachment(f"m{i + 1}", (0,))))
-        for i, joint in enumerate(joints)
-    }
-    return Graph(parts, connections), [("m0", 0)]
-
-
-def spring() -> JointModel:
-    registry = Registry()
-    registry.load_entry_points()
-    model = registry.find("joint", "spring_damper").component
-    return model(model.Config(direction="x"))
 
 
 def exact(theta: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from dovetail.synthesis.elimination import Program, eliminate
 from dovetail.synthesis.general import GeneralContributions
 from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.layout import Layout
+from dovetail.synthesis.loops import looped_kernel_source
 from dovetail.synthesis.machine import MachineKernel, aligned_empty, as_vectors, compiled
 from dovetail.synthesis.pivoting import PivotedSolver
 from dovetail.synthesis.system import CoupledSystem, Point, Theta
@@ -29,6 +30,12 @@ from dovetail.synthesis.vectors import WIDTH
 
 __all__ = ["Engine"]
 
+STRAIGHT_LINE = 1500
+"""Multiplications a line up to which an elimination is compiled without loops, in less than a second.
+
+The route depends on the system alone, never on the number of samples, so that an FRF is the same bit for bit however it
+is asked for.
+"""
 _SAMPLES_AT_ONCE = 64
 """Most samples in one call of the kernel: enough to use each vector of substructure data well."""
 _SAMPLES_GATHERED = 512
@@ -112,17 +119,22 @@ class Engine:
             parameters=found.parameters,
         )
 
+    def _kernel(self, layout: Layout, *, amplitude: bool = False) -> MachineKernel:
+        if self.program.multiplications > STRAIGHT_LINE:
+            return MachineKernel(*looped_kernel_source(self.program, layout, amplitude=amplitude))
+        return compiled(kernel_source(self.program, layout, amplitude=amplitude))
+
     @cached_property
     def _receptance_kernel(self) -> MachineKernel:
-        return compiled(kernel_source(self.program, self._layout()))
+        return self._kernel(self._layout())
 
     @cached_property
     def _amplitude_kernel(self) -> MachineKernel:
-        return compiled(kernel_source(self.program, self._layout(), amplitude=True))
+        return self._kernel(self._layout(), amplitude=True)
 
     @cached_property
     def _jacobian_kernel(self) -> MachineKernel:
-        return compiled(kernel_source(self.program, self._layout(derivatives=True)))
+        return self._kernel(self._layout(derivatives=True))
 
     @cached_property
     def _static(self) -> NDArray[np.float64]:

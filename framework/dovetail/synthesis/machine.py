@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 __all__ = ["MachineKernel", "aligned_empty", "as_vectors", "compiled"]
 
-_INTEGERS, _ARRAYS = 3, 10
+_INTEGERS, _ARRAYS = 3, 11
 _CACHE_LINE = 64
 
 
@@ -22,7 +22,9 @@ class MachineKernel:
     Parameters
     ----------
     source : str
-        LLVM IR of a function ``kernel`` of three integers and ten arrays.
+        LLVM IR of a function ``kernel`` of three integers and eleven arrays, the last one its scratch memory.
+    scratch : int
+        Number of doubles in the scratch memory.
 
     Notes
     -----
@@ -30,21 +32,23 @@ class MachineKernel:
     inferred, vectorised or kept on disk.
     """
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, scratch: int = 0) -> None:
         import llvmlite.binding as llvm
 
         module = llvm.parse_assembly(source)
         module.verify()
+        self.scratch = scratch
         self._engine = llvm.create_mcjit_compiler(module, _target_machine())
         self._engine.finalize_object()
         signature = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * _INTEGERS, *[ctypes.c_void_p] * _ARRAYS)
         self._function: Callable[..., None] = signature(self._engine.get_function_address("kernel"))
 
     def __call__(self, vectors: int, samples: int, lines: int, arrays: Sequence[NDArray[Any]]) -> None:
-        """Run the kernel on C-contiguous arrays, in the order of its arguments."""
+        """Run the kernel on C-contiguous arrays, in the order of its arguments but the scratch."""
         if not all(array.flags.c_contiguous for array in arrays):
             raise ValueError("the kernel takes contiguous arrays only.")
-        self._function(vectors, samples, lines, *(array.ctypes.data for array in arrays))
+        scratch = aligned_empty((self.scratch,), np.float64)
+        self._function(vectors, samples, lines, *(array.ctypes.data for array in (*arrays, scratch)))
 
 
 @lru_cache(maxsize=32)

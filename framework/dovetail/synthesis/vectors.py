@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-__all__ = ["VECTOR", "WIDTH", "ComplexVector", "VectorWriter", "constant", "declarations"]
+from collections.abc import Callable, Sequence
+
+__all__ = ["MASK", "VECTOR", "WIDTH", "ComplexVector", "VectorWriter", "constant", "declarations"]
 
 WIDTH = 8
 """Frequencies in a vector."""
 VECTOR = f"<{WIDTH} x double>"
+MASK = f"<{WIDTH} x i1>"
 
 ComplexVector = tuple[str | None, str | None]
 """Names of real and imaginary part; None is zero."""
@@ -76,6 +79,54 @@ class VectorWriter:
         real = self.multiply_add(minus, y[1], self.multiply_add(x[0], y[0], z[0]))
         imaginary = self.multiply_add(x[1], y[0], self.multiply_add(x[0], y[1], z[1]))
         return real, imaginary
+
+    def loop(
+        self,
+        first: str | int,
+        last: str | int,
+        body: Callable[[str, list[str]], Sequence[str]],
+        carried: Sequence[tuple[str, str]] = (),
+    ) -> list[str]:
+        """Repeat instructions for each index from `first` to before `last`.
+
+        Parameters
+        ----------
+        first, last : str or int
+        body : callable
+            Takes the names of the index and of the carried values, and returns those that the next round takes.
+        carried : sequence of (str, str)
+            Type and first value of what a round hands to the next.
+
+        Returns
+        -------
+        list of str
+            The carried values after the last round.
+        """
+        self._count += 1
+        number = self._count
+        names = [f"%carried{number}_{place}" for place in range(len(carried))]
+        self.emit(f"br label %enter{number}")
+        self.lines.append(f"enter{number}:")
+        self.emit(f"br label %test{number}")
+        self.lines.append(f"test{number}:")
+        here = len(self.lines)
+        self.emit(f"%go{number} = icmp slt i64 %index{number}, {last}")
+        self.emit(f"br i1 %go{number}, label %round{number}, label %leave{number}")
+        self.lines.append(f"round{number}:")
+        after = body(f"%index{number}", names)
+        self.emit(f"br label %close{number}")
+        self.lines.append(f"close{number}:")
+        self.emit(f"%next{number} = add i64 %index{number}, 1")
+        self.emit(f"br label %test{number}")
+        self.lines.append(f"leave{number}:")
+        self.lines[here:here] = [
+            f"  %index{number} = phi i64 [{first}, %enter{number}], [%next{number}, %close{number}]",
+            *(
+                f"  {name} = phi {kind} [{start}, %enter{number}], [{value}, %close{number}]"
+                for name, (kind, start), value in zip(names, carried, after, strict=True)
+            ),
+        ]
+        return names
 
 
 def constant(value: float) -> str:
