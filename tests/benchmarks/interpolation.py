@@ -2,7 +2,7 @@
 
     python tests/benchmarks/interpolation.py [--samples N] [-o FOLDER]
 
-Three ways to choose the exact lines: those that AAA picks when it knows all 4451 (nobody can, but it shows what there is
+Three ways to choose the exact lines: those that AAA picks when it knows all 4451 (nobody can, but it shows what is
 to gain); adaptively, each next line where the last two functions differ most; and Chebyshev's points, the same for all.
 Errors are relative to the FRF computed at every line, the greatest over all lines. With -o the table and the figure are
 written.
