@@ -21,7 +21,7 @@ DATASET = """
 import json, re, resource, sys, time, dovetail
 assembly = dovetail.load(sys.argv[1])
 start = time.perf_counter()
-dataset = dovetail.generate(assembly, sys.argv[2], samples=int(sys.argv[3]), storage=sys.argv[4])
+dataset = dovetail.generate(assembly, sys.argv[2], samples=int(sys.argv[3]), **json.loads(sys.argv[4]))
 seconds = time.perf_counter() - start
 try:
     kilobytes = int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
@@ -49,11 +49,11 @@ def first_frf() -> tuple[float, float]:
     return ever, later
 
 
-def written_dataset(samples: int, storage: str) -> tuple[float, float, float]:
+def written_dataset(samples: int, **options: object) -> tuple[float, float, float]:
     """Return the seconds that a dataset takes to be computed and written, its bytes, and the process's peak memory."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "data.zarr"
-        _, printed = run(DATASET, ASSEMBLY, path, samples, storage)
+        _, printed = run(DATASET, ASSEMBLY, path, samples, json.dumps(options))
         size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     seconds, memory = json.loads(printed)
     return seconds, size, memory

@@ -22,12 +22,12 @@ def test_the_synthesis_benchmark_prints_each_route_and_what_is_aimed_at(tmp_path
     printed = run("synthesis.py", "--samples", 16, "--rounds", 1, "--written", 64, "-o", tmp_path)
     table = cells(printed)
     routes = [row for row in table if row[0].startswith(("literal", "engine, "))]
-    assert len(routes) in (4, 7)
+    assert len(routes) in (5, 9)
     assert routes[0][3] == "1"
     for _, milliseconds, rate, ratio in routes:
         assert abs(float(milliseconds) * float(rate) / 1000 - 1) < 0.2
         assert int(ratio) >= 1
-    assert len([row for row in table if re.search(r"\d (times|s|GB)$", row[1])]) == 9
+    assert len([row for row in table if re.search(r"\d (times|s|GB)$", row[1])]) == 11
     assert cells((tmp_path / "comparison.md").read_text()) == table
 
 
@@ -39,3 +39,11 @@ def test_the_cost_benchmark_prints_a_slope_for_each_quantity(tmp_path):
     assert {*slopes} == {"lines", "samples", "joint DOFs", "boundary DOFs"}
     assert (tmp_path / "cost.md").exists()
     assert "<svg" in (tmp_path / "cost.svg").read_text()
+
+
+def test_the_study_of_interpolation_prints_errors_and_times_by_number_of_lines(tmp_path):
+    rows = cells(run("interpolation.py", "--samples", 64, "-o", tmp_path))
+    errors = {int(row[0]): float(row[4]) for row in rows if row[0].isdigit()}
+    assert errors[13] > 1e3 * errors[33] > 0
+    assert float(rows[-1][8].split()[0]) > 0
+    assert "<svg" in (tmp_path / "interpolation.svg").read_text()

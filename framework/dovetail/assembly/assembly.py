@@ -19,7 +19,7 @@ from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import DIRECTIONS, Parameter
 from dovetail.registry import Registry, installed_components
-from dovetail.synthesis import Engine, Graph, Point, assembly_matrices, elastic_frequencies
+from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, assembly_matrices, elastic_frequencies
 
 __all__ = ["Assembly", "load"]
 
@@ -27,6 +27,8 @@ PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str
 """One plugin file, or several."""
 
 _PROBES = 5
+_TRIALS = 256
+"""FRFs by which the number of exact lines is chosen, between which the others are interpolated."""
 
 
 class Assembly:
@@ -37,12 +39,15 @@ class Assembly:
     description : Description
     rigid : bool
         Whether the contacts of the joints with sought parameters are taken as rigid.
+    interpolation : float, optional
+        Interpolate FRFs between exact lines up to this relative error, as `interpolated` does.
     """
 
-    def __init__(self, description: Description, *, rigid: bool = False) -> None:
+    def __init__(self, description: Description, *, rigid: bool = False, interpolation: float | None = None) -> None:
         self.description = description
         self._space = ParameterSpace(description.joints)
         self._rigid = rigid
+        self._interpolation = interpolation
 
     def __repr__(self) -> str:
         return f"Assembly({self.name!r}, {len(self.parameters)} parameters, {len(self.frequency)} lines)"
@@ -74,7 +79,7 @@ class Assembly:
     @cached_property
     def engine(self) -> Engine:
         """The synthesis engine of the response point."""
-        return self._engine([self.drive_point])
+        return self._engine([self.drive_point], self._interpolation)
 
     @property
     def drive_point(self) -> Point:
@@ -87,10 +92,16 @@ class Assembly:
         """What turns a receptance into the response's quantity."""
         return conversion(self.frequency, "receptance", self.description.response.quantity)
 
-    def _engine(self, points: Sequence[Point]) -> Engine:
+    def _engine(self, points: Sequence[Point], interpolation: float | None = None) -> Engine:
         random = np.random.default_rng(0).random((_PROBES, len(self.parameters)))
+        probe = self._by_joint(self.from_unit(random))
         sought = {name: self._space.sought_columns(name) for name in self.graph.connections}
-        return Engine(self.graph, self.frequency, points, self._by_joint(self.from_unit(random)), sought)
+        if interpolation is None:
+            return Engine(self.graph, self.frequency, points, probe, sought)
+        trial = self._by_joint(self.from_unit(np.random.default_rng(1).random((_TRIALS, len(self.parameters)))))
+        return InterpolatedEngine(
+            self.graph, self.frequency, points, probe, sought, tolerance=interpolation, trial=trial
+        )
 
     def _by_joint(self, batch: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         return self._space.by_joint(batch)
@@ -262,7 +273,26 @@ class Assembly:
         Facing DOFs become one, so that contact stiffness and damping no longer act; what else a joint has (the
         collet's beam and nut masses) stays, and so does the list of parameters.
         """
-        return Assembly(self.description, rigid=True)
+        return Assembly(self.description, rigid=True, interpolation=self._interpolation)
+
+    def interpolated(self, tolerance: float = 1e-9) -> Assembly:
+        """Return the same assembly with FRFs that are interpolated between a few exact lines, for large batches.
+
+        Parameters
+        ----------
+        tolerance : float
+            Greatest relative error of an FRF at any line, as estimated: the difference of two rational functions of
+            different degree through the exact lines. An FRF beyond it is computed at every line; so are calls for
+            fewer than 32 FRFs, and sensitivities. The estimate is no bound.
+
+        Raises
+        ------
+        ParameterError
+            The tolerance is not between 1e-12 and 1e-7.
+        """
+        if not 1e-12 <= tolerance <= 1e-7:
+            raise ParameterError(Fault("interpolation", f"the tolerance is {tolerance:g}.", "1e-12 to 1e-7"))
+        return Assembly(self.description, rigid=self._rigid, interpolation=tolerance)
 
 
 def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginPaths = ()) -> Assembly:

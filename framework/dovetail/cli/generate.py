@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -39,6 +40,13 @@ def generate(
         StorageChoice,
         typer.Option(help="Keep the amplitude of each FRF, or its phase too, which takes twice the room."),
     ] = StorageChoice.amplitude,
+    interpolation: Annotated[
+        float | None,
+        typer.Option(
+            metavar="TOLERANCE",
+            help="Compute some lines of each FRF and interpolate the others up to this relative error, as estimated.",
+        ),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a dataset that was interrupted.")] = False,
     plugin: PluginFiles = None,
 ) -> None:
@@ -51,13 +59,21 @@ def generate(
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
     kept: Storage = storage.value
+    chosen = {"samples": samples, "seed": seed, "storage": kept, "interpolation": interpolation}
     try:
         with progress_bars() as progress:
             dataset = dovetail.generate(
-                loaded, output, samples=samples, seed=seed, storage=kept, resume=resume, progress=progress
+                loaded,
+                output,
+                samples=samples,
+                seed=seed,
+                storage=kept,
+                interpolation=interpolation,
+                resume=resume,
+                progress=progress,
             )
     except KeyboardInterrupt:
-        _advise(assembly, output, samples, seed, kept, plugin or [])
+        _advise(assembly, output, chosen, plugin or [])
         raise typer.Exit(INTERRUPTED) from None
     say(
         f"{output}: {len(dataset)} samples of {len(loaded.parameters)} parameters, "
@@ -65,16 +81,13 @@ def generate(
     )
 
 
-def _advise(
-    assembly: Path, output: Path, samples: int | None, seed: int | None, storage: Storage, plugin: list[Path]
-) -> None:
+def _advise(assembly: Path, output: Path, chosen: Mapping[str, object], plugin: list[Path]) -> None:
     """Say what is there after an interruption, and how to go on."""
     if not output.exists():
         note("\nInterrupted before the first sample; nothing was written.")
         return
     command = ["dovetail", "generate", str(assembly), "-o", str(output)]
-    command += [] if samples is None else ["--samples", str(samples)]
-    command += [] if seed is None else ["--seed", str(seed)]
-    command += [] if storage == "amplitude" else ["--storage", storage]
+    given = {name: value for name, value in chosen.items() if value not in (None, "amplitude")}
+    command += [part for name, value in given.items() for part in (f"--{name}", str(value))]
     command += [part for file in plugin for part in ("--plugin", str(file))]
     note(f"\nInterrupted. What is done stays in {output}; go on with:\n  {shlex.join([*command, '--resume'])}")

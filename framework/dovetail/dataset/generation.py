@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import shutil
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ def generate(
     samples: int | None = None,
     seed: int | None = None,
     storage: Storage = "amplitude",
+    interpolation: float | None = None,
     resume: bool = False,
     progress: Progress = silent,
 ) -> Dataset:
@@ -46,6 +48,9 @@ def generate(
     storage : "amplitude" or "complex"
         Keep the amplitude of each FRF as float32, or amplitude and phase as complex64, which takes twice the room.
         Training takes the amplitude of either; the phase is for an `augmentation.mass` without fresh samples.
+    interpolation : float, optional
+        Compute some lines of each FRF and interpolate the others up to this relative error, as estimated
+        (`Assembly.interpolated`). By default every line is computed.
     resume : bool
         Go on with a dataset that was interrupted; what is there already is not computed again, and the result is
         bit for bit that of one uninterrupted run. Chunks that have gone missing or are cut short are computed anew.
@@ -58,24 +63,31 @@ def generate(
     Raises
     ------
     DatasetError
-        The path is taken; what is to be resumed was made with another description, seed, storage or number of samples,
-        or by models whose code has changed; or the disk refuses to be written, and what is there can then be resumed.
+        The path is taken; what is to be resumed was made with another description, seed, storage, interpolation or
+        number of samples, or by models whose code has changed; or the disk refuses to be written, and what is there
+        can then be resumed.
     """
     settings = assembly.description.identification
-    count = settings.samples if samples is None else samples
-    its_seed = settings.seed if seed is None else seed
+    plan = _Plan(
+        settings.samples if samples is None else samples,
+        settings.seed if seed is None else seed,
+        storage,
+        interpolation,
+    )
     if not assembly.parameters:
         raise DatasetError(Fault(assembly.description.source, "no joint parameter is sought: nothing to sample."))
-    if count < 1:
-        raise DatasetError(f"{count} samples were asked for; at least 1 is needed.")
+    if plan.samples < 1:
+        raise DatasetError(f"{plan.samples} samples were asked for; at least 1 is needed.")
     if storage not in get_args(Storage):
         raise DatasetError(Fault("storage", f"{storage!r} was asked for.", listing(get_args(Storage))))
+    if interpolation is not None:
+        assembly = assembly.interpolated(interpolation)
     folder = Path(path)
     try:
         if folder.exists():
-            _check_resumable(folder, assembly, count, its_seed, storage, resume)
+            _check_resumable(folder, assembly, plan, resume)
         else:
-            _create(folder, assembly, count, its_seed, storage)
+            _create(folder, assembly, plan)
         _fill(folder, assembly, progress)
     except OSError as error:
         remedy = "Make room for it and go on with --resume."
@@ -83,7 +95,22 @@ def generate(
     return Dataset(folder)
 
 
-def _check_resumable(folder: Path, assembly: Assembly, samples: int, seed: int, storage: Storage, resume: bool) -> None:
+@dataclass(frozen=True)
+class _Plan:
+    """What a dataset is begun with, and has to be gone on with."""
+
+    samples: int
+    seed: int
+    storage: Storage
+    interpolation: float | None
+
+    @classmethod
+    def of(cls, dataset: Dataset) -> Self:
+        interpolation = dataset.attributes.get("interpolation")
+        return cls(len(dataset), dataset.seed, dataset.storage, interpolation)
+
+
+def _check_resumable(folder: Path, assembly: Assembly, plan: _Plan, resume: bool) -> None:
     if not resume:
         raise DatasetError(
             Fault(str(folder), "this path is taken.", remedy="Go on with it by --resume, or choose another name.")
@@ -91,20 +118,20 @@ def _check_resumable(folder: Path, assembly: Assembly, samples: int, seed: int, 
     dataset = Dataset(folder)
     if dataset.attributes["fingerprint"] != assembly.description.fingerprint:
         dataset.require(assembly)
-    plan = ("samples", len(dataset), samples), ("seed", dataset.seed, seed), ("storage", dataset.storage, storage)
-    for name, here, wanted in plan:
-        if here != wanted:
-            raise DatasetError(Fault(str(folder), f"it was begun with {name} {here}, not {wanted}."))
+    begun = asdict(_Plan.of(dataset))
+    for name, wanted in asdict(plan).items():
+        if begun[name] != wanted:
+            raise DatasetError(Fault(str(folder), f"it was begun with {name} {begun[name]}, not {wanted}."))
     dataset.require_same_frfs(assembly)
 
 
-def _create(folder: Path, assembly: Assembly, samples: int, seed: int, storage: Storage) -> None:
+def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
     """Lay out the group under a temporary name, so that a dataset is there whole or not at all."""
     import zarr
     from zarr.codecs import Crc32cCodec
 
-    lines = len(assembly.frequency)
-    array, dtype = ARRAYS[storage]
+    samples, lines = plan.samples, len(assembly.frequency)
+    array, dtype = ARRAYS[plan.storage]
     chunk = max(1, min(samples, int(_CHUNK_BYTES / (np.dtype(dtype).itemsize * lines))))
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.new")
     temporary.parent.mkdir(parents=True, exist_ok=True)
@@ -115,15 +142,16 @@ def _create(folder: Path, assembly: Assembly, samples: int, seed: int, storage: 
         "description": assembly.description.text,
         "fingerprint": assembly.description.fingerprint,
         "parameter_names": [parameter.name for parameter in assembly.parameters],
-        "quantity": "amplitude of the accelerance" if storage == "amplitude" else "accelerance",
-        "storage": storage,
-        "seed": seed,
+        "quantity": "amplitude of the accelerance" if plan.storage == "amplitude" else "accelerance",
+        "storage": plan.storage,
+        "interpolation": plan.interpolation,
+        "seed": plan.seed,
     }
     checked: dict[str, Any] = {"compressors": [Crc32cCodec()]}
     shape, chunks = (samples, lines), (chunk, lines)
     try:
         group = zarr.open_group(temporary, mode="w", attributes=attributes)
-        group.create_array("parameters", data=latin_hypercube(assembly, samples, seed), **checked)
+        group.create_array("parameters", data=latin_hypercube(assembly, samples, plan.seed), **checked)
         group.create_array("frequency", data=np.asarray(assembly.frequency), **checked)
         group.create_array(array, shape=shape, chunks=chunks, dtype=dtype, fill_value=np.nan, **checked)
         group.create_array("written", shape=(-(-samples // chunk),), chunks=(1,), dtype="uint8", compressors=None)

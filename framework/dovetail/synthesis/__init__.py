@@ -3,6 +3,7 @@
 from dovetail.synthesis.direct import assembly_matrices, direct_receptance
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Attachment, Connection, Graph
+from dovetail.synthesis.interpolation import InterpolatedEngine
 from dovetail.synthesis.literal import LiteralSynthesis
 from dovetail.synthesis.modes import elastic_frequencies
 from dovetail.synthesis.system import Point
@@ -12,6 +13,7 @@ __all__ = [
     "Connection",
     "Engine",
     "Graph",
+    "InterpolatedEngine",
     "LiteralSynthesis",
     "Point",
     "assembly_matrices",
