@@ -7,17 +7,20 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from measured_files import set_58, write_sets
+from scipy.io import savemat
 
 from dovetail.errors import MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf, write_frf
 
-SUFFIXES = (".uff", ".unv", ".csv", ".npz")
+ACCEPTED = "  Accepted: .uff, .unv, .csv, .npz, .tsv, .txt, .mat, .h5, .hdf5, .frf"
+SUFFIXES = (".uff", ".unv", ".csv", ".tsv", ".npz", ".mat", ".h5", ".frf")
 FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
@@ -82,13 +85,34 @@ def intact(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
         contents[name] = (folder / name).read_bytes()
     units = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 0.0}
     contents["c.uff"] = write_sets(folder / "c.uff", units, set_58(frequency, frf.values)).read_bytes()
+    with h5py.File(folder / "a.h5", "w") as file:
+        file["f"], file["H"], file.attrs["quantity"] = frequency, frf.values, "accelerance"
+    for name, compressed in (("a.mat", True), ("b.mat", False)):
+        savemat(folder / name, {"f": frequency, "frf": {"H": frf.values}}, do_compression=compressed)
+    for name in ("a.h5", "a.mat", "b.mat"):
+        contents[name] = (folder / name).read_bytes()
+    contents["a.tsv"] = b"Freq\tReal\tImag\nHz\tg/N\tg/N\n1\t2\t3\n2\t-3e-005\t4\n"
+    contents["a.frf"] = b"1\t2E-005\t3\tFreq\tHz\tReal\tm/s^2/N\n2\t3\t4\n3\t4\t5\n"
     return contents
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.npz", "a.uff", "b.uff", "c.uff"])
+FORMS = ["a.csv", "a.tsv", "a.frf", "a.npz", "a.uff", "b.uff", "c.uff", "a.mat", "b.mat"]
+
+
+@pytest.mark.parametrize("name", FORMS)
 @given(data=st.data())
 @FUZZ
 def test_damaged_files(tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject) -> None:
+    damage_and_read(tmp_path, intact, name, data)
+
+
+@given(data=st.data())
+@settings(FUZZ, max_examples=20)
+def test_damaged_hdf5(tmp_path: Path, intact: dict[str, bytes], data: st.DataObject) -> None:
+    damage_and_read(tmp_path, intact, "a.h5", data)
+
+
+def damage_and_read(tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject) -> None:
     content = bytearray(intact[name])
     for _ in range(data.draw(st.integers(1, 4))):
         position = data.draw(st.integers(0, len(content) - 1))
@@ -104,8 +128,8 @@ def test_damaged_files(tmp_path: Path, intact: dict[str, bytes], name: str, data
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("a.xlsx", "a.xlsx\n  '.xlsx' is not the suffix of a known format.\n  Accepted: .uff, .unv, .csv, .npz"),
-        ("a", "a\n  the name has no suffix.\n  Accepted: .uff, .unv, .csv, .npz"),
+        ("a.xlsx", "a.xlsx\n  '.xlsx' is not the suffix of a known format.\n" + ACCEPTED),
+        ("a", "a\n  the name has no suffix.\n" + ACCEPTED),
         ("a.npz", "a.npz\n  the archive is damaged: File is not a zip file.\n  Accepted: a file of np.savez"),
     ],
 )
