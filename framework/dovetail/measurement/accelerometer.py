@@ -56,7 +56,8 @@ def remove_accelerometer_mass(
 
     References
     ----------
-    The structural modification by a mass (Ewins, Modal Testing, 2nd ed., section 3.10), with its sign turned.
+    Cakar and Sanliturk, Elimination of transducer mass loading effects from frequency response functions, Mechanical
+    Systems and Signal Processing 19 (2005).
     """
     return _with_mass(frf, mass, -1.0, drive, to_response, from_force)
 

@@ -18,7 +18,7 @@ from dovetail.measurement.matlab_elements import NOT_READ, Variable, variables_o
 from dovetail.measurement.recording import Recording
 from dovetail.measurement.selection import Selection
 
-__all__ = ["decode"]
+__all__ = ["archive_of", "decode"]
 
 _VERSION = slice(124, 128)
 _VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")
@@ -34,13 +34,24 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
     """
     if content[:8] == SIGNATURE or content[512:520] == SIGNATURE:
         return read_apart(path, selection, matlab=True)
+    return recording_of(archive_of(path, content), selection)
+
+
+def archive_of(path: Path, content: bytes) -> Archive:
+    """Return the variables of a workspace of version 5.
+
+    Raises
+    ------
+    MeasurementError
+        Another version, or damaged.
+    """
     if content[_VERSION] not in _VERSION_5:
         accepted = "version 5 (save -v6, save -v7) or 7.3 (save -v7.3)"
         raise MeasurementError(Fault(str(path), "this is no MATLAB workspace of a version that is read.", accepted))
     entries: dict[str, Entry] = {}
     for name, value in variables_of(path, content).items():
         entries |= dict(_flattened(path, name, value))
-    return recording_of(Archive(path, entries), selection)
+    return Archive(path, entries)
 
 
 def _flattened(path: Path, name: str, value: Variable) -> Iterator[tuple[str, Entry]]:

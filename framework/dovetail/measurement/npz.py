@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import struct
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,7 @@ from dovetail.measurement.recording import MOST_LINES, Recording
 from dovetail.measurement.selection import Selection
 from dovetail.measurement.written import Written
 
-__all__ = ["decode", "encode"]
+__all__ = ["archive_of", "decode", "encode"]
 
 _LARGEST_DIRECTORY = 65536
 """Bytes of the archive's directory: room for hundreds of arrays, not for millions of empty ones."""
@@ -35,16 +37,34 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
     MeasurementError
         Not an archive, missing or misshapen arrays, Python objects.
     """
+    with _damage_told(path):
+        return recording_of(archive_of(path, content), selection)
+
+
+def archive_of(path: Path, content: bytes) -> Archive:
+    """Return the arrays of an NPZ file, none of them loaded.
+
+    Raises
+    ------
+    MeasurementError
+        Not an archive.
+    """
     if _directory_size(content) > _LARGEST_DIRECTORY:
         raise MeasurementError(Fault(str(path), "the archive's directory is larger than that of any FRF."))
+    with _damage_told(path):
+        archive = zipfile.ZipFile(io.BytesIO(content))
+        held = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+        return Archive(path, {name: Entry("", partial(_array, path, archive, name)) for name in held})
+
+
+@contextmanager
+def _damage_told(path: Path) -> Iterator[None]:
+    """Turn what a damaged archive raises into one fault; zipfile, decompressors and numpy each raise their own."""
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            held = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
-            entries = {name: Entry("", partial(_array, path, archive, name)) for name in held}
-            return recording_of(Archive(path, entries), selection)
+        yield
     except MeasurementError:
         raise
-    except Exception as error:  # zipfile, its decompressors and numpy's header parser each raise their own
+    except Exception as error:
         reason = str(error)[:100] or type(error).__name__
         found = f"the archive is damaged: {reason}."
         raise MeasurementError(Fault(str(path), found, "a file of np.savez")) from None
@@ -79,6 +99,11 @@ def _directory_size(content: bytes) -> int:
 
 def _array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
     """Return one array after its header has shown that it is small and holds plain values."""
+    with _damage_told(path):
+        return _checked_array(path, archive, name)
+
+
+def _checked_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
     size = archive.getinfo(f"{name}.npy").file_size
     if size > LARGEST_ARRAY:
         raise MeasurementError(

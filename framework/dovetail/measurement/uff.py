@@ -22,16 +22,17 @@ from dovetail.measurement.uff_sets import (
     COHERENCE,
     END,
     GENERAL,
+    TIME,
     UffSet,
     chosen_set,
     clean_header,
     parsed_set,
     scanned_sets,
 )
-from dovetail.measurement.uff_units import ABSCISSA_TYPES, check_unit_system, meaning_of
+from dovetail.measurement.uff_units import ABSCISSA_TYPES, FORCE, check_unit_system, meaning_of
 from dovetail.measurement.uff_writing import VARIANCE
 
-__all__ = ["decode"]
+__all__ = ["decode", "time_records"]
 
 _REAL, _COMPLEX = (2, 4), (5, 6)
 _DOUBLE = (4, 6)
@@ -78,6 +79,48 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
         response=_said(chosen, "response") or chosen.response,
         force=_said(chosen, "force") or chosen.force,
     )
+
+
+def time_records(path: Path, content: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64], float, tuple[str, str]]:
+    """Return force and response (n_impacts, n_samples), the sampling rate [Hz] and the units of the two.
+
+    Raises
+    ------
+    MeasurementError
+        No time responses, or not in pairs of a force and a motion with the same times.
+    """
+    sets = [one for one in scanned_sets(path, content) if one.function == TIME]
+    forces, motions = ([one for one in sets if _is_force(one) == wanted] for wanted in (True, False))
+    if not forces or len(forces) != len(motions):
+        found = f"the file holds {len(forces)} time records of a force and {len(motions)} of a motion."
+        raise MeasurementError(
+            Fault(str(path), found, "a pair for each impact (function type 1, data type 13 a force)")
+        )
+    records, axes = [], []
+    for one in (*forces, *motions):
+        axis, values = _data(content, one)
+        if np.iscomplexobj(values):
+            raise MeasurementError(Fault(one.where, "a time record is complex."))
+        axes.append(axis)
+        records.append(values)
+    if any(axis.shape != axes[0].shape or not np.allclose(np.diff(axis), np.diff(axes[0])) for axis in axes):
+        raise MeasurementError(Fault(str(path), "the time records have different lengths or steps."))
+    step = (axes[0][-1] - axes[0][0]) / max(axes[0].size - 1, 1)
+    if not (step > 0 and np.allclose(np.diff(axes[0]), step, rtol=1e-3)):
+        raise MeasurementError(Fault(str(path), "the time does not increase in even steps."))
+    labels = {
+        kind: {one.fields["ordinate_axis_units_lab"].strip() for one in some}
+        for kind, some in (("force", forces), ("motion", motions))
+    }
+    units = [("" if label.lower() == "none" else label) for label in (min(labels["force"]), min(labels["motion"]))]
+    if any(len(some) > 1 for some in labels.values()):
+        raise MeasurementError(Fault(str(path), "the time records are in different units."))
+    count = len(forces)
+    return np.array(records[:count]), np.array(records[count:]), 1.0 / step, (units[0], units[1])
+
+
+def _is_force(one: UffSet) -> bool:
+    return bool(one.fields["ordinate_spec_data_type"] == FORCE)
 
 
 def _partner(
@@ -151,10 +194,10 @@ def _check_form(one: UffSet) -> None:
         raise MeasurementError(
             Fault(one.where, f"the header announces {fields['num_pts']} lines.", f"1 to {MOST_LINES:,} lines")
         )
-    if fields["abscissa_spec_data_type"] not in ABSCISSA_TYPES:
-        raise MeasurementError(
-            Fault(one.where, f"the abscissa has the data type {fields['abscissa_spec_data_type']}.", "18 (frequency)")
-        )
+    kind = fields["abscissa_spec_data_type"]
+    if kind not in ((0, 1, 17) if one.function == TIME else ABSCISSA_TYPES):
+        accepted = "17 (time)" if one.function == TIME else "18 (frequency)"
+        raise MeasurementError(Fault(one.where, f"the abscissa has the data type {kind}.", accepted))
     if fields["binary"] and fields["fp_format"] != 2:
         raise MeasurementError(
             Fault(one.where, f"the floating-point format {fields['fp_format']} is not read.", "2 (IEEE 754)")

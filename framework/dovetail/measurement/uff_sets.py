@@ -19,6 +19,7 @@ __all__ = [
     "END",
     "FRF",
     "GENERAL",
+    "TIME",
     "UffSet",
     "chosen_set",
     "clean_header",
@@ -26,10 +27,10 @@ __all__ = [
     "scanned_sets",
 ]
 
-GENERAL, FRF, COHERENCE = 0, 4, 6
+GENERAL, TIME, FRF, COHERENCE = 0, 1, 4, 6
 _FUNCTIONS = {
     GENERAL: "general function",
-    1: "time response",
+    TIME: "time response",
     2: "auto spectrum",
     3: "cross spectrum",
     FRF: "FRF",
