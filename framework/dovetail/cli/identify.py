@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.options import AsJson, PluginFiles, check_method, quantity_in
+from dovetail.cli.reading import ForceDof, Index, Names, QuantityOfFile, ResponseDof, UnitOfFile, names_of
 from dovetail.cli.terminal import heading, note, print_json, say, table, title
 
 if TYPE_CHECKING:
@@ -23,13 +24,14 @@ def identify(
     source: Annotated[
         Path, typer.Argument(metavar="MODEL_OR_ASSEMBLY", help="A folder that 'train' wrote, or a description (YAML).")
     ],
-    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="The measured FRF: .uff, .csv or .npz.")],
+    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="The measured FRF; docs, measured files.")],
     method: Annotated[str, typer.Option(metavar="METHOD", help="How to identify.")] = "network",
-    quantity: Annotated[
-        str | None,
-        typer.Option(metavar="QUANTITY", help="receptance, mobility or accelerance, if the file does not say."),
-    ] = None,
-    index: Annotated[int | None, typer.Option(metavar="N", min=1, help="Which set of a UFF file with several.")] = None,
+    quantity: QuantityOfFile = None,
+    unit: UnitOfFile = None,
+    index: Index = None,
+    response: ResponseDof = None,
+    force: ForceDof = None,
+    names: Names = None,
     accelerometer_mass: Annotated[
         float,
         typer.Option(
@@ -58,7 +60,16 @@ def identify(
     from dovetail.report import read_truth
 
     check_method(method)
-    frf = dovetail.read_frf(measured, quantity=quantity, accelerometer_mass=accelerometer_mass, index=index)
+    frf = dovetail.read_frf(
+        measured,
+        quantity=quantity,
+        unit=unit,
+        accelerometer_mass=accelerometer_mass,
+        index=index,
+        response=response,
+        force=force,
+        names=names_of(names or []),
+    )
     model = _model(source, frf, truth, output, plugin or [], retrain, accelerometer_mass)
     known = None if truth is None else read_truth(truth, model.assembly.parameters)
     result = model.identify(frf, method=method)
