@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -169,10 +170,18 @@ def test_200_megabytes_are_refused_unread(tmp_path: Path, suffix: str) -> None:
         read_frf(path)
 
 
+def matlab_of_parts(size: int) -> bytes:
+    """A workspace of one struct without end: millions of empty elements."""
+    inside = struct.pack("<4I2I2i", 6, 8, 2, 0, 5, 8, 1, 1) + struct.pack("<2I", 1, 0) + bytes(8) * (size // 8)
+    element = struct.pack("<2I", 14, len(inside)) + inside
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + element
+
+
 REFUSAL_AND_PEAK = """
 import re, resource, sys
 from pathlib import Path
-resource.setrlimit(resource.RLIMIT_CPU, (30, 30))
+resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
+resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
 from dovetail.errors import MeasurementError
 from dovetail.measurement import read_frf
 for path in sys.argv[1:]:
@@ -186,6 +195,7 @@ for path in sys.argv[1:]:
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the peak memory is read from /proc")
 def test_the_worst_files_take_bounded_time_and_memory(tmp_path: Path) -> None:
+    h5py_signature = b"\x89HDF\r\n\x1a\n"
     labels = b"%10d    0    0    0\n" * 4 % (18, 12, 13, 0)
     header = b"    -1\n    58\n" + b"NONE\n" * 5 + b"    4\n%10d%10d%10d  0.00000E+00  1.00000E+00  0.00000E+00\n"
     start = header % (6, 999_999, 1) + labels
@@ -198,6 +208,13 @@ def test_the_worst_files_take_bounded_time_and_memory(tmp_path: Path) -> None:
         "lines.csv": b"frequency_Hz,amplitude\n" + b"\n" * size,
         "commas.csv": b"frequency_Hz,amplitude\n" + b"," * size,
         "one.csv": b"frequency_Hz,amplitude\n" + b"1" * size,
+        "rows.csv": b"frequency_Hz,amplitude\n" + b"1,2\n" * 999_000,
+        "units.tsv": b"f\tre\tim\n" + b"\t" * size,
+        "rows.frf": b"1 2 3\n" * 999_000,
+        "one.frf": b"1 2 3 " + b"m" * size,
+        "zeros.mat": b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + bytes(size),
+        "parts.mat": matlab_of_parts(size),
+        "zeros.h5": h5py_signature + bytes(size),
         "zeros.npz": bytes(size),
     }
     for name, content in worst.items():

@@ -99,7 +99,9 @@ def _main(path: str, chosen: str, matlab: str, answer: str) -> None:
     except ImportError:  # no such limits on this system; the time is bounded still
         pass
     else:
-        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+        allowed = resource.getrlimit(resource.RLIMIT_AS)[1]
+        most = _MEMORY if allowed == resource.RLIM_INFINITY else min(allowed, _MEMORY)
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
     stream = io.BytesIO()
     np.savez(stream, allow_pickle=False, **_answer(Path(path), Selection(*json.loads(chosen)), matlab=matlab == "1"))
     Path(answer).write_bytes(stream.getvalue())
