@@ -50,7 +50,15 @@ if TYPE_CHECKING:
         SubstructureModel,
         silent,
     )
-    from dovetail.measurement import read_frf, write_frf
+    from dovetail.measurement import (
+        EstimatedFrf,
+        add_accelerometer_mass,
+        frf_from_signals,
+        read_frf,
+        remove_accelerometer_mass,
+        without_window_damping,
+        write_frf,
+    )
     from dovetail.registry import hookimpl
     from dovetail.units import InUnit
 
@@ -94,7 +102,15 @@ _HOMES = {
         "SubstructureModel",
         "silent",
     ),
-    "dovetail.measurement": ("read_frf", "write_frf"),
+    "dovetail.measurement": (
+        "EstimatedFrf",
+        "add_accelerometer_mass",
+        "frf_from_signals",
+        "read_frf",
+        "remove_accelerometer_mass",
+        "without_window_damping",
+        "write_frf",
+    ),
     "dovetail.registry": ("hookimpl",),
     "dovetail.units": ("InUnit",),
 }
@@ -108,6 +124,7 @@ __all__ = [
     "Dataset",
     "DovetailError",
     "Epoch",
+    "EstimatedFrf",
     "Fault",
     "FileName",
     "Fit",
@@ -131,7 +148,9 @@ __all__ = [
     "StructuralMatrices",
     "SubstructureModel",
     "Verdict",
+    "add_accelerometer_mass",
     "coherence_spectrum",
+    "frf_from_signals",
     "generate",
     "hookimpl",
     "identify",
@@ -141,9 +160,11 @@ __all__ = [
     "predict_band",
     "read_frf",
     "read_receptance",
+    "remove_accelerometer_mass",
     "silent",
     "spindle_flange",
     "train",
+    "without_window_damping",
     "write_frf",
     "write_receptance",
 ]

@@ -62,12 +62,12 @@ def test_the_line_at_zero_is_left_out(tmp_path: Path) -> None:
     [
         ("", "a.csv\n  the file is empty."),
         ("\n\n# quantity: mobility\n", f"a.csv\n  there is no header.\n  {HEADERS}"),
-        ("f,re,im\n1,2,3\n", f"a.csv:1\n  the header 'f,re,im' is not understood.\n  {HEADERS}"),
-        ("frequency_Hz;real;imag\n", f"a.csv:1\n  the header 'frequency_Hz;real;imag' is not understood.\n  {HEADERS}"),
+        ("g,re,im\n1,2,3\n", f"a.csv:1\n  the header 'g,re,im' is not understood.\n  {HEADERS}"),
+        ("frequency_Hz real imag\n", f"a.csv:1\n  the header 'frequency_Hz real imag' is not understood.\n  {HEADERS}"),
         ("1,2,3\n4,5,6\n", f"a.csv:1\n  the header '1,2,3' is not understood.\n  {HEADERS}"),
         (RECTANGULAR, "a.csv\n  there is no line after the header."),
         (
-            "# quantity: acceleration\n",
+            "# quantity: acceleration\nfrequency_Hz,real,imag\n1,2,3\n",
             "a.csv:1\n  'acceleration' is not a quantity.\n"
             "  Did you mean 'accelerance'?  Accepted: receptance, mobility, accelerance",
         ),
@@ -142,5 +142,5 @@ def test_too_many_lines(refused) -> None:
 
 
 def test_an_index_is_for_uff(refused) -> None:
-    message = "a.csv\n  index=1 chooses a set of a UFF file; a .csv file holds one FRF."
+    message = "a.csv\n  index=1 chooses one of several FRFs; a .csv file holds one FRF."
     assert refused("a.csv", RECTANGULAR, index=1) == message

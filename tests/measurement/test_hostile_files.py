@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import os
+import struct
 import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from measured_files import set_58, write_sets
+from scipy.io import savemat
 
 from dovetail.errors import MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf, write_frf
 
-SUFFIXES = (".uff", ".unv", ".csv", ".npz")
+ACCEPTED = "  Accepted: .uff, .unv, .csv, .npz, .tsv, .txt, .mat, .h5, .hdf5, .frf"
+SUFFIXES = (".uff", ".unv", ".csv", ".tsv", ".npz", ".mat", ".h5", ".frf")
 FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
@@ -82,13 +86,34 @@ def intact(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
         contents[name] = (folder / name).read_bytes()
     units = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 0.0}
     contents["c.uff"] = write_sets(folder / "c.uff", units, set_58(frequency, frf.values)).read_bytes()
+    with h5py.File(folder / "a.h5", "w") as file:
+        file["f"], file["H"], file.attrs["quantity"] = frequency, frf.values, "accelerance"
+    for name, compressed in (("a.mat", True), ("b.mat", False)):
+        savemat(folder / name, {"f": frequency, "frf": {"H": frf.values}}, do_compression=compressed)
+    for name in ("a.h5", "a.mat", "b.mat"):
+        contents[name] = (folder / name).read_bytes()
+    contents["a.tsv"] = b"Freq\tReal\tImag\nHz\tg/N\tg/N\n1\t2\t3\n2\t-3e-005\t4\n"
+    contents["a.frf"] = b"1\t2E-005\t3\tFreq\tHz\tReal\tm/s^2/N\n2\t3\t4\n3\t4\t5\n"
     return contents
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.npz", "a.uff", "b.uff", "c.uff"])
+FORMS = ["a.csv", "a.tsv", "a.frf", "a.npz", "a.uff", "b.uff", "c.uff", "a.mat", "b.mat"]
+
+
+@pytest.mark.parametrize("name", FORMS)
 @given(data=st.data())
 @FUZZ
 def test_damaged_files(tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject) -> None:
+    damage_and_read(tmp_path, intact, name, data)
+
+
+@given(data=st.data())
+@settings(FUZZ, max_examples=20)
+def test_damaged_hdf5(tmp_path: Path, intact: dict[str, bytes], data: st.DataObject) -> None:
+    damage_and_read(tmp_path, intact, "a.h5", data)
+
+
+def damage_and_read(tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject) -> None:
     content = bytearray(intact[name])
     for _ in range(data.draw(st.integers(1, 4))):
         position = data.draw(st.integers(0, len(content) - 1))
@@ -104,8 +129,8 @@ def test_damaged_files(tmp_path: Path, intact: dict[str, bytes], name: str, data
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("a.xlsx", "a.xlsx\n  '.xlsx' is not the suffix of a known format.\n  Accepted: .uff, .unv, .csv, .npz"),
-        ("a", "a\n  the name has no suffix.\n  Accepted: .uff, .unv, .csv, .npz"),
+        ("a.xlsx", "a.xlsx\n  '.xlsx' is not the suffix of a known format.\n" + ACCEPTED),
+        ("a", "a\n  the name has no suffix.\n" + ACCEPTED),
         ("a.npz", "a.npz\n  the archive is damaged: File is not a zip file.\n  Accepted: a file of np.savez"),
     ],
 )
@@ -145,10 +170,18 @@ def test_200_megabytes_are_refused_unread(tmp_path: Path, suffix: str) -> None:
         read_frf(path)
 
 
+def matlab_of_parts(size: int) -> bytes:
+    """A workspace of one struct without end: millions of empty elements."""
+    inside = struct.pack("<4I2I2i", 6, 8, 2, 0, 5, 8, 1, 1) + struct.pack("<2I", 1, 0) + bytes(8) * (size // 8)
+    element = struct.pack("<2I", 14, len(inside)) + inside
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + element
+
+
 REFUSAL_AND_PEAK = """
 import re, resource, sys
 from pathlib import Path
-resource.setrlimit(resource.RLIMIT_CPU, (30, 30))
+resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
+resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
 from dovetail.errors import MeasurementError
 from dovetail.measurement import read_frf
 for path in sys.argv[1:]:
@@ -162,6 +195,7 @@ for path in sys.argv[1:]:
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the peak memory is read from /proc")
 def test_the_worst_files_take_bounded_time_and_memory(tmp_path: Path) -> None:
+    h5py_signature = b"\x89HDF\r\n\x1a\n"
     labels = b"%10d    0    0    0\n" * 4 % (18, 12, 13, 0)
     header = b"    -1\n    58\n" + b"NONE\n" * 5 + b"    4\n%10d%10d%10d  0.00000E+00  1.00000E+00  0.00000E+00\n"
     start = header % (6, 999_999, 1) + labels
@@ -174,6 +208,13 @@ def test_the_worst_files_take_bounded_time_and_memory(tmp_path: Path) -> None:
         "lines.csv": b"frequency_Hz,amplitude\n" + b"\n" * size,
         "commas.csv": b"frequency_Hz,amplitude\n" + b"," * size,
         "one.csv": b"frequency_Hz,amplitude\n" + b"1" * size,
+        "rows.csv": b"frequency_Hz,amplitude\n" + b"1,2\n" * 999_000,
+        "units.tsv": b"f\tre\tim\n" + b"\t" * size,
+        "rows.frf": b"1 2 3\n" * 999_000,
+        "one.frf": b"1 2 3 " + b"m" * size,
+        "zeros.mat": b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + bytes(size),
+        "parts.mat": matlab_of_parts(size),
+        "zeros.h5": h5py_signature + bytes(size),
         "zeros.npz": bytes(size),
     }
     for name, content in worst.items():

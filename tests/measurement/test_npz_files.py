@@ -57,20 +57,35 @@ class Marker:
             b"PK\x03\x04 no archive",
             "a.npz\n  the archive is damaged: File is not a zip file.\n  Accepted: a file of np.savez",
         ),
-        (saved(freq=AXIS), "a.npz\n  there is no array 'frequency'; there is: freq.\n  Did you mean 'freq'?"),
-        (zipped(), "a.npz\n  there is no array 'frequency'; there is: nothing."),
+        (
+            saved(times=AXIS),
+            "a.npz\n  the frequency is not to be found by its name; the file holds:\n    times\n"
+            "  Say which it is: frequency=NAME.  "
+            "Accepted: frequency, frequency_hz, frequencies, freq, freq_hz, f, f_hz",
+        ),
+        (
+            zipped(),
+            "a.npz\n  the frequency is not to be found by its name; the file holds: nothing\n"
+            "  Say which it is: frequency=NAME.  "
+            "Accepted: frequency, frequency_hz, frequencies, freq, freq_hz, f, f_hz",
+        ),
         (
             saved(frequency=AXIS),
-            "a.npz\n  the archive holds neither values nor amplitude.\n"
-            "  Accepted: values (complex) or amplitude (real)",
+            "a.npz\n  the values are not to be found by their name; the file holds:\n    frequency\n"
+            "  Say which they are, for example values=NAME.  "
+            "Accepted: values (complex) | real, imag | amplitude, phase_deg (or phase_rad) | amplitude",
         ),
         (
             saved(frequency=AXIS, values=1j * AXIS, amplitude=AXIS),
-            "a.npz\n  the archive holds both values and amplitude.\n  Accepted: values (complex) or amplitude (real)",
+            "a.npz\n  the file gives the values in two ways; the file holds:\n"
+            "    frequency\n    values\n    amplitude\n"
+            "  Say which they are, for example values=NAME.  "
+            "Accepted: values (complex) | real, imag | amplitude, phase_deg (or phase_rad) | amplitude",
         ),
         (
             saved(frequency=AXIS, values=AXIS),
-            "a.npz\n  'values' has the shape (3,) and the type float64.\n  Accepted: (n_freq,) complex numbers",
+            "a.npz\n  'values' has the shape (3,) and the type float64.\n"
+            "  Accepted: (n_freq,) complex numbers; an amplitude alone is called amplitude",
         ),
         (
             saved(frequency=AXIS, amplitude=1j * AXIS),
@@ -86,16 +101,16 @@ class Marker:
         ),
         (
             saved(frequency=AXIS, amplitude=AXIS[:2]),
-            "a.npz\n  'amplitude' has 2 lines, 'frequency' has 3.",
+            "a.npz\n  'amplitude' has 2 lines, the frequency has 3.",
         ),
         (
             saved(frequency=AXIS, amplitude=AXIS, coherence=AXIS[:1]),
-            "a.npz\n  'coherence' has 1 lines, 'frequency' has 3.",
+            "a.npz\n  'coherence' has 1 lines, the frequency has 3.",
         ),
         (
             saved(frequency=AXIS, amplitude=np.ones((3, 2))),
-            "a.npz\n  'amplitude' has the shape (3, 2) of 8 bytes each.\n"
-            "  Accepted: the shape (n_freq,), at most 1,000,000 lines",
+            "a.npz\n  'amplitude' holds 2 FRFs, and one is wanted.\n"
+            "  Choose it by one of index, response, force, counted from 1.  Accepted: numbers of 1 to 2",
         ),
         (
             saved(frequency=AXIS, amplitude=AXIS, quantity="inertance"),
@@ -114,8 +129,8 @@ class Marker:
         ),
         (
             saved(frequency=AXIS, amplitude=-AXIS, quantity="mobility"),
-            "a.npz  line 1 of the arrays\n  the amplitude -1 is negative.\n"
-            "  Accepted: an amplitude of zero or more, or real and imaginary part",
+            "a.npz  line 1 of the arrays\n  the amplitude -1 is negative (decibels are not read).\n"
+            "  Accepted: an amplitude of zero or more",
         ),
         (
             saved(frequency=AXIS, amplitude=np.array([Marker()], dtype=object)),
@@ -123,7 +138,7 @@ class Marker:
             "  Accepted: an array of numbers",
         ),
         (
-            zipped(frequency=bytes(60_000_000)),
+            zipped(frequency=bytes(60_000_000), amplitude=b""),
             "a.npz\n  'frequency' unpacks to 60 MB.\n  Accepted: at most 40 MB",
         ),
         (
@@ -141,16 +156,16 @@ def test_a_shape_that_is_a_lie(refused) -> None:
     stream = io.BytesIO()
     header = {"descr": "<f8", "fortran_order": False, "shape": (900_000_000_000,)}
     np.lib.format.write_array_header_1_0(stream, header)
-    assert refused("a.npz", zipped(frequency=stream.getvalue())) == (
+    assert refused("a.npz", zipped(frequency=stream.getvalue(), amplitude=b"")) == (
         "a.npz\n  'frequency' has the shape (900000000000,) of 8 bytes each.\n"
-        "  Accepted: the shape (n_freq,), at most 1,000,000 lines"
+        "  Accepted: the shape (n_freq,) or with axes of DOFs, at most 1,000,000 lines"
     )
 
 
 def test_a_truncated_array(refused) -> None:
     stream = io.BytesIO()
     np.save(stream, AXIS)
-    message = refused("a.npz", zipped(frequency=stream.getvalue()[:-8]))
+    message = refused("a.npz", zipped(frequency=stream.getvalue()[:-8], amplitude=b""))
     assert message.startswith("a.npz\n  the archive is damaged: EOF: reading array data, expected 24 bytes got 16.")
 
 

@@ -30,7 +30,7 @@ def test_the_variance_from_the_coherence_is_the_scatter_of_repeated_estimates(no
     scatter = np.mean(abs(values - TRUE) ** 2)
     axis = np.arange(1.0, len(values) + 1)
     predicted = Frf(axis, values, "accelerance", coherence=coherence, averages=AVERAGES).random_variance
-    assert np.mean(predicted) == pytest.approx(scatter, rel=0.1)
+    assert np.mean(predicted) == pytest.approx(scatter, rel=0.04)
 
 
 def test_a_variance_follows_its_values_to_another_quantity():
@@ -44,10 +44,11 @@ def test_a_given_variance_comes_first_and_without_one_there_must_be_averages():
     axis, values = np.array([1.0, 2.0, 3.0]), [1.0, 2.0, 2.0]
     coherence = [1.0, 0.5, 0.0]
     assert Frf(axis, values, "mobility", coherence=coherence).random_variance is None
+    assert Frf(axis, values, "mobility", coherence=np.ones(3), averages=1).random_variance is None
     np.testing.assert_allclose(
-        Frf(axis, values, "mobility", coherence=coherence, averages=4).random_variance, [0.0, 1.0, np.inf]
+        Frf(axis, values, "mobility", coherence=coherence, averages=5).random_variance, [0.0, 1.0, np.inf]
     )
-    both = Frf(axis, values, "mobility", coherence=coherence, averages=4, variance=[7.0, 8.0, 9.0])
+    both = Frf(axis, values, "mobility", coherence=coherence, averages=5, variance=[7.0, 8.0, 9.0])
     np.testing.assert_allclose(both.random_variance, [7.0, 8.0, 9.0])
 
 

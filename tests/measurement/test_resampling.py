@@ -136,3 +136,67 @@ def test_a_grid_that_is_none(measured: Frf, grid: object) -> None:
 def test_a_grid_that_falls(measured: Frf) -> None:
     with pytest.raises(MeasurementError, match="the frequency does not increase after line 1"):
         on_grid(replace(measured, coherence=None), [200.0, 150.0])
+
+
+def test_the_variance_is_the_scatter_of_interpolated_values() -> None:
+    modes = SHARP["four modes"]
+    values = accelerance(MEASURED, *modes)
+    grid = GRID[::7]
+    deviation = np.hypot(0.02 * np.abs(values), 0.001 * np.median(np.abs(values)))
+    generator = np.random.default_rng(1)
+    for has_phase in (True, False):
+        samples = []
+        for _ in range(300):
+            noise = generator.standard_normal((2, MEASURED.size)) * deviation / np.sqrt(2)
+            noisy = values + noise[0] + 1j * noise[1]
+            kind = Frf(MEASURED, noisy if has_phase else np.abs(noisy), "accelerance", has_phase=has_phase)
+            samples.append(on_grid(kind, grid).values)
+        clean = Frf(
+            MEASURED,
+            values if has_phase else np.abs(values),
+            "accelerance",
+            has_phase=has_phase,
+            variance=deviation**2 if has_phase else deviation**2 / 2,
+        )
+        ratio = on_grid(clean, grid).variance / np.var(samples, axis=0)
+        assert np.median(ratio) == pytest.approx(1, abs=0.05)
+        near = np.abs(grid[:, np.newaxis] - [mode[0] for mode in modes]).min(axis=1) < 20
+        assert near.sum() >= 8
+        assert np.mean((ratio[near] > 0.7) & (ratio[near] < 1.4)) > 0.85
+
+
+def test_coherence_and_averages_tell_the_variance_on_the_grid(measured: Frf) -> None:
+    known = replace(measured, averages=10, coherence=np.full(measured.frequency.size, 0.9))
+    resampled = on_grid(known, measured.frequency[10:20])
+    np.testing.assert_allclose(resampled.variance, known.random_variance[10:20], rtol=1e-9)
+    between = on_grid(known, (measured.frequency[10:20] + measured.frequency[11:21]) / 2)
+    assert np.all(between.variance < known.random_variance[10:20])
+    assert resampled.averages == 10
+    unknown = replace(known, coherence=np.zeros(measured.frequency.size))
+    assert on_grid(unknown, measured.frequency[10:20]).variance is None
+
+
+@pytest.mark.parametrize("has_phase", [True, False])
+def test_lines_too_far_apart_are_refused(has_phase: bool) -> None:
+    modes = [(400.3 + 130.0 * n, 0.004, 0.5) for n in range(12)]
+    grid = np.arange(300.0, 2000.0, 2.0)
+    for spacing, told in ((1.5625, True), (3.125, True), (60.0, False), (100.0, False)):
+        lines = spacing * np.arange(np.floor(250 / spacing), 2200 / spacing)
+        values = accelerance(lines, *modes)
+        frf = Frf(lines, values if has_phase else np.abs(values), "accelerance", has_phase=has_phase)
+        truth = accelerance(grid, *modes)
+        if told:
+            drawn = on_grid(frf, grid).values
+            error = np.abs(drawn) - np.abs(truth)
+            assert np.linalg.norm(error) < (0.02 if has_phase else 0.04) * np.linalg.norm(truth)
+            continue
+        with pytest.raises(MeasurementError, match="too far to tell the FRF between them") as caught:
+            on_grid(frf, grid)
+        assert f"are {spacing:g} Hz apart" in str(caught.value)
+        np.testing.assert_array_equal(on_grid(frf, lines[3:20]).values, frf.values[3:20])
+
+
+def test_a_noisy_measurement_is_not_called_too_coarse() -> None:
+    values = accelerance(MEASURED, *SHARP["four modes"])
+    for seed in range(5):
+        on_grid(Frf(MEASURED, complex_noise(values, 0.4, seed), "accelerance"), GRID)

@@ -28,6 +28,35 @@ def test_every_digit_comes_back(tmp_path: Path, measured: Frf, quantity: str, na
     assert (back.quantity, back.has_phase, back.label) == (quantity, True, name)
 
 
+@pytest.mark.parametrize("unit", [None, "um/N", "g/lbf"])
+@pytest.mark.parametrize(("name", "options"), EXACT)
+def test_all_that_is_known_comes_back(
+    tmp_path: Path, measured: Frf, name: str, options: dict, unit: str | None
+) -> None:
+    variance = np.linspace(1, 2, measured.frequency.size)
+    frf = replace(measured, averages=10, variance=variance, response="Tool:2+x", force="nut, left", note="bench 5")
+    write_frf(frf, tmp_path / name, unit=unit, **options)
+    back = read_frf(tmp_path / name)
+    np.testing.assert_array_equal(back.frequency, frf.frequency)
+    same = back.to("accelerance")
+    np.testing.assert_allclose(same.values, frf.values, rtol=1e-14)
+    np.testing.assert_allclose(same.variance, frf.variance, rtol=1e-14)
+    np.testing.assert_array_equal(back.coherence, frf.coherence)
+    assert (back.averages, back.response, back.force, back.note) == (10, "Tool:2+x", "nut, left", "bench 5")
+    assert back.quantity == ("receptance" if unit == "um/N" else "accelerance")
+
+
+@pytest.mark.parametrize(("name", "options"), EXACT)
+def test_a_rotation_stays_one(tmp_path: Path, measured: Frf, name: str, options: dict) -> None:
+    for path, unit in ((tmp_path / name, None), (tmp_path / f"b{name}", "mrad/(N m)")):
+        write_frf(replace(measured, rotation=True), path, unit=unit, **options)
+        back = read_frf(path)
+        assert back.rotation
+        np.testing.assert_allclose(back.to("accelerance").values, measured.values, rtol=1e-14)
+    with pytest.raises(MeasurementError, match="'um/N' is no unit of that"):
+        write_frf(replace(measured, rotation=True), tmp_path / "c.csv", unit="um/N")
+
+
 @pytest.mark.parametrize("name", ["a.csv", "a.npz", "a.uff"])
 def test_an_amplitude_stays_one(tmp_path: Path, measured: Frf, name: str) -> None:
     write_frf(replace(measured, values=measured.amplitude, has_phase=False, coherence=None), tmp_path / name)

@@ -18,6 +18,8 @@ from dovetail.measurement import read_frf, write_frf
 FREQUENCY = 10.0 + 2.5 * np.arange(7)
 VALUES = np.array([1 + 2j, -3, 4j, 5.5 - 1j, 1e-9j, 7e5, -8 - 8j])
 
+ROTATIONS = "  Accepted: a translation over a force, or a rotation over a moment"
+
 
 def file_of(tmp_path: Path, *sets: dict, **options: bool) -> Path:
     return write_sets(tmp_path / "a.uff", *(sets or [set_58(FREQUENCY, VALUES)]), **options)
@@ -173,8 +175,8 @@ def test_unit_labels(tmp_path: Path, labels: dict, factor: float) -> None:
             "the data are of type 13 over type 12.\n"
             "  Accepted: displacement (8), velocity (11) or acceleration (12) over excitation force (13)",
         ),
-        ({"rsp_dir": 4}, "the response or the reference is a rotation.\n  Accepted: a translation over a force"),
-        ({"ref_dir": -5}, "the response or the reference is a rotation.\n  Accepted: a translation over a force"),
+        ({"rsp_dir": 4}, "either the response or the reference is a rotation.\n" + ROTATIONS),
+        ({"ref_dir": -5}, "either the response or the reference is a rotation.\n" + ROTATIONS),
         (
             {"x": FREQUENCY[::-1]},
             "line 2 of its data\n  the frequency 22.5 Hz comes after 25 Hz.\n"
@@ -225,7 +227,8 @@ def test_several_frfs_are_listed_and_chosen_by_number(tmp_path: Path) -> None:
         "\n    set 4: coherence, response 1 +x, reference 1 +x, 'trust'"
     )
     assert fault_of(path) == (
-        f"a.uff\n  the file holds 2 FRFs, and one is wanted:{table}\n  Choose one by its number, for example index=2."
+        f"a.uff\n  the file holds 2 FRFs, and one is wanted:{table}\n"
+        "  Choose one by its DOFs (response, force) or its number, for example index=2."
     )
     first, second = read_frf(path, index=2), read_frf(path, index=3)
     np.testing.assert_allclose(first.values, VALUES, rtol=1e-11)

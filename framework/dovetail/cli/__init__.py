@@ -15,6 +15,8 @@ import typer
 from dovetail.cli.check import check
 from dovetail.cli.commands import Commands, report_bug
 from dovetail.cli.components import describe, plugins
+from dovetail.cli.convert import convert
+from dovetail.cli.frf import frf
 from dovetail.cli.generate import generate
 from dovetail.cli.identify import identify
 from dovetail.cli.options import PluginFiles
@@ -58,7 +60,11 @@ def dovetail(
     context.obj = plugin
 
 
-for command in (plugins, describe, check, simulate, generate, train, identify, predict, validate, spindle, robustness):
+COMMANDS = (
+    *(plugins, describe, check, simulate, frf, convert, generate, train, identify, predict, validate),
+    *(spindle, robustness),
+)
+for command in COMMANDS:
     app.command()(command)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.options import AsJson, PluginFiles, check_method, quantity_in
+from dovetail.cli.reading import ForceDof, Index, Names, QuantityOfFile, ResponseDof, UnitOfFile, names_of
 from dovetail.cli.terminal import heading, note, print_json, say, table, title
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def identify(
     source: Annotated[
         Path, typer.Argument(metavar="MODEL_OR_ASSEMBLY", help="A folder that 'train' wrote, or a description (YAML).")
     ],
-    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="The measured FRF: .uff, .csv or .npz.")],
+    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="The measured FRF; docs, measured files.")],
     method: Annotated[
         str,
         typer.Option(
@@ -49,11 +50,12 @@ def identify(
     objective: Annotated[
         str | None, typer.Option(metavar="NAME", help="Of multistart: frf or weighted.", show_default=False)
     ] = None,
-    quantity: Annotated[
-        str | None,
-        typer.Option(metavar="QUANTITY", help="receptance, mobility or accelerance, if the file does not say."),
-    ] = None,
-    index: Annotated[int | None, typer.Option(metavar="N", min=1, help="Which set of a UFF file with several.")] = None,
+    quantity: QuantityOfFile = None,
+    unit: UnitOfFile = None,
+    index: Index = None,
+    response: ResponseDof = None,
+    force: ForceDof = None,
+    names: Names = None,
     accelerometer_mass: Annotated[
         float,
         typer.Option(
@@ -91,7 +93,16 @@ def identify(
     }
     options = {name: value for name, value in given.items() if value is not None}
     check_method(method, options)
-    frf = dovetail.read_frf(measured, quantity=quantity, accelerometer_mass=accelerometer_mass, index=index)
+    frf = dovetail.read_frf(
+        measured,
+        quantity=quantity,
+        unit=unit,
+        accelerometer_mass=accelerometer_mass,
+        index=index,
+        response=response,
+        force=force,
+        names=names_of(names or []),
+    )
     assembly, model = _read(source, plugin or [])
     _check(assembly, frf, truth, output, accelerometer_mass)
     if model is None and method == "network":

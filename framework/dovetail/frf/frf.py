@@ -45,6 +45,9 @@ class Frf:
         from coherence and averages.
     rotation : bool
         True for a rotation per moment, False for a displacement per force.
+    response, force : str
+        Names of the DOFs where the motion was measured and where the force acted, such as ``"5+x"``; empty where
+        nothing tells them.
 
     Raises
     ------
@@ -62,6 +65,8 @@ class Frf:
     averages: int | None = None
     variance: NDArray[np.float64] | None = None
     rotation: bool = False
+    response: str = ""
+    force: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency", _frozen(self.frequency, np.float64))
@@ -127,15 +132,18 @@ class Frf:
     def random_variance(self) -> NDArray[np.float64] | None:
         """(n_freq,) E|error|^2 of each complex value, or None where nothing tells it.
 
-        As given, or from coherence and averages: ``|H|^2 (1 - c) / (c n)``, twice the square of the normalised random
-        error of an amplitude (Bendat and Piersol, Random Data, 4th ed., Table 9.6). Infinite where the coherence is 0.
+        As given, or from coherence and averages: ``|H|^2 (1 - c) / (c (n - 1))``, twice the square of the normalised
+        random error of an amplitude (Bendat and Piersol, Random Data, 4th ed., Table 9.6). There, c is the true
+        coherence and n stands in place of n - 1; the coherence of a measurement is estimated from the same n
+        averages, of which one is spent on H. Infinite where the coherence is 0; None for a single average, whose
+        coherence is always 1.
         """
         if self.variance is not None:
             return self.variance
-        if self.coherence is None or self.averages is None:
+        if self.coherence is None or self.averages is None or self.averages < 2:
             return None
         with np.errstate(divide="ignore"):
-            ratio = (1 - self.coherence) / (self.coherence * self.averages)
+            ratio = (1 - self.coherence) / (self.coherence * (self.averages - 1))
         return np.where(self.coherence > 0, self.amplitude**2 * ratio, np.inf)
 
     def to(self, quantity: Quantity) -> Frf:

@@ -1,16 +1,20 @@
 """Measured FRFs: files of several formats, the accelerometer's mass, the assembly's frequency grid, noise."""
 
 from dovetail.measurement.accelerometer import add_accelerometer_mass, remove_accelerometer_mass
+from dovetail.measurement.estimation import EstimatedFrf, frf_from_signals, without_window_damping
 from dovetail.measurement.files import read_frf, write_frf
 from dovetail.measurement.noise import complex_noise, data_noise
 from dovetail.measurement.resampling import on_grid
 
 __all__ = [
+    "EstimatedFrf",
     "add_accelerometer_mass",
     "complex_noise",
     "data_noise",
+    "frf_from_signals",
     "on_grid",
     "read_frf",
     "remove_accelerometer_mass",
+    "without_window_damping",
     "write_frf",
 ]

@@ -5,73 +5,140 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 
 __all__ = ["add_accelerometer_mass", "remove_accelerometer_mass"]
 
 
-def remove_accelerometer_mass(frf: Frf, mass: float) -> Frf:
-    """Return the drive-point FRF that the structure has without the accelerometer.
+def remove_accelerometer_mass(
+    frf: Frf,
+    mass: float,
+    *,
+    drive: Frf | None = None,
+    to_response: Frf | None = None,
+    from_force: Frf | None = None,
+) -> Frf:
+    """Return the FRF that the structure has without the accelerometer.
+
+    With i the response, j the force and k the accelerometer, all measured with it, in accelerance:
+    ``A_ij + m A_ik A_kj / (1 - m A_kk)``. Which FRFs that takes depends on where the accelerometer was:
+
+    - at the drive point of `frf`: none but `frf` itself, ``A / (1 - m A)``;
+    - at the response or at the force of a transfer FRF: `drive`, ``A_ij / (1 - m A_kk)``;
+    - at a third DOF: `drive`, `to_response` and `from_force`.
 
     Parameters
     ----------
     frf : Frf
-        Measured with the accelerometer at the drive point; any quantity, with phase.
+        Measured with the accelerometer on the structure; any quantity, with phase.
     mass : float
         kg, zero or more.
+    drive : Frf, optional
+        A_kk, the drive-point FRF at the accelerometer, measured with it.
+    to_response, from_force : Frf, optional
+        A_ik and A_kj, measured with the accelerometer at k.
 
     Returns
     -------
     Frf
-        In the quantity of `frf`: A / (1 - m A), where A is the measured accelerance.
+        In the quantity of `frf`. What is known of its variance is carried along as `variance`, without the errors of
+        the other FRFs.
 
     Raises
     ------
     MeasurementError
-        A negative or infinite mass, or an FRF of the amplitude alone.
+        A negative or infinite mass, an FRF of the amplitude alone or of a rotation, FRFs on different lines, or one
+        of `to_response` and `from_force` without the others.
+
+    References
+    ----------
+    Cakar and Sanliturk, Elimination of transducer mass loading effects from frequency response functions, Mechanical
+    Systems and Signal Processing 19 (2005).
     """
-    return _with_mass(frf, mass, -1.0)
+    return _with_mass(frf, mass, -1.0, drive, to_response, from_force)
 
 
-def add_accelerometer_mass(frf: Frf, mass: float) -> Frf:
-    """Return the drive-point FRF that is measured once an accelerometer is on the structure.
+def add_accelerometer_mass(
+    frf: Frf,
+    mass: float,
+    *,
+    drive: Frf | None = None,
+    to_response: Frf | None = None,
+    from_force: Frf | None = None,
+) -> Frf:
+    """Return the FRF that is measured once an accelerometer is on the structure.
 
     Parameters
     ----------
     frf : Frf
-        Drive-point FRF of the structure alone; any quantity, with phase.
+        FRF of the structure alone; any quantity, with phase.
     mass : float
         kg, zero or more.
+    drive, to_response, from_force : Frf, optional
+        As in `remove_accelerometer_mass`, of the structure alone.
 
     Returns
     -------
     Frf
-        In the quantity of `frf`: A / (1 + m A), the inverse of `remove_accelerometer_mass`.
+        In the quantity of `frf`: ``A_ij - m A_ik A_kj / (1 + m A_kk)``, the inverse of `remove_accelerometer_mass`.
 
     Raises
     ------
     MeasurementError
-        A negative or infinite mass, or an FRF of the amplitude alone.
+        As `remove_accelerometer_mass`.
     """
-    return _with_mass(frf, mass, 1.0)
+    return _with_mass(frf, mass, 1.0, drive, to_response, from_force)
 
 
-def _with_mass(frf: Frf, mass: float, sign: float) -> Frf:
-    if frf.rotation and mass:
-        raise MeasurementError(f"{frf.label}: a mass at the drive point changes no rotation per moment.")
+def _with_mass(
+    frf: Frf, mass: float, sign: float, drive: Frf | None, to_response: Frf | None, from_force: Frf | None
+) -> Frf:
     if not (math.isfinite(mass) and mass >= 0):
         raise MeasurementError(Fault(frf.label, f"the accelerometer's mass is {mass!r} kg.", "zero or more kg"))
     if mass == 0:
         return frf
-    if not frf.has_phase:
+    for one in (frf, drive, to_response, from_force):
+        if one is not None:
+            _check(one, frf)
+    accelerance = frf.to("accelerance")
+    own = accelerance.values
+    if drive is None:
+        if to_response is not None or from_force is not None:
+            raise MeasurementError(Fault(frf.label, "the drive-point FRF at the accelerometer is missing."))
+        loaded = 1.0 + sign * mass * own
+        return _changed(accelerance, own / loaded, 1.0 / loaded**2).to(frf.quantity)
+    loaded = 1.0 + sign * mass * drive.to("accelerance").values
+    if to_response is None and from_force is None:
+        return _changed(accelerance, own / loaded, 1.0 / loaded).to(frf.quantity)
+    if to_response is None or from_force is None:
+        found = "an accelerometer at a third point needs the FRF to the response and the FRF from the force."
+        raise MeasurementError(Fault(frf.label, found))
+    path = to_response.to("accelerance").values * from_force.to("accelerance").values
+    return _changed(accelerance, own - sign * mass * path / loaded, np.ones_like(own)).to(frf.quantity)
+
+
+def _check(one: Frf, frf: Frf) -> None:
+    if one.rotation:
+        raise MeasurementError(f"{one.label}: a mass at the drive point changes no rotation per moment.")
+    if not one.has_phase:
         raise MeasurementError(
             Fault(
-                frf.label,
+                one.label,
                 "the accelerometer's mass acts on amplitude and phase, and this is an amplitude alone.",
                 remedy="Export the FRF as real and imaginary part, or leave the mass at 0.",
             )
         )
-    accelerance = frf.to("accelerance")
-    corrected = replace(accelerance, values=accelerance.values / (1.0 + sign * mass * accelerance.values))
-    return corrected.to(frf.quantity)
+    if one.frequency.shape != frf.frequency.shape or not np.allclose(one.frequency, frf.frequency, rtol=1e-9, atol=0):
+        raise MeasurementError(Fault(one.label, f"its lines are not those of {frf.label}."))
+
+
+def _changed(frf: Frf, values: NDArray[np.complex128], derivative: NDArray[np.complex128]) -> Frf:
+    """Return the FRF with other values, and with its variance through their derivative with respect to the old."""
+    variance = frf.random_variance
+    if variance is not None and np.all(np.isfinite(variance)):
+        return replace(frf, values=values, variance=variance * np.abs(derivative) ** 2)
+    return replace(frf, values=values)

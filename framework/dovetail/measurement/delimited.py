@@ -1,83 +1,116 @@
-"""FRFs in comma-separated text."""
+"""FRFs in tables of text: comma, semicolon or tab between the columns."""
 
 from __future__ import annotations
 
-import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.frf import Frf, Quantity
+from dovetail.frf import Quantity
+from dovetail.measurement.parts import combined, quantity_of_name
 from dovetail.measurement.recording import MOST_LINES, Recording, known_quantity
+from dovetail.measurement.selection import Selection
+from dovetail.measurement.table_header import Header, read_header
+from dovetail.measurement.unit_labels import meaning_of_unit
+from dovetail.measurement.written import Written
 
-__all__ = ["decode", "encode"]
+__all__ = ["decode", "encode", "text_lines"]
 
-_HEADERS = (
-    ("frequency_Hz", "real", "imag"),
-    ("frequency_Hz", "amplitude", "phase_deg"),
-    ("frequency_Hz", "amplitude"),
-)
-_COHERENCE = "coherence"
 _MOST_COMMENTS = 1000
-_QUANTITY = re.compile(r"#\s*quantity\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
 
 
-def decode(path: Path, content: bytes, _index: int | None) -> Recording:
-    """Return what a CSV file holds.
+def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+    """Return what a table holds.
 
     Raises
     ------
     MeasurementError
         Not text, a header that is not understood, or a line that does not fit it.
     """
-    lines = _lines(path, content)
-    header_line, quantity = _preamble(path, lines)
-    columns = _columns(f"{path}:{header_line + 1}", lines[header_line])
-    numbers, table = _table(path, lines, header_line + 1, columns)
-    by_name = dict(zip(columns, table.T, strict=True))
-    negative = np.flatnonzero(by_name.get("amplitude", np.zeros(1)) < 0)
-    if negative.size:
-        found = f"the amplitude {by_name['amplitude'][negative[0]]:.6g} is negative (decibels are not read)."
-        raise MeasurementError(Fault(f"{path}:{numbers[negative[0]]}", found, "an amplitude of zero or more"))
+    if selection.chooses:
+        found = f"{selection.chooses} chooses one of several FRFs; a {path.suffix} file holds one FRF."
+        raise MeasurementError(Fault(str(path), found))
+    lines = text_lines(path, content)
+    header = read_header(str(path), lines, selection.names)
+    numbers, table = _table(path, lines, header)
+    parts = {part: table[column] if part == "values" else table[column].real for part, column in header.columns.items()}
+    parts["frequency"] = parts["frequency"] * header.hertz
+
+    def place(index: int) -> str:
+        return f"{path}:{numbers[index]}"
+
+    values, has_phase = combined(parts, place)
+    meaning = meaning_of_unit(header.unit, str(path)) if header.unit else None
+    quantity = _quantity(path, header)
     return Recording(
         where=str(path),
         label=path.name,
-        frequency=by_name["frequency_Hz"],
-        values=_values(by_name),
-        has_phase="amplitude" not in by_name or "phase_deg" in by_name,
+        frequency=parts["frequency"],
+        values=values,
+        has_phase=has_phase,
         quantity=quantity,
         is_stated=quantity is not None,
-        coherence=by_name.get(_COHERENCE),
-        place=lambda index: f"{path}:{numbers[index]}",
+        coherence=parts.get("coherence"),
+        place=place,
         how_to_state_quantity="a line '# quantity: accelerance' before the header",
+        note=header.comments.get("note", ""),
+        factor=1.0 if meaning is None else meaning.factor,
+        unit=header.unit,
+        averages=_averages(header.comments),
+        variance=parts.get("variance"),
+        rotation=meaning is not None and meaning.rotation,
+        response=header.comments.get("response", ""),
+        force=header.comments.get("force", ""),
     )
 
 
-def encode(frf: Frf, path: Path, _binary: bool | None) -> bytes:
-    """Return a CSV file with the quantity in a comment and every digit of the numbers.
+def encode(written: Written, path: Path, _binary: bool | None) -> bytes:
+    """Return a CSV file with what is known of the FRF in comments and every digit of the numbers.
 
     Raises
     ------
     MeasurementError
-        A coherence that is not finite.
+        A number that is not finite.
     """
+    frf = written.frf
     columns = {"frequency_Hz": frf.frequency}
     if frf.has_phase:
-        columns |= {"real": frf.values.real, "imag": frf.values.imag}
+        columns |= {"real": written.values.real, "imag": written.values.imag}
     else:
-        columns |= {"amplitude": frf.amplitude}
-    if frf.coherence is not None:
-        columns[_COHERENCE] = frf.coherence
+        columns |= {"amplitude": np.abs(written.values)}
+    for name, array in (("coherence", frf.coherence), ("variance", written.variance)):
+        if array is not None:
+            columns[name] = array
     table = np.column_stack(list(columns.values()))
     if not np.all(np.isfinite(table)):
         raise MeasurementError(Fault(str(path), f"{frf.label} holds numbers that are not finite: nothing is written."))
     rows = "\n".join(",".join(map(repr, row)) for row in table.tolist())
-    return f"# quantity: {frf.quantity}\n{','.join(columns)}\n{rows}\n".encode()
+    return f"{_comments(written)}{','.join(columns)}\n{rows}\n".encode()
 
 
-def _lines(path: Path, content: bytes) -> list[str]:
+def _comments(written: Written) -> str:
+    frf = written.frf
+    said: dict[str, str] = {"quantity": frf.quantity}
+    if frf.rotation or written.factor != 1.0:
+        said["unit"] = written.unit
+    if frf.averages is not None:
+        said["averages"] = str(frf.averages)
+    said |= {name: " ".join(text.split()) for name in ("note", "response", "force") if (text := getattr(frf, name))}
+    return "".join(f"# {name}: {text}\n" for name, text in said.items())
+
+
+def text_lines(path: Path, content: bytes) -> list[str]:
+    """Return the lines of a text file, whatever ends them.
+
+    Raises
+    ------
+    MeasurementError
+        Too many lines, or bytes that are not UTF-8.
+    """
     if max(content.count(b"\n"), content.count(b"\r")) > MOST_LINES + _MOST_COMMENTS:
         raise MeasurementError(Fault(str(path), "the file has too many lines.", f"at most {MOST_LINES:,} lines"))
     try:
@@ -89,73 +122,63 @@ def _lines(path: Path, content: bytes) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def _preamble(path: Path, lines: list[str]) -> tuple[int, Quantity | None]:
-    """Return the index of the header and the quantity that a comment before it names."""
-    quantity: Quantity | None = None
-    for number, line in enumerate(lines):
-        text = line.strip()
-        if text and not text.startswith("#"):
-            return number, quantity
-        if match := _QUANTITY.match(text[:200]):
-            quantity = known_quantity(match[1].lower(), f"{path}:{number + 1}")
-    raise MeasurementError(Fault(str(path), "there is no header.", _accepted_headers()))
+def _quantity(path: Path, header: Header) -> Quantity | None:
+    """Return what a comment, the unit or the name of the values says; all must agree."""
+    word = header.comments.get("quantity", "")
+    meaning = meaning_of_unit(header.unit, str(path)) if header.unit else None
+    stated: tuple[Quantity | None, ...] = (
+        known_quantity(word.lower(), header.comments["quantity stands in"]) if word else None,
+        None if meaning is None else meaning.quantity,
+        quantity_of_name(header.names[header.columns["values"]]) if "values" in header.columns else None,
+    )
+    said: list[Quantity] = [one for one in stated if one is not None]
+    if len(set(said)) > 1:
+        found = f"the file contradicts itself: {' and '.join(said)}."
+        raise MeasurementError(Fault(str(path), found))
+    return said[0] if said else None
 
 
-def _columns(where: str, line: str) -> tuple[str, ...]:
-    given = [word.strip().strip('"').lower() for word in line[:200].split(",")]
-    for header in _HEADERS:
-        for columns in (header, (*header, _COHERENCE)):
-            if given == [name.lower() for name in columns]:
-                return columns
-    shown = line if len(line) <= 60 else f"{line[:60]}..."
-    raise MeasurementError(Fault(where, f"the header {shown!r} is not understood.", _accepted_headers()))
+def _averages(comments: Mapping[str, str]) -> int | None:
+    if "averages" not in comments:
+        return None
+    text = comments["averages"]
+    if not (text.isdecimal() and 1 <= int(text[:9]) <= MOST_LINES):
+        where = comments["averages stands in"]
+        raise MeasurementError(Fault(where, f"{text[:40]!r} is no number of averages.", "a whole number of 1 or more"))
+    return int(text)
 
 
-def _accepted_headers() -> str:
-    headers = " | ".join(",".join(header) for header in _HEADERS)
-    return f"{headers}, each with or without a last column {_COHERENCE}"
-
-
-def _table(path: Path, lines: list[str], first: int, columns: tuple[str, ...]) -> tuple[list[int], NDArray[np.float64]]:
-    """Return the line number of each row, from 1, and the (n_freq, n_columns) numbers."""
+def _table(path: Path, lines: list[str], header: Header) -> tuple[list[int], NDArray[Any]]:
+    """Return the line number of each row, from 1, and the (n_columns, n_freq) numbers."""
     numbers: list[int] = []
-    rows: list[list[float]] = []
-    for number, line in enumerate(lines[first:], start=first + 1):
+    rows: list[list[complex]] = []
+    wanted = sorted(header.columns.values())
+    is_complex = header.columns.get("values")
+    for number, line in enumerate(lines[header.first :], start=header.first + 1):
         if not line.strip():
             continue
-        cells = line.split(",", len(columns))
-        if len(cells) != len(columns):
-            count = line.count(",") + 1
-            raise MeasurementError(
-                Fault(
-                    f"{path}:{number}",
-                    f"the line has {count} column{'s' * (count != 1)}, the header {len(columns)}.",
-                    ",".join(columns),
-                )
-            )
+        cells = line.split(header.separator, header.width)
+        if len(cells) != header.width:
+            count = line.count(header.separator) + 1
+            found = f"the line has {count} column{'s' * (count != 1)}, the header {header.width}."
+            raise MeasurementError(Fault(f"{path}:{number}", found, ",".join(header.names)))
         numbers.append(number)
-        rows.append([_number(cell, f"{path}:{number}", name) for cell, name in zip(cells, columns, strict=True)])
+        rows.append(
+            [_number(cells[column], header, column, f"{path}:{number}", column == is_complex) for column in wanted]
+        )
     if not rows:
         raise MeasurementError(Fault(str(path), "there is no line after the header."))
-    return numbers, np.array(rows, dtype=np.float64)
+    table = np.zeros((header.width, len(rows)), dtype=np.float64 if is_complex is None else np.complex128)
+    table[wanted] = np.array(rows).T
+    return numbers, table
 
 
-def _number(cell: str, where: str, name: str) -> float:
+def _number(cell: str, header: Header, column: int, where: str, is_complex: bool) -> complex:
+    text = cell.strip().strip('"')
+    if header.separator == ";" and "." not in text:
+        text = text.replace(",", ".")
     try:
-        return float(cell)
+        return complex(text.strip("()").replace("i", "j")) if is_complex else float(text)
     except ValueError:
-        raise MeasurementError(Fault(where, f"{cell.strip()[:40]!r} in column {name} is not a number.")) from None
-
-
-def _values(by_name: dict[str, NDArray[np.float64]]) -> NDArray[np.float64] | NDArray[np.complex128]:
-    if "real" not in by_name and "phase_deg" not in by_name:
-        return by_name["amplitude"]
-    values = np.empty(by_name["frequency_Hz"].size, dtype=np.complex128)
-    if "real" in by_name:
-        values.real, values.imag = by_name["real"], by_name["imag"]
-        return values
-    phase = np.deg2rad(by_name["phase_deg"])
-    with np.errstate(invalid="ignore"):  # an infinite phase becomes NaN, and the recording refuses it
-        values.real = by_name["amplitude"] * np.cos(phase)
-        values.imag = by_name["amplitude"] * np.sin(phase)
-    return values
+        name = header.names[column]
+        raise MeasurementError(Fault(where, f"{text[:40]!r} in column {name} is not a number.")) from None

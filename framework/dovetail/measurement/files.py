@@ -3,33 +3,43 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
-from dovetail.measurement import delimited, npz, uff
+from dovetail.measurement import cutpro, delimited, hdf5, matlab, npz, uff, uff_writing
 from dovetail.measurement.accelerometer import remove_accelerometer_mass
 from dovetail.measurement.disk import read_bounded, write_whole
 from dovetail.measurement.recording import Recording, known_quantity
+from dovetail.measurement.selection import Selection
+from dovetail.measurement.written import Written, prepared
 
 __all__ = ["read_frf", "write_frf"]
 
 
 class Format(NamedTuple):
-    """How files with one suffix are read and written."""
+    """How files with one suffix are read and written; `encode` is None where they are only read."""
 
-    decode: Callable[[Path, bytes, int | None], Recording]
-    encode: Callable[[Frf, Path, bool | None], bytes]
+    decode: Callable[[Path, bytes, Selection], Recording]
+    encode: Callable[[Written, Path, bool | None], bytes] | None = None
 
 
-_UFF = Format(uff.decode, uff.encode)
+_UFF = Format(uff.decode, uff_writing.encode)
+_TABLE = Format(delimited.decode)
+_HDF5 = Format(hdf5.decode)
 _FORMATS = {
     ".uff": _UFF,
     ".unv": _UFF,
     ".csv": Format(delimited.decode, delimited.encode),
     ".npz": Format(npz.decode, npz.encode),
+    ".tsv": _TABLE,
+    ".txt": _TABLE,
+    ".mat": Format(matlab.decode),
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
+    ".frf": Format(cutpro.decode),
 }
 
 
@@ -37,27 +47,41 @@ def read_frf(
     path: str | os.PathLike[str],
     *,
     quantity: str | None = None,
+    unit: str | None = None,
     accelerometer_mass: float = 0.0,
     index: int | None = None,
+    response: str | None = None,
+    force: str | None = None,
+    names: Mapping[str, str] | None = None,
 ) -> Frf:
     """Read one measured FRF.
 
     A line at 0 Hz is left out. In UFF, response and reference directions of opposite sense turn the sign, so that the
-    FRF is along positive axes; a unit label that is not SI is converted, or refused when it is not understood.
+    FRF is along positive axes. A unit that the file states and that is not SI is converted, or refused when it is not
+    understood.
 
     Parameters
     ----------
     path : path
-        ``.uff`` or ``.unv`` (set 58, ASCII or binary), ``.csv`` (header ``frequency_Hz,real,imag``,
-        ``frequency_Hz,amplitude,phase_deg`` or ``frequency_Hz,amplitude``; a line ``# quantity: accelerance`` may come
-        first and a column ``coherence`` last), ``.npz`` (arrays ``frequency``, and ``values`` or ``amplitude``;
-        optional ``coherence`` and ``quantity``). SI units.
+        ``.uff`` or ``.unv`` (set 58, ASCII or binary), ``.csv``, ``.tsv`` or ``.txt`` (a header such as
+        ``frequency_Hz,real,imag``, ``Frequency [Hz],Magnitude [um/N],Phase [deg]``, or a row of units below it),
+        ``.npz``, ``.mat`` (version 5 or 7.3), ``.h5`` or ``.hdf5`` (arrays ``frequency`` and ``values``, or others
+        that `names` tells), ``.frf`` (CutPro).
     quantity : {"receptance", "mobility", "accelerance"}, optional
         What the file holds. Needed when the file does not say it; must not contradict the file when it does.
+    unit : str, optional
+        The unit of the values, such as ``"um/N"`` or ``"g/N"``; it tells the quantity too. SI without it. Must not
+        contradict the file.
     accelerometer_mass : float
         kg at the drive point, removed from the FRF: A / (1 - m A).
     index : int, optional
-        Which set of a UFF file, counted from 1; the error for a file with several FRFs lists them.
+        Which FRF of a file with several, counted from 1: the number of the set in UFF, the column in an array.
+    response, force : str, optional
+        DOFs of the FRF that is wanted from a file with several: ``"5+x"``, ``"tool:5+x"`` or ``"5"`` in UFF, numbers
+        from 1 along the axes of an array.
+    names : mapping of str to str, optional
+        What the file calls the parts of the FRF, such as ``{"frequency": "f", "values": "data/H1"}``. Parts:
+        frequency, values, real, imag, amplitude, phase_deg, phase_rad, coherence, variance, averages, quantity, unit.
 
     Returns
     -------
@@ -67,22 +91,38 @@ def read_frf(
     Raises
     ------
     MeasurementError
-        The file cannot be read or does not hold one valid FRF; the fault names the line or the set.
+        The file cannot be read or does not hold one valid FRF; the fault names the line, the set or the array, and
+        lists what a file with several FRFs or unknown names holds.
     """
     source = Path(path)
     chosen = _format_of(source)
     if quantity is not None:
         known_quantity(quantity, "the argument quantity")
-    if index is not None and chosen is not _UFF:
-        raise MeasurementError(
-            Fault(str(source), f"index={index} chooses a set of a UFF file; a {source.suffix} file holds one FRF.")
-        )
-    recording = chosen.decode(source, read_bounded(source), index)
-    return remove_accelerometer_mass(recording.to_frf(quantity), accelerometer_mass)
+    selection = Selection(index, response, force, dict(names or {}))
+    frf = chosen.decode(source, read_bounded(source), selection).to_frf(quantity, unit)
+    if accelerometer_mass:
+        _check_drive_point(frf)
+    return remove_accelerometer_mass(frf, accelerometer_mass)
 
 
-def write_frf(frf: Frf, path: str | os.PathLike[str], *, overwrite: bool = False, binary: bool | None = None) -> None:
-    """Write an FRF; `read_frf` gives back the same quantity, values and coherence.
+def _check_drive_point(frf: Frf) -> None:
+    """Refuse to take a mass off an FRF between two DOFs by the formula for one."""
+    ends = [end.replace("-", "+") for end in (frf.response, frf.force)]
+    if all(ends) and ends[0] != ends[1]:
+        found = f"the FRF is from {frf.force} to {frf.response}, and the mass is taken off a drive point."
+        remedy = "Give the drive-point FRF at the accelerometer too: remove_accelerometer_mass(frf, mass, drive=...)."
+        raise MeasurementError(Fault(frf.label, found, remedy=remedy))
+
+
+def write_frf(
+    frf: Frf,
+    path: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    binary: bool | None = None,
+    unit: str | None = None,
+) -> None:
+    """Write an FRF; `read_frf` gives back the same quantity, values, coherence, averages, variance and DOFs.
 
     CSV, NPZ and binary UFF hold every digit; ASCII UFF holds 12 digits of the values.
 
@@ -91,11 +131,13 @@ def write_frf(frf: Frf, path: str | os.PathLike[str], *, overwrite: bool = False
     frf : Frf
         The FRF.
     path : path
-        The suffix names the format, as in `read_frf`.
+        The suffix names the format: ``.uff``, ``.unv``, ``.csv`` or ``.npz``.
     overwrite : bool
         Replace a file that is there.
     binary : bool, optional
         UFF only. By default ASCII, unless six digits cannot hold the frequencies, which is all that ASCII gives them.
+    unit : str, optional
+        Unit of the values in the file, such as ``"um/N"``; it also says the quantity. SI without it.
 
     Raises
     ------
@@ -104,9 +146,13 @@ def write_frf(frf: Frf, path: str | os.PathLike[str], *, overwrite: bool = False
     """
     target = Path(path)
     chosen = _format_of(target)
+    if chosen.encode is None:
+        accepted = ", ".join(suffix for suffix, one in _FORMATS.items() if one.encode is not None)
+        raise MeasurementError(Fault(str(target), f"{target.suffix} files are read, not written.", accepted))
     if binary is not None and chosen is not _UFF:
         raise MeasurementError(Fault(str(target), f"binary={binary} is for UFF files, not for {target.suffix}."))
-    write_whole(target, chosen.encode(frf, target, binary), overwrite=overwrite)
+    written = prepared(frf, target, unit)
+    write_whole(target, chosen.encode(written, target, binary), overwrite=overwrite)
 
 
 def _format_of(path: Path) -> Format:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean
-from dovetail.frf import QUANTITIES, Frf, Quantity
+from dovetail.frf import QUANTITIES, Frf, Quantity, unit_of
+from dovetail.measurement.unit_labels import UnitMeaning, meaning_of_unit
 
 __all__ = ["MOST_LINES", "Recording", "known_quantity"]
 
@@ -33,7 +35,7 @@ class Recording:
     frequency : (n_freq,) array
         Hz.
     values : (n_freq,) array
-        SI; complex, or real for an amplitude alone.
+        Complex, or real for an amplitude alone; times `factor` they are SI.
     has_phase : bool
         False for an amplitude alone.
     quantity : Quantity or None
@@ -48,6 +50,17 @@ class Recording:
         How a file of this format says its quantity.
     note : str
         What the file says of it in words.
+    factor : float
+        Makes the values SI; negative where response and force point in directions of opposite sense.
+    unit : str
+        The unit that the file states, empty where it states none.
+    averages : int or None
+    variance : (n_freq,) array or None
+        E|error|^2 of each value, in the square of the values' unit.
+    rotation : bool
+        A rotation per moment.
+    response, force : str
+        Names of the DOFs.
     """
 
     where: str
@@ -61,13 +74,20 @@ class Recording:
     place: Callable[[int], str] = field(repr=False)
     how_to_state_quantity: str
     note: str = ""
+    factor: float = 1.0
+    unit: str = ""
+    averages: int | None = None
+    variance: NDArray[np.float64] | None = None
+    rotation: bool = False
+    response: str = ""
+    force: str = ""
 
-    def to_frf(self, quantity: str | None) -> Frf:
+    def to_frf(self, quantity: str | None, unit: str | None = None) -> Frf:
         """Check everything and return the FRF; a line at 0 Hz is left out.
 
         Parameters
         ----------
-        quantity : str or None
+        quantity, unit : str or None
             What the caller says it is; must not contradict the file.
 
         Raises
@@ -75,6 +95,8 @@ class Recording:
         MeasurementError
             The first fault, with its place in the file.
         """
+        if unit is not None:
+            return self._with_unit(unit).to_frf(quantity)
         agreed = self._agreed_quantity(quantity)
         first = 1 if self.frequency[0] == 0 else 0
         if self.frequency.size == first:
@@ -82,26 +104,53 @@ class Recording:
         self._check_finite(first)
         self._check_axis(first)
         self._check_amplitude(first)
+        factor = self.factor if self.has_phase else abs(self.factor)
         return Frf(
             frequency=self.frequency[first:],
-            values=self.values[first:],
+            values=np.asarray(self.values[first:] * factor, dtype=np.complex128),
             quantity=agreed,
             coherence=self._clipped_coherence(first),
             has_phase=self.has_phase,
             label=self.label,
             note=self.note,
+            averages=self.averages,
+            variance=None if self.variance is None else self.variance[first:] * factor**2,
+            rotation=self.rotation,
+            response=self.response,
+            force=self.force,
         )
+
+    def _with_unit(self, label: str) -> Recording:
+        """Return the recording with the unit that the caller gives; a file that states another is refused."""
+        given = meaning_of_unit(label, "the argument unit")
+        if not self.unit:
+            return replace(
+                self._checked_against(given),
+                quantity=given.quantity,
+                is_stated=True,
+                factor=self.factor * given.factor,
+                rotation=given.rotation,
+                unit=label,
+            )
+        if not math.isclose(abs(self.factor), given.factor, rel_tol=1e-6):
+            raise self._contradicted(f"unit {self.unit}", label)
+        return self._checked_against(given)
+
+    def _checked_against(self, given: UnitMeaning) -> Recording:
+        if self.quantity is not None and self.quantity != given.quantity:
+            raise self._contradicted(self.quantity, f"a unit of {given.quantity}")
+        if self.unit and self.rotation != given.rotation:
+            raise self._contradicted(f"unit {self.unit}", unit_of(given.quantity, rotation=given.rotation))
+        return self
+
+    def _contradicted(self, stated: str, given: str) -> MeasurementError:
+        found = f"the file says that it holds {stated}, the argument says {given}."
+        return MeasurementError(Fault(self.where, found, remedy="Leave the argument out, or correct the file."))
 
     def _agreed_quantity(self, given: str | None) -> Quantity:
         wanted = None if given is None else known_quantity(given, "the argument quantity")
         if wanted is not None and self.quantity is not None and wanted != self.quantity:
-            raise MeasurementError(
-                Fault(
-                    self.where,
-                    f"the file says that it holds {self.quantity}, the argument says {wanted}.",
-                    remedy="Leave the quantity out, or correct the file.",
-                )
-            )
+            raise self._contradicted(self.quantity, wanted)
         agreed = wanted or (self.quantity if self.is_stated else None)
         if agreed is None:
             hint = "" if self.quantity is None else f" (perhaps {self.quantity}: it does not say over what)"
@@ -116,7 +165,12 @@ class Recording:
         return agreed
 
     def _check_finite(self, first: int) -> None:
-        for name, array in (("frequency", self.frequency), ("value", self.values), ("coherence", self.coherence)):
+        for name, array in (
+            ("frequency", self.frequency),
+            ("value", self.values),
+            ("coherence", self.coherence),
+            ("variance", self.variance),
+        ):
             if array is None:
                 continue
             bad = np.flatnonzero(~np.isfinite(array[first:])) + first

@@ -17,6 +17,12 @@ _COVER_TOLERANCE = 1e-9
 """How far, relatively, a grid may reach beyond the measurement."""
 _WINDOW = 4
 """Measured lines in one interpolating polynomial."""
+_ON_A_LINE = 1e-6
+"""Of the measured spacing: a grid that is nowhere further from a line asks for no interpolation."""
+_FEWEST_LINES = 16
+"""From which it can be told whether the lines are close enough."""
+_LARGEST_MISS = 0.6
+"""Of the FRF's norm: how far every other line may miss the lines between them. Noise of half the FRF stays below."""
 _CLEARLY_SMOOTHER = 0.1
 """The reciprocal is used only where its curvature is this small a part of the FRF's own: in noise it never is."""
 
@@ -42,25 +48,63 @@ def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
     Returns
     -------
     Frf
-        On `frequency`; coherence is interpolated linearly.
+        On `frequency`; coherence is interpolated linearly. Where the variance is known, also from coherence and
+        averages, `variance` is that of the interpolated values: between lines it is lower than on them, and
+        neighbouring lines of a fine grid have errors in common.
 
     Raises
     ------
     MeasurementError
-        The measurement does not cover the grid, or the grid does not increase.
+        The measurement does not cover the grid, the grid does not increase, or the measured lines are so far apart that
+        they do not tell the FRF between them (its impulse response is longer than their spacing allows, and aliased):
+        interpolated from every other line, the lines between are missed by more than 0.6 of their norm.
     """
     grid = np.asarray(frequency, dtype=np.float64)
     if grid.ndim != 1 or grid.size == 0 or not np.all(np.isfinite(grid)):
         raise MeasurementError(Fault(frf.label, "the grid is not a list of finite frequencies."))
     _check_cover(frf, grid)
     inside = np.clip(grid, frf.frequency[0], frf.frequency[-1])
+    _check_spacing(frf, inside)
+    known = frf.random_variance
+    variance = known if known is not None and np.all(np.isfinite(known)) else None
     if frf.has_phase:
-        values = _interpolated(frf.frequency, frf.values, inside)
+        values, variance = _interpolated(frf.frequency, frf.values, inside, variance)
     else:
-        squares = _interpolated(frf.frequency, frf.amplitude**2, inside)
+        of_square = None if variance is None else 4.0 * frf.amplitude**2 * variance
+        squares, of_square = _interpolated(frf.frequency, frf.amplitude**2, inside, of_square)
         values = np.sqrt(np.maximum(squares.real, 0.0)).astype(np.complex128)
+        variance = None if of_square is None else _over(of_square, 4.0 * values.real**2)
     coherence = None if frf.coherence is None else np.interp(inside, frf.frequency, frf.coherence)
-    return replace(frf, frequency=grid, values=values, coherence=coherence)
+    return replace(frf, frequency=grid, values=values, coherence=coherence, variance=variance)
+
+
+def _over(numerator: NDArray[np.float64], denominator: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator > 0)
+
+
+def _check_spacing(frf: Frf, grid: NDArray[np.float64]) -> None:
+    """Refuse lines that do not tell the FRF between them."""
+    measured = frf.frequency
+    spacing = np.median(np.diff(measured)) if measured.size > 1 else 0.0
+    nearest = np.clip(np.searchsorted(measured, grid), 1, max(measured.size - 1, 1))
+    beside = measured[np.minimum(np.stack([nearest - 1, nearest]), measured.size - 1)]
+    if np.abs(beside - grid).min(axis=0).max() <= _ON_A_LINE * spacing:
+        return
+    first, last = np.searchsorted(measured, [grid.min(), grid.max()])
+    within = slice(max(first - _WINDOW, 0), last + _WINDOW)
+    lines, values = measured[within], frf.values[within] if frf.has_phase else frf.amplitude[within] ** 2
+    if lines.size < _FEWEST_LINES:
+        return
+    between = slice(1, lines.size - (lines.size + 1) % 2, 2)
+    drawn, _ = _interpolated(lines[::2], values[::2], lines[between], None)
+    size = np.linalg.norm(values[between])
+    miss = np.linalg.norm(drawn - values[between]) / size if size > 0 else 0.0
+    if miss > _LARGEST_MISS:
+        found = (
+            f"the measured lines are {spacing:.4g} Hz apart, too far to tell the FRF between them "
+            f"(drawn from every other line, it misses the others by {100 * miss:.0f} %)."
+        )
+        raise MeasurementError(Fault(frf.label, found, remedy="Measure longer records, or with less noise."))
 
 
 def _check_cover(frf: Frf, grid: NDArray[np.float64]) -> None:
@@ -79,8 +123,9 @@ def _check_cover(frf: Frf, grid: NDArray[np.float64]) -> None:
 
 
 def _interpolated(
-    measured: NDArray[np.float64], values: NDArray[Any], grid: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+    measured: NDArray[np.float64], values: NDArray[Any], grid: NDArray[np.float64], variance: NDArray[np.float64] | None
+) -> tuple[NDArray[np.complex128], NDArray[np.float64] | None]:
+    """Return values on the grid, and their variance where that of the measured lines is known."""
     width = min(_WINDOW, measured.size)
     start = np.searchsorted(measured, grid, side="right") - width // 2
     window = np.clip(start, 0, measured.size - width)[:, np.newaxis] + np.arange(width)
@@ -88,8 +133,13 @@ def _interpolated(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         direct, reciprocal = values[window], 1.0 / values[window]
         smoother = _roughness(reciprocal) < _CLEARLY_SMOOTHER * _roughness(direct)
-        values = np.where(smoother, 1.0 / np.sum(weights * reciprocal, axis=1), np.sum(weights * direct, axis=1))
-    return np.asarray(values, dtype=np.complex128)
+        inverse = 1.0 / np.sum(weights * reciprocal, axis=1)
+        drawn = np.where(smoother, inverse, np.sum(weights * direct, axis=1))
+        if variance is None:
+            return np.asarray(drawn, dtype=np.complex128), None
+        share = np.where(smoother[:, np.newaxis], np.abs(inverse[:, np.newaxis] * reciprocal) ** 2, 1.0)
+        scatter = np.sum((weights * share) ** 2 * variance[window], axis=1)
+    return np.asarray(drawn, dtype=np.complex128), scatter
 
 
 def _lagrange_weights(nodes: NDArray[np.float64], grid: NDArray[np.float64]) -> NDArray[np.float64]:

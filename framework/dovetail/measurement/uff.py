@@ -9,8 +9,6 @@ an empty file.
 from __future__ import annotations
 
 import re
-import struct
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -18,74 +16,142 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.frf import Frf
 from dovetail.measurement.recording import MOST_LINES, Recording
+from dovetail.measurement.selection import Selection
 from dovetail.measurement.uff_sets import (
     COHERENCE,
     END,
-    FRF,
+    GENERAL,
+    TIME,
     UffSet,
     chosen_set,
     clean_header,
     parsed_set,
     scanned_sets,
 )
-from dovetail.measurement.uff_units import ABSCISSA_TYPES, FORCE, ORDINATE, check_unit_system, meaning_of
+from dovetail.measurement.uff_units import ABSCISSA_TYPES, FORCE, check_unit_system, meaning_of
+from dovetail.measurement.uff_writing import VARIANCE
 
-__all__ = ["decode", "encode"]
+__all__ = ["decode", "time_records"]
 
 _REAL, _COMPLEX = (2, 4), (5, 6)
 _DOUBLE = (4, 6)
 _LONGEST_ROW = 60
 """Characters of ASCII data for one line of an FRF, at most, whatever its form."""
 _NOT_NUMERIC = re.compile(rb"[^0-9eE+\-.\s]\S*")
-_BYTE_COUNT = slice(38, 50)
-"""Where the first set of a file, when it is binary, counts its data."""
 
 
-def decode(path: Path, content: bytes, index: int | None) -> Recording:
-    """Return what a universal file holds: its only FRF, or the set with the number `index`.
+def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+    """Return what a universal file holds: its only FRF, or the one that is chosen by number or DOFs.
 
-    A coherence of the same points and frequencies comes along when there is exactly one.
+    A coherence of the same points and frequencies comes along when there is exactly one; so does the variance that
+    Dovetail writes, and a number of averages that an id line gives as ``averages: 10``.
 
     Raises
     ------
     MeasurementError
         Not a universal file, damaged or truncated sets, no FRF or several, units that are not understood.
     """
+    if selection.names:
+        raise MeasurementError(Fault(str(path), "names are for files of named arrays or columns, not for sets."))
     sets = scanned_sets(path, content)
-    chosen = chosen_set(path, sets, index)
+    chosen = chosen_set(path, sets, selection)
     check_unit_system(content, sets)
     meaning = meaning_of(chosen)
     frequency, values = _data(content, chosen)
-    has_phase = np.iscomplexobj(values)
-    with np.errstate(invalid="ignore"):  # what is not finite is refused with its line, later
-        values = values * (meaning.factor if has_phase else abs(meaning.factor))
     return Recording(
         where=chosen.where,
         label=path.name,
         frequency=frequency,
         values=values,
-        has_phase=has_phase,
+        has_phase=np.iscomplexobj(values),
         quantity=meaning.quantity,
         is_stated=meaning.quantity is not None and meaning.over_force,
-        coherence=_coherence(content, chosen, sets, frequency),
+        coherence=_partner(content, chosen, [one for one in sets if one.function == COHERENCE], frequency),
         place=lambda line: f"{chosen.where}, line {line + 1} of its data",
         how_to_state_quantity="data types 8, 11 or 12 over 13 in the set's header",
         note="" if chosen.fields["id1"].strip() == "NONE" else chosen.fields["id1"].strip(),
+        factor=meaning.factor,
+        unit=meaning.unit,
+        averages=_averages(chosen),
+        variance=_partner(content, chosen, [one for one in sets if _is_variance(one)], frequency),
+        rotation=chosen.is_rotation,
+        response=_said(chosen, "response") or chosen.response,
+        force=_said(chosen, "force") or chosen.force,
     )
 
 
-def _coherence(
-    content: bytes, chosen: UffSet, sets: list[UffSet], frequency: NDArray[np.float64]
+def time_records(path: Path, content: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64], float, tuple[str, str]]:
+    """Return force and response (n_impacts, n_samples), the sampling rate [Hz] and the units of the two.
+
+    Raises
+    ------
+    MeasurementError
+        No time responses, or not in pairs of a force and a motion with the same times.
+    """
+    sets = [one for one in scanned_sets(path, content) if one.function == TIME]
+    forces, motions = ([one for one in sets if _is_force(one) == wanted] for wanted in (True, False))
+    if not forces or len(forces) != len(motions):
+        found = f"the file holds {len(forces)} time records of a force and {len(motions)} of a motion."
+        raise MeasurementError(
+            Fault(str(path), found, "a pair for each impact (function type 1, data type 13 a force)")
+        )
+    records, axes = [], []
+    for one in (*forces, *motions):
+        axis, values = _data(content, one)
+        if np.iscomplexobj(values):
+            raise MeasurementError(Fault(one.where, "a time record is complex."))
+        axes.append(axis)
+        records.append(values)
+    if any(axis.shape != axes[0].shape or not np.allclose(np.diff(axis), np.diff(axes[0])) for axis in axes):
+        raise MeasurementError(Fault(str(path), "the time records have different lengths or steps."))
+    step = (axes[0][-1] - axes[0][0]) / max(axes[0].size - 1, 1)
+    if not (step > 0 and np.allclose(np.diff(axes[0]), step, rtol=1e-3)):
+        raise MeasurementError(Fault(str(path), "the time does not increase in even steps."))
+    labels = {
+        kind: {one.fields["ordinate_axis_units_lab"].strip() for one in some}
+        for kind, some in (("force", forces), ("motion", motions))
+    }
+    units = [("" if label.lower() == "none" else label) for label in (min(labels["force"]), min(labels["motion"]))]
+    if any(len(some) > 1 for some in labels.values()):
+        raise MeasurementError(Fault(str(path), "the time records are in different units."))
+    count = len(forces)
+    return np.array(records[:count]), np.array(records[count:]), 1.0 / step, (units[0], units[1])
+
+
+def _is_force(one: UffSet) -> bool:
+    return bool(one.fields["ordinate_spec_data_type"] == FORCE)
+
+
+def _partner(
+    content: bytes, chosen: UffSet, candidates: list[UffSet], frequency: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    partners = [one for one in sets if one.function == COHERENCE and one.points == chosen.points]
+    """Return the real data that belong to the chosen set: same points, same frequencies, and only one such set."""
+    partners = [one for one in candidates if one.points == chosen.points]
     if len(partners) != 1:
         return None
-    axis, coherence = _data(content, partners[0])
-    if np.iscomplexobj(coherence) or not np.array_equal(axis, frequency):
+    axis, data = _data(content, partners[0])
+    if np.iscomplexobj(data) or not np.array_equal(axis, frequency):
         return None
-    return coherence
+    return data
+
+
+def _is_variance(one: UffSet) -> bool:
+    return one.function == GENERAL and str(one.fields["id1"]).startswith(VARIANCE)
+
+
+def _averages(one: UffSet) -> int | None:
+    """Return the number of averages that an id line gives, or None."""
+    number = _said(one, r"averages", r"0*([1-9]\d{0,5})\b")
+    return int(number) if number else None
+
+
+def _said(one: UffSet, key: str, value: str = r"(.+?)\s*$") -> str:
+    """Return what an id line behind the first says of a key, as in ``averages: 10``."""
+    for line in ("id2", "id3", "id4", "id5"):
+        if match := re.search(rf"\b{key}\s*[:=]\s*{value}", str(one.fields[line]), re.IGNORECASE):
+            return match[1]
+    return ""
 
 
 def _data(content: bytes, one: UffSet) -> tuple[NDArray[np.float64], NDArray[Any]]:
@@ -128,10 +194,10 @@ def _check_form(one: UffSet) -> None:
         raise MeasurementError(
             Fault(one.where, f"the header announces {fields['num_pts']} lines.", f"1 to {MOST_LINES:,} lines")
         )
-    if fields["abscissa_spec_data_type"] not in ABSCISSA_TYPES:
-        raise MeasurementError(
-            Fault(one.where, f"the abscissa has the data type {fields['abscissa_spec_data_type']}.", "18 (frequency)")
-        )
+    kind = fields["abscissa_spec_data_type"]
+    if kind not in ((0, 1, 17) if one.function == TIME else ABSCISSA_TYPES):
+        accepted = "17 (time)" if one.function == TIME else "18 (frequency)"
+        raise MeasurementError(Fault(one.where, f"the abscissa has the data type {kind}.", accepted))
     if fields["binary"] and fields["fp_format"] != 2:
         raise MeasurementError(
             Fault(one.where, f"the floating-point format {fields['fp_format']} is not read.", "2 (IEEE 754)")
@@ -165,84 +231,3 @@ def _ascii_data(one: UffSet, content: bytes, payload: bytes) -> bytes:
         word = odd[0][:40].decode("ascii", errors="replace")
         raise MeasurementError(Fault(f"{one.where}, line {line} of the file", f"{word!r} is not a number."))
     return b"".join(line.rstrip() + b"\n" for line in payload.splitlines() if line.strip())
-
-
-def encode(frf: Frf, path: Path, binary: bool | None) -> bytes:
-    """Return a universal file: the FRF from +X of node 1 to +X of node 1, and its coherence as a second set.
-
-    Raises
-    ------
-    MeasurementError
-        One line only, a coherence that is not finite, or `binary` false and frequencies that six digits cannot hold.
-    """
-    if frf.frequency.size < 2:
-        raise MeasurementError(Fault(str(path), "a universal file needs two lines or more.", ".csv, .npz"))
-    if frf.coherence is not None and not np.all(np.isfinite(frf.coherence)):
-        raise MeasurementError(Fault(str(path), f"the coherence of {frf.label} is not finite: nothing is written."))
-    spacing = _spacing(frf.frequency)
-    if spacing is None and binary is False:
-        raise MeasurementError(
-            Fault(
-                str(path),
-                "the six digits that ASCII gives to frequencies cannot hold these.",
-                remedy="Write .csv, .npz or binary UFF.",
-            )
-        )
-    common = {
-        "type": 58,
-        "binary": int(spacing is None if binary is None else binary),
-        "x": frf.frequency,
-        "abscissa_spacing": spacing or 0,
-        "id1": _id_line(frf.note or frf.label),
-        "rsp_node": 1,
-        "rsp_dir": 1,
-        "ref_node": 1,
-        "ref_dir": 1,
-        "abscissa_spec_data_type": 18,
-        "abscissa_axis_lab": "Frequency",
-        "abscissa_axis_units_lab": "Hz",
-    }
-    number, name, unit = ORDINATE[frf.quantity]
-    response = {
-        "func_type": FRF,
-        "data": frf.values if frf.has_phase else frf.amplitude,
-        "ordinate_spec_data_type": number,
-        "ordinate_axis_lab": name,
-        "ordinate_axis_units_lab": unit,
-        "orddenom_spec_data_type": FORCE,
-        "orddenom_axis_lab": "Force",
-        "orddenom_axis_units_lab": "N",
-    }
-    written = _written(common | response)
-    if frf.coherence is not None:
-        written += _written(common | {"func_type": COHERENCE, "data": frf.coherence, "orddenom_spec_data_type": 0})
-    return written
-
-
-def _spacing(frequency: NDArray[np.float64]) -> int | None:
-    """Return 1 or 0 where six digits hold the frequencies as even or uneven steps, else None."""
-    first, step = (float(f"{value:.5e}") for value in (frequency[0], frequency[1] - frequency[0]))
-    if np.allclose(first + step * np.arange(frequency.size), frequency, rtol=1e-12, atol=0.0):
-        return 1
-    if all(float(f"{value:.5e}") == value for value in frequency.tolist()):
-        return 0
-    return None
-
-
-def _id_line(label: str) -> str:
-    printable = "".join(character if 32 <= ord(character) < 127 else "?" for character in label)
-    return printable.strip()[:80] or "NONE"
-
-
-def _written(dataset: dict[str, Any]) -> bytes:
-    """Return the bytes of one set: pyuff adds it to an empty file, and the byte count is corrected."""
-    import pyuff
-
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "set.uff")
-        pyuff.UFF(str(file)).write_sets(dict(dataset), mode="add")
-        content = bytearray(file.read_bytes())
-    if dataset["binary"]:
-        numbers = (2 if np.iscomplexobj(dataset["data"]) else 1) + (dataset["abscissa_spacing"] == 0)
-        content[_BYTE_COUNT] = b"%12d" % (struct.calcsize("d") * numbers * len(dataset["data"]))
-    return bytes(content)

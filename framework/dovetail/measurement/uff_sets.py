@@ -11,13 +11,26 @@ from typing import Any
 import numpy as np
 
 from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.selection import Selection
 
-__all__ = ["COHERENCE", "END", "FRF", "UffSet", "chosen_set", "clean_header", "parsed_set", "scanned_sets"]
+__all__ = [
+    "COHERENCE",
+    "DIRECTIONS",
+    "END",
+    "FRF",
+    "GENERAL",
+    "TIME",
+    "UffSet",
+    "chosen_set",
+    "clean_header",
+    "parsed_set",
+    "scanned_sets",
+]
 
-FRF, COHERENCE = 4, 6
+GENERAL, TIME, FRF, COHERENCE = 0, 1, 4, 6
 _FUNCTIONS = {
-    0: "general function",
-    1: "time response",
+    GENERAL: "general function",
+    TIME: "time response",
     2: "auto spectrum",
     3: "cross spectrum",
     FRF: "FRF",
@@ -27,6 +40,8 @@ _FUNCTIONS = {
     12: "spectrum",
 }
 _DIRECTIONS = {0: "scalar", 1: "x", 2: "y", 3: "z", 4: "rotation x", 5: "rotation y", 6: "rotation z"}
+DIRECTIONS = {0: "", 1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
+"""Directions in the names of DOFs."""
 _MOST_SETS = 10_000
 _SETS_SHOWN = 20
 _TAG = re.compile(rb" {4}-1(?=[\r\n]| {74}|\Z)")
@@ -76,6 +91,27 @@ class UffSet:
         fields = self.fields
         return fields["rsp_node"], fields["rsp_dir"], fields["ref_node"], fields["ref_dir"]
 
+    @property
+    def response(self) -> str:
+        """Name of the response DOF, such as ``5+x``."""
+        return self._dof("rsp")
+
+    @property
+    def force(self) -> str:
+        """Name of the reference DOF."""
+        return self._dof("ref")
+
+    def _dof(self, end: str) -> str:
+        entity = str(self.fields.get(f"{end}_ent_name", "")).strip()
+        prefix = "" if entity.upper() in ("", "NONE") else f"{entity}:"
+        code = self.fields[f"{end}_dir"]
+        return f"{prefix}{self.fields[f'{end}_node']}{_sign(code)}{DIRECTIONS.get(abs(code), code)}"
+
+    @property
+    def is_rotation(self) -> bool:
+        """Whether the header says that it is a rotation per moment."""
+        return all(abs(self.fields[name]) > 3 for name in ("rsp_dir", "ref_dir"))
+
     def __str__(self) -> str:
         if self.kind != 58:
             return f"set {self.number}: type {self.kind}"
@@ -89,8 +125,12 @@ class UffSet:
         )
 
 
+def _sign(code: int) -> str:
+    return "-" if code < 0 else "+" if code else ""
+
+
 def _direction(code: int) -> str:
-    return f"{'-' if code < 0 else '+' if code else ''}{_DIRECTIONS.get(abs(code), code)}"
+    return f"{_sign(code)}{_DIRECTIONS.get(abs(code), code)}"
 
 
 def scanned_sets(path: Path, content: bytes) -> list[UffSet]:
@@ -154,30 +194,49 @@ def _table(sets: list[UffSet]) -> str:
     return "".join(f"\n    {one}" for one in sets[:_SETS_SHOWN]) + (f"\n    and {hidden} more" if hidden > 0 else "")
 
 
-def chosen_set(path: Path, sets: list[UffSet], index: int | None) -> UffSet:
-    """Return the FRF with the number `index`, or the only one.
+def chosen_set(path: Path, sets: list[UffSet], selection: Selection) -> UffSet:
+    """Return the FRF that the selection chooses by number or by the names of its DOFs, or the only one.
 
     Raises
     ------
     MeasurementError
-        No such set, no FRF, or several and no `index`; the fault lists the sets.
+        No such set, no FRF, or several that fit; the fault lists the sets.
     """
     table = _table(sets)
-    if index is not None:
-        named = [one for one in sets if one.number == index]
+    if selection.index is not None:
+        named = [one for one in sets if one.number == selection.index]
         if not named or named[0].function != FRF:
             what = "is no FRF" if named else "is not in the file"
-            raise MeasurementError(Fault(str(path), f"set {index} {what}; it holds:{table}"))
+            raise MeasurementError(Fault(str(path), f"set {selection.index} {what}; it holds:{table}"))
         return named[0]
     functions = [one for one in sets if one.function == FRF]
-    if len(functions) == 1:
-        return functions[0]
     if not functions:
         raise MeasurementError(Fault(str(path), f"the file holds no FRF; it holds:{table}"))
+    fitting = [
+        one for one in functions if _is_dof(one.response, selection.response) and _is_dof(one.force, selection.force)
+    ]
+    if len(fitting) == 1:
+        return fitting[0]
+    if not fitting:
+        wanted = f"from {selection.force or 'any force'} to {selection.response or 'any response'}"
+        raise MeasurementError(Fault(str(path), f"no FRF {wanted} is in the file; it holds:{table}"))
+    first = fitting[0].number
     raise MeasurementError(
         Fault(
             str(path),
-            f"the file holds {len(functions)} FRFs, and one is wanted:{table}",
-            remedy=f"Choose one by its number, for example index={functions[0].number}.",
+            f"the file holds {len(fitting)} FRFs{' that fit' if selection.chooses else ''}, and one is wanted:{table}",
+            remedy=f"Choose one by its DOFs (response, force) or its number, for example index={first}.",
         )
     )
+
+
+def _is_dof(name: str, wanted: str | None) -> bool:
+    """Whether a DOF is the one that is wanted; part, sign and direction may be left out."""
+    if wanted is None:
+        return True
+    given = re.sub(r"[\s:]", "", wanted.lower())
+    entity, _, rest = name.lower().rpartition(":")
+    node = re.match(r"\d*", rest)
+    number = node[0] if node else rest
+    forms = {rest, rest.replace("+", "").replace("-", ""), number}
+    return given in {re.sub(r"[\s:]", "", start + form) for form in forms for start in ("", entity)}

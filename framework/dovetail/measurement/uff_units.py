@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
-from dovetail.errors import Fault, MeasurementError, UnitError
+from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
 from dovetail.measurement.uff_sets import UffSet
-from dovetail.units import to_si
+from dovetail.measurement.unit_labels import converted, motion_unit, spelled
 
 __all__ = ["ABSCISSA_TYPES", "FORCE", "ORDINATE", "Meaning", "check_unit_system", "meaning_of"]
 
@@ -24,8 +23,6 @@ ABSCISSA_TYPES = (0, 1, 18)
 _UNKNOWN = (0, 1)
 _QUANTITY_OF: dict[int, Quantity] = {number: quantity for quantity, (number, _, _) in ORDINATE.items()}
 _NO_LABEL = ("", "none")
-_SQUARE = re.compile(r"(?<=[a-z])2|²")
-_GRAVITY = re.compile(r"^[gG](?=/|$)")
 _SI_SYSTEM = 1
 
 
@@ -40,11 +37,14 @@ class Meaning(NamedTuple):
         The header says that the motion is per force.
     factor : float
         Makes the values SI; negative where response and reference point in directions of opposite sense.
+    unit : str
+        Its label, empty where there is none.
     """
 
     quantity: Quantity | None
     over_force: bool
     factor: float
+    unit: str = ""
 
 
 def meaning_of(one: UffSet) -> Meaning:
@@ -53,7 +53,7 @@ def meaning_of(one: UffSet) -> Meaning:
     Raises
     ------
     MeasurementError
-        Not a motion over a force, a rotation, or a unit label that is not understood.
+        Not a motion over a force, half a rotation, or a unit label that is not understood.
     """
     _check_types(one)
     fields = one.fields
@@ -64,12 +64,13 @@ def meaning_of(one: UffSet) -> Meaning:
     if not above:
         return Meaning(stated, over_force, sign / _force(one, below))
     candidates = QUANTITIES if stated is None else (stated,)
-    for quantity in candidates:
-        if (whole := _converted(above, unit_of(quantity))) is not None:
-            return Meaning(quantity, True, sign * whole)
-        if (motion := _converted(above, ORDINATE[quantity][2])) is not None:
-            return Meaning(quantity, over_force, sign * motion / _force(one, below))
-    accepted = " or ".join(f"{ORDINATE[quantity][2]}, {unit_of(quantity)}" for quantity in candidates)
+    units = [(q, unit_of(q, rotation=one.is_rotation), motion_unit(q, rotation=one.is_rotation)) for q in candidates]
+    for quantity, frf, motion in units:
+        if (whole := converted(above, frf)) is not None:
+            return Meaning(quantity, True, sign * whole, above)
+        if (alone := converted(above, motion)) is not None:
+            return Meaning(quantity, over_force, sign * alone / _force(one, below), f"{above} over {below or 'N'}")
+    accepted = " or ".join(f"{motion}, {frf}" for _, frf, motion in units)
     raise _not_understood(one, above, accepted)
 
 
@@ -84,39 +85,25 @@ def _check_types(one: UffSet) -> None:
                 "displacement (8), velocity (11) or acceleration (12) over excitation force (13)",
             )
         )
-    if abs(fields["rsp_dir"]) > 3 or abs(fields["ref_dir"]) > 3:
-        raise MeasurementError(
-            Fault(one.where, "the response or the reference is a rotation.", "a translation over a force")
-        )
+    if (abs(fields["rsp_dir"]) > 3) != (abs(fields["ref_dir"]) > 3):
+        accepted = "a translation over a force, or a rotation over a moment"
+        raise MeasurementError(Fault(one.where, "either the response or the reference is a rotation.", accepted))
     label = fields["abscissa_axis_units_lab"].strip().lower()
     if label not in (*_NO_LABEL, "hz"):
         raise MeasurementError(Fault(one.where, f"the frequencies are in {label!r}.", "Hz"))
 
 
 def _force(one: UffSet, label: str) -> float:
-    """Return newtons per labelled unit of the denominator; 1 where there is no label."""
-    newtons = _converted(label, "N") if label else 1.0
-    if newtons is None:
-        raise _not_understood(one, label, "N")
-    return newtons
+    """Return newtons, or newton metres, per labelled unit of the denominator; 1 where there is no label."""
+    unit = "N m" if one.is_rotation else "N"
+    si = converted(label, unit) if label else 1.0
+    if si is None:
+        raise _not_understood(one, label, unit)
+    return si
 
 
 def _spelled(one: UffSet, field: str) -> str:
-    """Return a unit label in pint's spelling, or an empty string where there is none."""
-    label = one.fields[field].strip()
-    if label.lower() in _NO_LABEL:
-        return ""
-    spelled = _SQUARE.sub("^2", label.replace("**", "^"))
-    return _GRAVITY.sub("standard_gravity", spelled)
-
-
-def _converted(label: str, unit: str) -> float | None:
-    if label == unit:
-        return 1.0
-    try:
-        return to_si(f"1 {label}", unit)
-    except UnitError:
-        return None
+    return spelled(one.fields[field])
 
 
 def _not_understood(one: UffSet, label: str, accepted: str) -> MeasurementError:

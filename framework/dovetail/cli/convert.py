@@ -1,0 +1,98 @@
+"""``dovetail convert``: a measured FRF from one file format to another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dovetail.cli.options import Overwrite, check_new_files, quantity_in
+from dovetail.cli.reading import ForceDof, Index, Names, QuantityOfFile, ResponseDof, UnitOfFile, names_of
+from dovetail.cli.terminal import note, say, title
+
+if TYPE_CHECKING:
+    from dovetail.frf import Frf
+
+__all__ = ["convert", "describe_frf"]
+
+_WRITTEN = (".uff", ".unv", ".csv", ".npz")
+
+_OtherFile = typer.Option(metavar="FILE", help="With a mass: FRF of the same test; see docs, accelerometer.")
+
+
+def convert(
+    source: Annotated[
+        Path, typer.Argument(metavar="IN", help="Measured FRF: .uff, .csv, .tsv, .npz, .mat, .h5 or .frf.")
+    ],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="New file: .uff, .csv or .npz.")],
+    quantity: QuantityOfFile = None,
+    unit: UnitOfFile = None,
+    index: Index = None,
+    response: ResponseDof = None,
+    force: ForceDof = None,
+    names: Names = None,
+    to: Annotated[
+        str | None,
+        typer.Option("--to", metavar="QUANTITY_OR_UNIT", help="What is written, such as mobility or um/N."),
+    ] = None,
+    accelerometer_mass: Annotated[
+        float,
+        typer.Option(metavar="MASS", parser=quantity_in("kg"), show_default=False, help="Such as '1.2 g'; taken off."),
+    ] = 0.0,
+    drive_point: Annotated[Path | None, _OtherFile] = None,
+    to_response: Annotated[Path | None, _OtherFile] = None,
+    from_force: Annotated[Path | None, _OtherFile] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Convert a measured FRF to another format, quantity or unit, with or without the accelerometer's mass.
+
+    Coherence, averages, variance and the names of the DOFs come along. Without --to the quantity stays and the unit is
+    SI. The mass is taken off a drive-point FRF; for a transfer FRF, --drive-point gives the drive-point FRF at the
+    accelerometer, and for an accelerometer at a third point --to-response and --from-force the FRFs from it and to it.
+    """
+    import dovetail
+    from dovetail.frf import QUANTITIES
+
+    check_new_files([target], _WRITTEN, overwrite)
+    others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
+    given = {name: dovetail.read_frf(file) for name, file in others.items() if file is not None}
+    frf = dovetail.read_frf(
+        source,
+        quantity=quantity,
+        unit=unit,
+        index=index,
+        response=response,
+        force=force,
+        names=names_of(names or []),
+        accelerometer_mass=0.0 if given else accelerometer_mass,
+    )
+    if given:
+        frf = dovetail.remove_accelerometer_mass(frf, accelerometer_mass, **given)
+    wanted = next((known for known in QUANTITIES if known == to), None)
+    if wanted is not None:
+        frf = frf.to(wanted)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    dovetail.write_frf(frf, target, overwrite=overwrite, unit=None if wanted else to)
+    title(f"{source.name} to {target.name}")
+    say(describe_frf(frf))
+    note(f"Written: {target}")
+
+
+def describe_frf(frf: Frf) -> str:
+    """Return lines, quantity and what else is known of an FRF in one sentence."""
+    known = [
+        f"{frf.frequency.size} lines from {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz",
+        frf.quantity,
+    ]
+    if frf.rotation:
+        known.append("rotation per moment")
+    if not frf.has_phase:
+        known.append("amplitude alone")
+    if frf.coherence is not None:
+        known.append("coherence")
+    if frf.averages is not None:
+        known.append(f"{frf.averages} averages")
+    if frf.response and frf.force:
+        known.append(f"from {frf.force} to {frf.response}")
+    return ", ".join(known) + "."

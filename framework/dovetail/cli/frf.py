@@ -1,0 +1,89 @@
+"""``dovetail frf``: the FRF from the time records of an impact test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dovetail.cli.convert import describe_frf
+from dovetail.cli.frf_files import check_frf_files, write_frf_files
+from dovetail.cli.options import Overwrite, quantity_in
+from dovetail.cli.reading import Names, names_of
+from dovetail.cli.terminal import note, say, title
+
+__all__ = ["frf"]
+
+_seconds = quantity_in("s")
+
+
+def frf(
+    signals: Annotated[
+        Path, typer.Argument(metavar="SIGNALS", help="Force and response: .npz, .mat, .csv, .tsv or .uff.")
+    ],
+    output: Annotated[
+        list[Path],
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="File for the FRF: .csv, .uff, .npz or .png. May be repeated."
+        ),
+    ],
+    force_unit: Annotated[str, typer.Option(metavar="UNIT", help="Of the force.")] = "N",
+    response_unit: Annotated[
+        str, typer.Option(metavar="UNIT", help="Of the response, such as m/s^2, g or mm/s.")
+    ] = "m/s^2",
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Samples per second, if the file does not say it.")
+    ] = None,
+    estimator: Annotated[
+        str, typer.Option(metavar="NAME", help="H1 (noise on the response) or H2 (on the force).")
+    ] = "H1",
+    force_window: Annotated[
+        float | None,
+        typer.Option(metavar="TIME", parser=_seconds, help="Keep the force up to this time, such as '20 ms'."),
+    ] = None,
+    exponential_window: Annotated[
+        float | None,
+        typer.Option(metavar="VALUE", help="Window on both signals, down to VALUE at the end, such as 0.01."),
+    ] = None,
+    leave_out_bad: Annotated[
+        bool, typer.Option("--leave-out-bad", help="Leave out impacts with overload or a second hit.")
+    ] = False,
+    names: Names = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Estimate an FRF with its coherence from hammer signals.
+
+    The file holds force and response of one or more impacts; they are averaged. What is wrong with an impact (overload,
+    a second hit, a response that rings on) is said.
+    """
+    import dovetail
+    from dovetail.measurement.estimation import ESTIMATORS
+    from dovetail.measurement.signal_files import read_signals
+
+    chosen = next((known for known in ESTIMATORS if known == estimator), None)
+    if chosen is None:
+        raise typer.BadParameter(f"'{estimator}' is not one of {', '.join(ESTIMATORS)}.", param_hint="--estimator")
+    check_frf_files(output, overwrite)
+    read = read_signals(
+        signals, force_unit=force_unit, response_unit=response_unit, rate=rate, names=names_of(names or [])
+    )
+    estimated = dovetail.frf_from_signals(
+        read.force,
+        read.response,
+        read.rate,
+        quantity=read.quantity,
+        estimator=chosen,
+        force_window=force_window,
+        exponential_window=exponential_window,
+        leave_out_bad=leave_out_bad,
+        label=signals.name,
+        note=f"{chosen} of {signals.name}",
+    )
+    write_frf_files(estimated.frf, output, (), overwrite)
+    title(f"{chosen} from {signals.name}")
+    say(describe_frf(estimated.frf))
+    for warning in estimated.warnings:
+        say(f"Note: {warning}")
+    for file in output:
+        note(f"Written: {file}")

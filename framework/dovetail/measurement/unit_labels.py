@@ -1,0 +1,89 @@
+"""What the unit that a file gives its FRF says: the quantity, and the factor that makes the values SI."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from dovetail.errors import Fault, MeasurementError, UnitError
+from dovetail.frf import QUANTITIES, Quantity, unit_of
+from dovetail.units import to_si
+
+__all__ = ["UnitMeaning", "converted", "meaning_of_unit", "motion_unit", "spelled"]
+
+_SQUARE = re.compile(r"(?<=[a-z])2(?![\d.])|²")
+_GRAVITY = re.compile(r"^\(?[gG]\)?(?=\s*/|$)")
+_NO_LABEL = ("", "none")
+_DECIBEL = re.compile(r"\bdb", re.IGNORECASE)
+_SHOWN = 60
+_MOTION: dict[tuple[Quantity, bool], str] = {
+    ("receptance", False): "m",
+    ("mobility", False): "m/s",
+    ("accelerance", False): "m/s^2",
+    ("receptance", True): "rad",
+    ("mobility", True): "rad/s",
+    ("accelerance", True): "rad/s^2",
+}
+
+
+class UnitMeaning(NamedTuple):
+    """What an FRF's unit says.
+
+    Parameters
+    ----------
+    quantity : Quantity
+    factor : float
+        Makes the values SI.
+    rotation : bool
+        A rotation per moment, not a displacement per force.
+    """
+
+    quantity: Quantity
+    factor: float
+    rotation: bool
+
+
+def meaning_of_unit(label: str, where: str) -> UnitMeaning:
+    """Return what a unit such as ``"um/N"``, ``"g/lbf"``, ``"mm/s^2/N"`` or ``"rad/(N m)"`` says.
+
+    `g` is the standard gravity of 9.80665 m/s^2.
+
+    Raises
+    ------
+    MeasurementError
+        Not a unit of an FRF; the fault stands at `where`.
+    """
+    if _DECIBEL.search(label[:_SHOWN]):
+        found = f"the unit '{label[:_SHOWN]}' is in decibels, which are not read."
+        raise MeasurementError(Fault(where, found, remedy="Export the amplitude itself, not its logarithm."))
+    text = spelled(label)
+    for rotation in (False, True):
+        for quantity in QUANTITIES:
+            factor = converted(text, unit_of(quantity, rotation=rotation))
+            if factor is not None:
+                return UnitMeaning(quantity, factor, rotation)
+    accepted = "a motion per force or moment, such as um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"
+    raise MeasurementError(Fault(where, f"the unit '{label[:_SHOWN]}' is not understood.", accepted))
+
+
+def motion_unit(quantity: Quantity, *, rotation: bool) -> str:
+    """Return the SI unit of the motion alone, without the force or the moment."""
+    return _MOTION[quantity, rotation]
+
+
+def spelled(label: str) -> str:
+    """Return a unit label in pint's spelling, or an empty string where there is none."""
+    text = label.strip()
+    if text.lower() in _NO_LABEL:
+        return ""
+    return _GRAVITY.sub("standard_gravity", _SQUARE.sub("^2", text.replace("**", "^")))
+
+
+def converted(label: str, unit: str) -> float | None:
+    """Return the factor from a spelled label to a unit, or None where it is not one of that dimension."""
+    if label == unit:
+        return 1.0
+    try:
+        return to_si(f"1 {label}", unit) if label else None
+    except UnitError:
+        return None

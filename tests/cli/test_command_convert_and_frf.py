@@ -1,0 +1,208 @@
+"""Measured FRFs from format to format, and from hammer signals to an FRF, as a user types it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyuff
+from scipy.io import savemat
+
+import dovetail
+from dovetail.measurement import add_accelerometer_mass
+
+AXIS = 10.0 + 2.5 * np.arange(200)
+FORMATS = (".uff", ".csv", ".npz")
+
+
+def accelerance(frequency, natural=200.0, mass=0.5):
+    return -(frequency**2) / (mass * (natural**2 * (1 + 0.02j) - frequency**2))
+
+
+@pytest.fixture
+def analyser(tmp_path):
+    """A workspace that calls everything by its own name, in g/N."""
+    variables = {
+        "Freq_Axis": AXIS,
+        "FRF1": accelerance(AXIS) / 9.80665,
+        "Coh": np.linspace(0.5, 1, AXIS.size),
+        "N_avg": 10,
+        "junk": np.eye(3),
+    }
+    savemat(tmp_path / "analyser.mat", {"Test": variables})
+    return tmp_path / "analyser.mat"
+
+
+NAMES = ("--name", "frequency=Test.Freq_Axis", "--name", "values=Test.FRF1", "--unit", "g/N")
+
+
+def test_from_any_format_round_and_back(run, analyser, tmp_path):
+    shown = run("convert", analyser, tmp_path / "0.uff", *NAMES).stdout
+    assert "200 lines from 10 to 507.5 Hz, accelerance, coherence, 10 averages" in shown
+    for number, suffix in enumerate((*FORMATS[1:], *FORMATS), start=1):
+        before = FORMATS[(number - 1) % 3]
+        run("convert", tmp_path / f"{number - 1}{before}", tmp_path / f"{number}{suffix}")
+    frf = dovetail.read_frf(tmp_path / f"5{FORMATS[2]}")
+    np.testing.assert_allclose(frf.values, accelerance(AXIS), rtol=1e-11)
+    np.testing.assert_allclose(frf.coherence, np.linspace(0.5, 1, AXIS.size), rtol=1e-11)
+    assert (frf.quantity, frf.averages) == ("accelerance", 10)
+
+
+@pytest.mark.parametrize(("to", "unit"), [("receptance", "m/N"), ("um/N", "um/N"), ("mm/s/N", "mm/s/N")])
+def test_to_another_quantity_or_unit(run, analyser, tmp_path, to, unit):
+    run("convert", analyser, tmp_path / "a.csv", *NAMES, "--to", to)
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    assert (f"# unit: {unit}" in lines) == (to != "receptance")
+    back = dovetail.read_frf(tmp_path / "a.csv")
+    assert back.quantity == {"receptance": "receptance", "um/N": "receptance", "mm/s/N": "mobility"}[to]
+    np.testing.assert_allclose(back.to("accelerance").values, accelerance(AXIS), rtol=1e-12)
+
+
+def test_a_rotation_goes_through_every_format(run, tmp_path):
+    (tmp_path / "a.csv").write_text("f,re [rad/(N m)],im [rad/(N m)]\n1,2,3\n2,3,4\n")
+    for before, after in ((".csv", ".uff"), (".uff", ".npz"), (".npz", ".csv")):
+        shown = run("convert", tmp_path / f"a{before}", tmp_path / f"{'a' if after != '.csv' else 'b'}{after}").stdout
+        assert "rotation per moment" in shown
+    assert dovetail.read_frf(tmp_path / "b.csv").rotation
+
+
+def test_one_of_several_by_its_dofs(run, tmp_path):
+    path = tmp_path / "several.uff"
+    for node in (1, 2):
+        one = {"type": 58, "func_type": 4, "rsp_node": node, "rsp_dir": 1, "ref_node": 1, "ref_dir": 1, "x": AXIS}
+        kinds = {"abscissa_spec_data_type": 18, "ordinate_spec_data_type": 12, "orddenom_spec_data_type": 13}
+        pyuff.UFF(str(path)).write_sets({**one, **kinds, "data": node * accelerance(AXIS)}, mode="add")
+    fault = run("convert", path, tmp_path / "a.csv", code=1).stderr
+    assert "the file holds 2 FRFs, and one is wanted" in fault
+    assert not (tmp_path / "a.csv").exists()
+    shown = run("convert", path, tmp_path / "a.csv", "--response", "2+x", "--force", "1").stdout
+    assert "from 1+x to 2+x" in shown
+    np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.csv").values, 2 * accelerance(AXIS), rtol=1e-10)
+
+
+def test_the_accelerometer_on_a_transfer_function(run, tmp_path):
+    drive = dovetail.Frf(AXIS, accelerance(AXIS), "accelerance", response="2+x", force="2+x")
+    transfer = dovetail.Frf(AXIS, accelerance(AXIS, 350), "accelerance", response="2+x", force="1+x")
+    dovetail.write_frf(add_accelerometer_mass(drive, 0.01), tmp_path / "drive.npz")
+    dovetail.write_frf(add_accelerometer_mass(transfer, 0.01, drive=drive), tmp_path / "transfer.npz")
+    fault = run("convert", tmp_path / "transfer.npz", tmp_path / "a.npz", "--accelerometer-mass", "10 g", code=1).stderr
+    assert "the mass is taken off a drive point" in fault
+    options = ("--accelerometer-mass", "10 g", "--drive-point", tmp_path / "drive.npz")
+    run("convert", tmp_path / "transfer.npz", tmp_path / "a.npz", *options)
+    np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.npz").values, transfer.values, rtol=1e-9)
+    run("convert", tmp_path / "drive.npz", tmp_path / "b.npz", *options[:2])
+    np.testing.assert_allclose(dovetail.read_frf(tmp_path / "b.npz").values, drive.values, rtol=1e-9)
+
+
+def test_faults_of_convert(run, analyser, tmp_path):
+    assert "the file holds:" in run("convert", analyser, tmp_path / "a.uff", code=1).stderr
+    assert "not PART=NAME" in run("convert", analyser, tmp_path / "a.uff", "--name", "values", code=2).stderr
+    assert "Accepted: .uff, .unv, .csv, .npz" in run("convert", analyser, tmp_path / "a.mat", code=2).stderr
+    assert (
+        "'speed' is not understood"
+        in run("convert", analyser, tmp_path / "a.uff", *NAMES, "--to", "speed", code=1).stderr
+    )
+    (tmp_path / "a.uff").write_text("old")
+    assert "--overwrite" in run("convert", analyser, tmp_path / "a.uff", *NAMES, code=1).stderr
+    assert (tmp_path / "a.uff").read_text() == "old"
+
+
+RATE, SAMPLES = 8192.0, 4096
+
+
+@pytest.fixture
+def hits():
+    """Force [N] and acceleration [m/s^2] of four impacts on a mass of 0.5 kg on a spring."""
+    frequency = np.fft.rfftfreq(SAMPLES, 1 / RATE)
+    true = -(frequency**2) / (0.5 * (600.0**2 * (1 + 0.06j) - frequency**2))
+    time = np.arange(SAMPLES) / RATE
+    pulse = np.where((time > 0.01) & (time < 0.0106), np.sin(np.pi * (time - 0.01) / 0.0006), 0.0)
+    force = np.outer([40.0, 50.0, 60.0, 55.0], pulse)
+    response = np.fft.irfft(np.fft.rfft(force) * true, SAMPLES)
+    random = np.random.default_rng(0)
+    force, response = (one + 0.002 * random.standard_normal(one.shape) for one in (force, response))
+    return time, force, response, (frequency[20:700], true[20:700])
+
+
+def check(path, truth, rtol=0.01):
+    frf = dovetail.read_frf(path)
+    np.testing.assert_allclose(frf.frequency[19:699], truth[0], rtol=1e-6)
+    np.testing.assert_allclose(frf.values[19:699], truth[1], rtol=rtol, atol=0.01)
+    assert frf.averages == 4
+    assert np.median(frf.coherence[19:699]) > 0.99
+
+
+def test_signals_in_an_archive(run, tmp_path, hits):
+    time, force, response, truth = hits
+    np.savez(tmp_path / "hits.npz", force=force, response=response / 9.80665, rate=RATE)
+    shown = run("frf", tmp_path / "hits.npz", "-o", tmp_path / "a.uff", "--response-unit", "g").stdout
+    assert "H1 from hits.npz" in shown
+    assert "accelerance, coherence, 4 averages" in shown
+    check(tmp_path / "a.uff", truth)
+    savemat(tmp_path / "hits.mat", {"hammer": force.T / 4.4482216152605, "acceleration": response.T, "t": time})
+    run("frf", tmp_path / "hits.mat", "-o", tmp_path / "b.npz", "--force-unit", "lbf", "--estimator", "H2")
+    check(tmp_path / "b.npz", truth)
+
+
+def test_signals_in_a_table(run, tmp_path, hits):
+    time, force, response, truth = hits
+    names = ["time", *(f"{name} {n}" for n in range(1, 5) for name in ("Force", "Response"))]
+    columns = [time, *(one[n] for n in range(4) for one in (force, response))]
+    text = "\t".join(names) + "\n" + "\n".join("\t".join(f"{x:.9g}" for x in row) for row in zip(*columns, strict=True))
+    (tmp_path / "hits.tsv").write_text(text)
+    run("frf", tmp_path / "hits.tsv", "-o", tmp_path / "a.csv", "-o", tmp_path / "a.png")
+    check(tmp_path / "a.csv", truth)
+    assert (tmp_path / "a.png").stat().st_size > 1000
+
+
+def test_signals_in_a_universal_file(run, tmp_path, hits):
+    time, force, response, truth = hits
+    for pulse, signal in zip(force, response, strict=True):
+        for kind, unit, data in ((13, "N", pulse), (12, "g", signal / 9.80665)):
+            one = {"type": 58, "func_type": 1, "rsp_node": 1, "rsp_dir": 1, "ref_node": 1, "ref_dir": 1, "x": time}
+            one |= {"data": data, "binary": 1, "abscissa_spec_data_type": 17, "ordinate_axis_units_lab": unit}
+            one |= {"ordinate_spec_data_type": kind, "orddenom_spec_data_type": 0}
+            pyuff.UFF(str(tmp_path / "hits.uff")).write_sets(one, mode="add")
+    run("frf", tmp_path / "hits.uff", "-o", tmp_path / "a.csv")
+    check(tmp_path / "a.csv", truth)
+
+
+def test_windows_and_bad_impacts(run, tmp_path, hits):
+    _, force, response, _ = hits
+    late = int(0.05 * RATE)
+    force[1, late:] += 0.3 * force[1, :-late]
+    np.savez(tmp_path / "hits.npz", force=force, response=response, fs=RATE)
+    options = ("--force-window", "20 ms", "--exponential-window", "0.05")
+    shown = run("frf", tmp_path / "hits.npz", "-o", tmp_path / "a.csv", *options).stdout
+    assert "Note: impact 2: a second hit of 30 %" in shown
+    assert "Note: the exponential window adds 5.991 1/s to the decay of each mode." in shown
+    shown = run("frf", tmp_path / "hits.npz", "-o", tmp_path / "b.csv", "--leave-out-bad").stdout
+    assert "Note: impact 2 is left out." in shown
+    assert dovetail.read_frf(tmp_path / "b.csv").averages == 3
+
+
+def fault_of(run, tmp_path, name, content, *options, code=1):
+    path = tmp_path / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    text = run("frf", path, "-o", tmp_path / "out.csv", *options, code=code).stderr
+    assert not (tmp_path / "out.csv").exists()
+    return text
+
+
+def test_faults_of_frf(run, tmp_path, hits):
+    table = "time,force,response\n" + "".join(f"{n / 100},{n % 7},{n % 5}\n" for n in range(50))
+    assert "'speed' is no unit of a motion" in fault_of(run, tmp_path, "a.csv", table, "--response-unit", "speed")
+    assert "'m' is no unit of a force" in fault_of(run, tmp_path, "a.csv", table, "--force-unit", "m")
+    assert "not one of H1, H2" in fault_of(run, tmp_path, "a.csv", table, "--estimator", "H9", code=2)
+    assert "does not increase in even steps" in fault_of(run, tmp_path, "a.csv", table.replace("0.25,", "0.29,"))
+    assert "the force is nan at impact 1, sample 4" in fault_of(
+        run, tmp_path, "a.csv", table.replace("3,3,3", "3,nan,3")
+    )
+    assert "below the header" in fault_of(run, tmp_path, "a.csv", table.replace("0.03,3", "0.03,x"))
+    assert "0 columns of force" in fault_of(run, tmp_path, "a.csv", table.replace("force", "power"))
+    assert "does not say the sampling rate" in fault_of(run, tmp_path, "a.csv", table.replace("time", "turns"))
+    assert "the file is empty" in fault_of(run, tmp_path, "a.csv", "")
+    assert "no file of time records" in fault_of(run, tmp_path, "a.h5", "x")
+    assert "the archive is damaged" in fault_of(run, tmp_path, "a.npz", b"PK")
+    assert "0 time records of a force" in fault_of(run, tmp_path, "a.uff", "    -1\n   151\nx\n    -1\n")
+    np.savez(tmp_path / "b.npz", force=hits[1])
+    assert "force or response are missing" in run("frf", tmp_path / "b.npz", "-o", tmp_path / "c.csv", code=1).stderr

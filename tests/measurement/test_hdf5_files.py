@@ -1,0 +1,113 @@
+"""HDF5 files as h5py writes them: groups, attributes, names, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from measured_files import fault_of
+
+from dovetail.measurement import read_frf
+
+FREQUENCY = 10.0 + 2.5 * np.arange(7)
+VALUES = np.array([1 + 2j, -3, 4j, 5.5 - 1j, 1e-9j, 7e5, -8 - 8j])
+
+
+def saved(path: Path, **datasets: object) -> h5py.File:
+    file = h5py.File(path, "w")
+    for name, value in datasets.items():
+        file[name] = value
+    return file
+
+
+def test_groups_and_attributes(tmp_path: Path) -> None:
+    with saved(tmp_path / "a.h5", **{"test/freq": FREQUENCY / 1e3, "test/frf": VALUES}) as file:
+        file["test/freq"].attrs["unit"] = "kHz"
+        file["test/frf"].attrs["units"] = "um/N"
+        file["test/coherence"] = np.linspace(0.5, 1, 7)
+        file["test/averages"] = 8
+        file.attrs["note"] = "shaker"
+    frf = read_frf(tmp_path / "a.h5")
+    np.testing.assert_allclose(frf.frequency, FREQUENCY)
+    np.testing.assert_allclose(frf.values, VALUES * 1e-6)
+    assert (frf.quantity, frf.averages, frf.note, frf.coherence[0]) == ("receptance", 8, "shaker", 0.5)
+
+
+def test_names_compressed_blocks_and_radians_per_second(tmp_path: Path) -> None:
+    with saved(tmp_path / "a.hdf5", x=2 * np.pi * FREQUENCY, a=np.eye(3), quantity="mobility") as file:
+        file["x"].attrs["unit"] = "rad/s"
+        file.create_dataset("y", data=np.stack([VALUES, 2 * VALUES]), compression="gzip", chunks=(1, 3))
+    names = {"frequency": "x", "values": "y"}
+    frf = read_frf(tmp_path / "a.hdf5", names=names, index=2)
+    np.testing.assert_allclose(frf.frequency, FREQUENCY)
+    np.testing.assert_array_equal(frf.values, 2 * VALUES)
+    message = fault_of(tmp_path / "a.hdf5")
+    assert message.startswith(
+        "a.hdf5\n  the frequency is not to be found by its name; the file holds:\n    a: (3, 3) float64"
+    )
+
+
+def test_several_groups_are_ambiguous(tmp_path: Path) -> None:
+    saved(
+        tmp_path / "a.h5", **{f"{g}/{n}": v for g in "ab" for n, v in (("f", FREQUENCY), ("mobility", VALUES))}
+    ).close()
+    assert "'a/f', 'b/f' may each be the frequency; the file holds:" in fault_of(tmp_path / "a.h5")
+    assert read_frf(tmp_path / "a.h5", names={"frequency": "b/f", "values": "b/mobility"}).quantity == "mobility"
+
+
+def test_nothing_outside_the_file_is_read(tmp_path: Path) -> None:
+    (tmp_path / "raw.bin").write_bytes(FREQUENCY.tobytes())
+    saved(tmp_path / "other.h5", mobility=VALUES).close()
+    with saved(tmp_path / "a.h5", f=FREQUENCY) as file:
+        file.create_dataset("freq", (7,), "<f8", external=[("raw.bin", 0, 56)])
+        file["mobility"] = h5py.ExternalLink("other.h5", "mobility")
+        file["H"] = h5py.SoftLink("/f")
+        layout = h5py.VirtualLayout((7,), complex)
+        layout[:] = h5py.VirtualSource("other.h5", "mobility", (7,))
+        file.create_virtual_dataset("frf", layout)
+    assert fault_of(tmp_path / "a.h5").startswith(
+        "a.h5\n  the values are not to be found by their name; the file holds:\n    f: (7,) float64\n  Say"
+    )
+
+
+@pytest.mark.parametrize(
+    ("datasets", "message"),
+    [
+        ({"f": FREQUENCY, "mobility": np.array([b"x"] * 7)}, "a.h5\n  'mobility' has the shape () and the type"),
+        ({"f": FREQUENCY, "mobility": VALUES.real}, "a.h5\n  'mobility' has the shape (7,) and the type float64."),
+        ({"f": FREQUENCY[:0], "mobility": VALUES}, "a.h5\n  'f' has the shape (0,) and the type float64."),
+        (
+            {"f": FREQUENCY[[0, 0, 1, 2, 3, 4, 5]], "mobility": VALUES},
+            "a.h5  line 2 of the arrays\n  the frequency 10 Hz is",
+        ),
+    ],
+)
+def test_faults(tmp_path: Path, datasets: dict, message: str) -> None:
+    saved(tmp_path / "a.h5", **datasets).close()
+    assert fault_of(tmp_path / "a.h5").startswith(message)
+
+
+def test_a_dataset_that_would_fill_the_memory(tmp_path: Path) -> None:
+    with saved(tmp_path / "a.h5", mobility=VALUES) as file:
+        file.create_dataset("f", (10**12,), "<f8", chunks=(1000,), compression="gzip")
+    assert (tmp_path / "a.h5").stat().st_size < 20_000
+    assert fault_of(tmp_path / "a.h5") == "a.h5\n  'f' unpacks to 8000000 MB.\n  Accepted: at most 40 MB"
+
+
+def test_groups_without_end(tmp_path: Path) -> None:
+    with saved(tmp_path / "a.h5") as file:
+        file["group/loop"] = file.create_group("other")
+        file["other/back"] = file["group"]
+    assert "deeper groups than any FRF" in fault_of(tmp_path / "a.h5")
+
+
+def test_every_truncation_is_refused(tmp_path: Path) -> None:
+    saved(tmp_path / "a.h5", f=FREQUENCY, mobility=VALUES).close()
+    whole = (tmp_path / "a.h5").read_bytes()
+    for length in range(1, len(whole) - 1, 397):
+        (tmp_path / "a.h5").write_bytes(whole[:length])
+        assert fault_of(tmp_path / "a.h5").startswith(
+            ("a.h5\n  the HDF5 file is damaged", "a.h5\n  this is no HDF5 file.")
+        )

@@ -1,0 +1,197 @@
+"""MATLAB workspaces: version 5 as scipy writes it, version 7.3 as h5py can; names, structs, several FRFs, faults."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from measured_files import fault_of
+from scipy.io import savemat
+from scipy.sparse import csc_matrix
+
+from dovetail.measurement import read_frf
+
+FREQUENCY = 10.0 + 2.5 * np.arange(7)
+VALUES = np.array([1 + 2j, -3, 4j, 5.5 - 1j, 1e-9j, 7e5, -8 - 8j])
+
+
+def saved(path: Path, **variables: object) -> Path:
+    savemat(path, variables, oned_as="column")
+    return path
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("oned", ["row", "column"])
+def test_version_5(tmp_path: Path, compressed: bool, oned: str) -> None:
+    coherence = np.linspace(0.5, 1, 7)
+    variables = {"f": FREQUENCY, "H": VALUES, "coh": coherence, "unit": "mm/s^2/N", "n_avg": 10.0}
+    savemat(tmp_path / "a.mat", variables, do_compression=compressed, oned_as=oned)
+    frf = read_frf(tmp_path / "a.mat")
+    np.testing.assert_array_equal(frf.frequency, FREQUENCY)
+    np.testing.assert_allclose(frf.values, VALUES * 1e-3, rtol=1e-15)
+    np.testing.assert_array_equal(frf.coherence, coherence)
+    assert (frf.quantity, frf.averages) == ("accelerance", 10)
+
+
+def test_a_struct_and_integers(tmp_path: Path) -> None:
+    inner = {"freq": FREQUENCY.astype(np.int16) * 4, "compliance": VALUES, "comment": "hit", "axes": [1, 2]}
+    frf = read_frf(saved(tmp_path / "a.mat", test={"frf": inner, "date": "today"}))
+    np.testing.assert_array_equal(frf.frequency, FREQUENCY.astype(np.int16) * 4)
+    np.testing.assert_array_equal(frf.values, VALUES)
+    assert frf.quantity == "receptance"
+
+
+def test_names_amplitude_and_phase(tmp_path: Path) -> None:
+    path = saved(tmp_path / "a.mat", X=FREQUENCY, A=np.abs(VALUES), P=np.angle(VALUES, deg=True), other=np.eye(3))
+    names = {"frequency": "X", "amplitude": "A", "phase_deg": "P"}
+    frf = read_frf(path, names=names, unit="um/N")
+    np.testing.assert_allclose(frf.values, VALUES * 1e-6, rtol=1e-14)
+    message = fault_of(path)
+    assert message.startswith(
+        "a.mat\n  the frequency is not to be found by its name; the file holds:\n    X: (7, 1) float64"
+    )
+    assert "\n    other: (3, 3) float64\n" in message
+
+
+@pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (1, 0, 2)])
+def test_one_of_a_matrix_of_frfs(tmp_path: Path, axes: tuple) -> None:
+    frfs = np.arange(1, 43).reshape(7, 2, 3) * (1 + 1j)
+    path = saved(tmp_path / "a.mat", f=FREQUENCY, H=np.transpose(frfs, axes), quantity="mobility")
+    np.testing.assert_array_equal(read_frf(path, response="2", force="3").values, frfs[:, 1, 2])
+    assert fault_of(path) == (
+        "a.mat\n  'H' holds 2 x 3 FRFs, and one is wanted.\n"
+        "  Choose it by response and force, counted from 1.  Accepted: numbers of 1 to 2, 1 to 3"
+    )
+    for wrong in ({"response": "3", "force": "1"}, {"response": "0", "force": "1"}, {"response": "tip", "force": "1"}):
+        assert "holds 2 x 3 FRFs, and one is wanted" in fault_of(path, **wrong)
+
+
+def test_one_of_several_columns(tmp_path: Path) -> None:
+    frfs = VALUES[:, np.newaxis] * np.array([1, 10, 100])
+    path = saved(tmp_path / "a.mat", f=FREQUENCY, H=frfs, coh=np.full((7, 3), [0.1, 0.2, 0.3]), quantity="mobility")
+    for options in ({"index": 2}, {"response": "2"}):
+        frf = read_frf(path, **options)
+        np.testing.assert_array_equal(frf.values, VALUES * 10)
+        np.testing.assert_array_equal(frf.coherence, np.full(7, 0.2))
+    one = saved(tmp_path / "b.mat", f=FREQUENCY, H=VALUES, quantity="mobility")
+    assert fault_of(one, index=1) == "b.mat\n  index=1 chooses one of several FRFs, and the file holds one."
+
+
+def matlab_7_3(path: Path, **variables: object) -> Path:
+    """Write what `save -v7.3` writes: a header of 512 bytes, reversed axes, complex compounds, texts as numbers."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in variables.items():
+            if isinstance(value, str):
+                data, kind = np.array([[ord(c)] for c in value], dtype=np.uint16), "char"
+            elif np.iscomplexobj(value):
+                data = np.zeros(np.transpose(value).shape, dtype=[("real", "<f8"), ("imag", "<f8")])
+                data["real"], data["imag"], kind = np.transpose(value).real, np.transpose(value).imag, "double"
+            else:
+                data, kind = np.transpose(value), "double"
+            file.create_dataset(name, data=data).attrs["MATLAB_class"] = np.bytes_(kind)
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    return path
+
+
+def test_version_7_3(tmp_path: Path) -> None:
+    frfs = np.arange(1, 43).reshape(7, 2, 3) * (1 - 2j)
+    path = matlab_7_3(
+        tmp_path / "a.mat", **{"data/f": FREQUENCY[:, np.newaxis], "data/H": frfs, "data/unit": "g/N", "data/navg": 5.0}
+    )
+    frf = read_frf(path, response="2", force="3")
+    np.testing.assert_array_equal(frf.frequency, FREQUENCY)
+    np.testing.assert_allclose(frf.values, frfs[:, 1, 2] * 9.80665)
+    assert (frf.quantity, frf.averages) == ("accelerance", 5)
+
+
+def test_what_cannot_be_read_is_listed(tmp_path: Path) -> None:
+    path = saved(tmp_path / "a.mat", f=FREQUENCY, H=csc_matrix(np.eye(7) * 1j))
+    assert fault_of(path) == (
+        "a.mat\n  'H' is of a class that is not read (cell, sparse, object, function handle, "
+        "array of structs).\n"
+        "  Accepted: a full matrix of numbers"
+    )
+
+
+@pytest.mark.parametrize(
+    ("variables", "message"),
+    [
+        ({"f": FREQUENCY, "H": VALUES.real}, "a.mat\n  'H' has the shape (7, 1) and the type float64.\n"),
+        ({"f": FREQUENCY, "H1": VALUES, "H2": VALUES}, "a.mat\n  'H1', 'H2' may each be the values; the file holds:"),
+        ({"f": FREQUENCY, "freq": FREQUENCY, "H": VALUES}, "a.mat\n  'f', 'freq' may each be the frequency;"),
+        ({"f": FREQUENCY, "H": VALUES[:5]}, "a.mat\n  'H' has 5 lines, the frequency has 7."),
+        ({"f": FREQUENCY, "H": VALUES[:5], "x": np.eye(2)}, "a.mat\n  'H' has 5 lines, the frequency has 7."),
+        ({"f": FREQUENCY, "H": np.ones((7, 7)) * 1j}, "a.mat\n  'H' has the shape (7, 7), and 2 axes are as long as"),
+        (
+            {"f": FREQUENCY, "mag": VALUES.real, "phase": VALUES.real},
+            "a.mat\n  'phase' may be in degrees or in radians;",
+        ),
+        ({"f": FREQUENCY, "H": VALUES}, "a.mat\n  the file does not say which quantity it holds.\n"),
+        ({"f": FREQUENCY, "H": VALUES, "unit": "kg"}, "a.mat  unit\n  the unit 'kg' is not understood."),
+        (
+            {"f": FREQUENCY, "mobility": VALUES, "unit": "m/N"},
+            "a.mat\n  the file contradicts itself: receptance by its",
+        ),
+        (
+            {"f": FREQUENCY, "mobility": VALUES, "averages": 2.5},
+            "a.mat\n  'averages' has the shape (1, 1) and the type float",
+        ),
+        (
+            {"f": FREQUENCY[::-1], "mobility": VALUES},
+            "a.mat  line 2 of the arrays\n  the frequency 22.5 Hz comes after 25",
+        ),
+        (
+            {"f": FREQUENCY * np.nan, "mobility": VALUES},
+            "a.mat  line 1 of the arrays\n  the frequency is nan, which is",
+        ),
+        ({"f": FREQUENCY, "mobility": VALUES + np.inf}, "a.mat  line 1 of the arrays\n  the value is "),
+        ({}, "a.mat\n  the frequency is not to be found by its name; the file holds: nothing\n"),
+    ],
+)
+def test_faults(tmp_path: Path, variables: dict, message: str) -> None:
+    assert fault_of(saved(tmp_path / "a.mat", **variables)).startswith(message)
+
+
+def test_versions_that_are_not_read(tmp_path: Path) -> None:
+    savemat(tmp_path / "a.mat", {"f": FREQUENCY}, format="4")
+    assert fault_of(tmp_path / "a.mat") == (
+        "a.mat\n  this is no MATLAB workspace of a version that is read.\n"
+        "  Accepted: version 5 (save -v6, save -v7) or 7.3 (save -v7.3)"
+    )
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_every_truncation_is_refused(tmp_path: Path, compressed: bool) -> None:
+    stream = io.BytesIO()
+    savemat(stream, {"f": FREQUENCY, "mobility": VALUES}, do_compression=compressed)
+    whole = stream.getvalue()
+    for length in (*range(1, len(whole) - 1, 17), len(whole) - 1):
+        (tmp_path / "a.mat").write_bytes(whole[:length])
+        assert "a.mat" in fault_of(tmp_path / "a.mat")
+
+
+def test_what_unpacks_to_a_thousand_times_its_size(tmp_path: Path) -> None:
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    bomb = zlib.compress(struct.pack("<2I", 14, 150_000_000) + bytes(150_000_000))
+    path = tmp_path / "a.mat"
+    path.write_bytes(header + struct.pack("<2I", 15, len(bomb)) + bomb)
+    assert fault_of(path) == "a.mat\n  the workspace unpacks to far more than an FRF needs."
+
+
+@pytest.mark.parametrize("kind", [6, 14])
+def test_dimensions_that_are_a_lie(tmp_path: Path, kind: int) -> None:
+    def element(code: int, data: bytes) -> bytes:
+        return struct.pack("<2I", code, len(data)) + data + bytes(-len(data) % 8)
+
+    flags, shape = element(6, struct.pack("<2I", kind, 0)), element(5, struct.pack("<2i", 60000, 30000))
+    matrix = element(14, flags + shape + element(1, b"f") + element(9, bytes(16)))
+    (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + matrix)
+    assert fault_of(tmp_path / "a.mat").startswith(
+        "a.mat: variable 1\n  the workspace is damaged: 'f' has 1,800,000,000 "
+    )

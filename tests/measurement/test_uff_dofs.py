@@ -1,0 +1,99 @@
+"""Universal files by the names of their DOFs; rotations, averages and variance in sets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measured_files import fault_of, set_58, write_sets
+
+from dovetail.frf import Frf
+from dovetail.measurement import read_frf, write_frf
+
+FREQUENCY = 10.0 + 2.5 * np.arange(7)
+VALUES = np.array([1 + 2j, -3, 4j, 5.5 - 1j, 1e-9j, 7e5, -8 - 8j])
+POINTS = [(1, 1, 1, 1), (2, 1, 1, 1), (2, -2, 1, 1), (2, 1, 2, 1)]
+
+
+@pytest.fixture
+def several(tmp_path: Path) -> Path:
+    """One FRF for each of `POINTS`, its values times its number; set 5 names a part."""
+    names = ("rsp_node", "rsp_dir", "ref_node", "ref_dir")
+    sets = [
+        set_58(FREQUENCY, number * VALUES, **dict(zip(names, point, strict=True)))
+        for number, point in enumerate(POINTS, start=1)
+    ]
+    tool = set_58(FREQUENCY, 5 * VALUES, rsp_node=7, rsp_dir=3, rsp_ent_name="Tool", ref_node=1, ref_dir=3)
+    return write_sets(tmp_path / "a.uff", *sets, tool)
+
+
+@pytest.mark.parametrize(
+    ("response", "force", "number"),
+    [
+        ("1", None, 1),
+        ("1+x", "1:+X", 1),
+        ("2x", "1x", 2),
+        ("2 -y", None, -3),
+        ("2", "2", 4),
+        (None, "2", 4),
+        ("tool:7+z", None, 5),
+        ("7", "1+z", 5),
+    ],
+)
+def test_an_frf_by_its_dofs(several: Path, response: str | None, force: str | None, number: int) -> None:
+    frf = read_frf(several, response=response, force=force)
+    np.testing.assert_allclose(frf.values, number * VALUES, rtol=1e-11)
+
+
+def test_the_dofs_come_along(several: Path) -> None:
+    frf = read_frf(several, index=5)
+    assert (frf.response, frf.force) == ("Tool:7+z", "1+z")
+
+
+def test_what_is_ambiguous_or_missing_is_listed(several: Path) -> None:
+    message = fault_of(several, response="2", force="1")
+    assert message.startswith(
+        "a.uff\n  the file holds 2 FRFs that fit, and one is wanted:\n    set 1: FRF, response 1 +x"
+    )
+    assert message.endswith("for example index=2.")
+    for wrong in ({"response": "3"}, {"response": "2+z"}, {"response": "1-x"}, {"force": "nut"}):
+        assert fault_of(several, **wrong).startswith("a.uff\n  no FRF from ")
+    assert fault_of(several, names={"values": "H"}).startswith("a.uff\n  names are for files of named arrays")
+
+
+def test_a_mass_is_not_taken_off_a_transfer_function(several: Path) -> None:
+    assert read_frf(several, response="2", force="2", accelerometer_mass=1e-3).quantity == "accelerance"
+    assert fault_of(several, response="2x", force="1", accelerometer_mass=1e-3).startswith(
+        "a.uff\n  the FRF is from 1+x to 2+x, and the mass is taken off a drive point."
+    )
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_averages_variance_and_dofs_come_back(tmp_path: Path, measured: Frf, binary: bool) -> None:
+    variance = np.linspace(1, 2, measured.frequency.size)
+    written = replace(measured, averages=10, variance=variance, response="tool:5-y", force="7+z", note="bench")
+    write_frf(written, tmp_path / "a.uff", binary=binary)
+    frf = read_frf(tmp_path / "a.uff")
+    np.testing.assert_allclose(frf.values, -measured.values, rtol=1e-11)  # opposite directions turn the sign
+    np.testing.assert_allclose(frf.variance, variance, rtol=1e-11)
+    np.testing.assert_allclose(frf.coherence, measured.coherence, rtol=1e-11)
+    assert (frf.averages, frf.response, frf.force) == (10, "tool:5-y", "7+z")
+
+
+def test_averages_as_other_programs_say_them(tmp_path: Path) -> None:
+    for line, averages in (("No. of Averages : 012", 12), ("averages=0", None), ("averaged 5", None)):
+        path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, id4=line))
+        assert read_frf(path).averages == averages
+
+
+def test_a_rotation_per_moment(tmp_path: Path) -> None:
+    labels = {"ordinate_axis_units_lab": "mrad/s^2", "orddenom_axis_units_lab": "N m"}
+    path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=6, ref_dir=6, **labels))
+    frf = read_frf(path)
+    np.testing.assert_allclose(frf.values, VALUES * 1e-3, rtol=1e-11)
+    assert (frf.rotation, frf.unit, frf.response) == (True, "rad/(N m s^2)", "1+rz")
+    labels["orddenom_axis_units_lab"] = "N"
+    path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=6, ref_dir=6, **labels))
+    assert "the unit label 'N' is not understood" in fault_of(path)
