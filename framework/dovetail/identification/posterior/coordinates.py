@@ -10,7 +10,7 @@ from scipy.special import ndtr, ndtri
 
 from dovetail.identification.fitting.least_squares import SumOfSquares
 
-__all__ = ["FURTHEST", "PriorAndData"]
+__all__ = ["FURTHEST", "PriorAndData", "fraction_of", "quantile_of"]
 
 FURTHEST = 8.0
 """Coordinates beyond which nothing is looked for: the ends of the ranges, to double precision."""
@@ -24,39 +24,32 @@ class PriorAndData:
     ----------
     misfit : SumOfSquares
         Of p fractions of the ranges, which are uniform before the measurement.
-    nuisance : (k, m) array
-        What one standard deviation of each of k errors of the model adds to the residuals.
 
     Notes
     -----
-    z are the p quantiles of the fractions and the k errors in their standard deviations.
+    z are the normal quantiles of the fractions.
     """
 
     misfit: SumOfSquares
-    nuisance: NDArray[np.float64]
-
-    def coordinates(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return z (..., p + k) of fractions (..., p), without errors of the model."""
-        z = np.clip(ndtri(fraction), -FURTHEST, FURTHEST)
-        return np.concatenate([z, np.zeros((*z.shape[:-1], len(self.nuisance)))], axis=-1)
-
-    def fraction(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the fractions (..., p) of coordinates (..., p + k)."""
-        return np.asarray(ndtr(z[..., : z.shape[-1] - len(self.nuisance)]))
 
     def residuals(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals (n, p + k + m) at z (n, p + k)."""
-        errors = z[:, z.shape[1] - len(self.nuisance) :]
-        return np.concatenate([z, self.misfit.residuals(self.fraction(z)) + errors @ self.nuisance], axis=1)
+        """Return residuals (n, p + m) at z (n, p)."""
+        return np.concatenate([z, self.misfit.residuals(fraction_of(z))], axis=1)
 
     def linear(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return residuals (n, p + k + m) and their derivatives (n, p + k, p + k + m)."""
-        count, size = z.shape
-        p = size - len(self.nuisance)
-        found = self.misfit.linear(self.fraction(z))
-        density = np.exp(-(z[:, :p] ** 2) / 2.0) / np.sqrt(2.0 * np.pi)
-        slopes = np.zeros((count, size, size + found.residuals.shape[1]))
-        slopes[:, np.arange(size), np.arange(size)] = 1.0
-        slopes[:, :p, size:] = found.slopes * density[:, :, np.newaxis]
-        slopes[:, p:, size:] = self.nuisance
-        return np.concatenate([z, found.residuals + z[:, p:] @ self.nuisance], axis=1), slopes
+        """Return residuals (n, p + m) and their derivatives (n, p, p + m)."""
+        found = self.misfit.linear(fraction_of(z))
+        density = np.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi)
+        own = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
+        slopes = np.concatenate([own, found.slopes * density[:, :, np.newaxis]], axis=2)
+        return np.concatenate([z, found.residuals], axis=1), slopes
+
+
+def quantile_of(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the normal quantiles z of fractions of the ranges."""
+    return np.asarray(np.clip(ndtri(fraction), -FURTHEST, FURTHEST))
+
+
+def fraction_of(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the fractions of the ranges of normal quantiles z."""
+    return np.asarray(ndtr(z))

@@ -10,9 +10,11 @@ from dovetail.assembly import Assembly
 from dovetail.identification.fitting.least_squares import Linear
 from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
 
-__all__ = ["ReducedMisfit"]
+__all__ = ["ReducedMisfit", "squares_with_errors"]
 
 _MOST_SHAPES = 200
+_SAFELY = 3.0
+"""Standard deviations of the errors of the model that are represented as well as the snapshots."""
 
 
 class ReducedMisfit:
@@ -28,6 +30,8 @@ class ReducedMisfit:
         represented.
     origin : (m,) array
         Residuals from which differences are taken.
+    errors : (k, m) array
+        What one standard deviation of each error of the model adds to the residuals.
     tolerance : float
         Root of the mean square of what the subspace may leave of a snapshot.
 
@@ -35,7 +39,9 @@ class ReducedMisfit:
     -----
     A basis by singular value decomposition, its interpolation lines by pivoted QR (Drmac and Gugercin, A new selection
     operator for the discrete empirical interpolation method, 2016); for likelihoods this is known as reduced-order
-    quadrature (Canizares et al., 2013). What lies outside the subspace does not depend on the parameters.
+    quadrature (Canizares et al., 2013). What lies outside the subspace does not depend on the parameters. Errors of
+    the model widen the covariance of the residuals in their directions; here the residuals are scaled so that it is 1
+    again.
     """
 
     def __init__(
@@ -44,22 +50,23 @@ class ReducedMisfit:
         residual: Weighted,
         snapshots: NDArray[np.float64],
         origin: NDArray[np.float64],
+        errors: NDArray[np.float64],
         tolerance: float,
     ) -> None:
-        basis = _basis(snapshots - origin, tolerance)
+        basis = _basis(np.concatenate([snapshots - origin, _SAFELY * errors]), tolerance)
         pivots = qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]]
         lines = np.unique(pivots // residual.parts)
         rows = (residual.parts * lines[:, np.newaxis] + np.arange(residual.parts)).ravel()
         self._misfit = FrfMisfit(assembly.on(assembly.frequency[lines]), residual.at(lines))
-        self._to_subspace = np.linalg.pinv(basis[rows]).T
-        self._basis = basis
-        self._at_origin = origin @ basis
+        scaled = _inverse_root(np.eye(basis.shape[1]) + (errors @ basis).T @ (errors @ basis))
+        self._to_subspace = np.linalg.pinv(basis[rows]).T @ scaled
+        self._at_origin = origin @ basis @ scaled
         self._origin_rows = origin[rows]
-        self.outside = float(origin @ origin - self._at_origin @ self._at_origin)
+        self.outside = float(origin @ origin - np.sum((origin @ basis) ** 2))
         self.lines = lines
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals (n, k) in the subspace; with `outside`, their squares sum to those of all lines."""
+        """Return residuals (n, k) in the subspace; with `outside`, their squares sum to `squares_with_errors`."""
         return (self._misfit.residuals(fraction) - self._origin_rows) @ self._to_subspace + self._at_origin
 
     def linear(self, fraction: NDArray[np.float64]) -> Linear:
@@ -69,9 +76,17 @@ class ReducedMisfit:
         slopes = found.slopes @ self._to_subspace
         return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
 
-    def projected(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return vectors (n, m) over all lines in the subspace, (n, k)."""
-        return vectors @ self._basis
+
+def squares_with_errors(residuals: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return r^T (1 + E^T E)^-1 r for residuals (n, m) and errors of the model E (k, m), (n,)."""
+    along = residuals @ errors.T
+    inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T).T
+    return np.asarray(np.einsum("nm,nm->n", residuals, residuals) - np.einsum("nk,nk->n", along, inner))
+
+
+def _inverse_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray((vectors / np.sqrt(values)) @ vectors.T)
 
 
 def _basis(vectors: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
