@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from dovetail.cli.check import check
+from dovetail.cli.check_plugin import check_plugin
 from dovetail.cli.commands import Commands, report_bug
 from dovetail.cli.components import describe, plugins
 from dovetail.cli.convert import convert
@@ -61,8 +62,20 @@ def dovetail(
 
 
 COMMANDS = (
-    *(plugins, describe, check, simulate, frf, convert, generate, train, identify, predict, validate),
-    *(spindle, robustness),
+    plugins,
+    describe,
+    check_plugin,
+    check,
+    simulate,
+    frf,
+    convert,
+    generate,
+    train,
+    identify,
+    predict,
+    validate,
+    spindle,
+    robustness,
 )
 for command in COMMANDS:
     app.command()(command)
