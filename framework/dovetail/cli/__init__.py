@@ -20,6 +20,7 @@ from dovetail.cli.convert import convert
 from dovetail.cli.frf import frf
 from dovetail.cli.generate import generate
 from dovetail.cli.identify import identify
+from dovetail.cli.new_plugin import new_plugin
 from dovetail.cli.options import PluginFiles
 from dovetail.cli.predict import predict
 from dovetail.cli.robustness import robustness
@@ -64,6 +65,7 @@ def dovetail(
 COMMANDS = (
     plugins,
     describe,
+    new_plugin,
     check_plugin,
     check,
     simulate,
