@@ -24,6 +24,7 @@ from dovetail.cli.new_plugin import new_plugin
 from dovetail.cli.options import PluginFiles
 from dovetail.cli.predict import predict
 from dovetail.cli.robustness import robustness
+from dovetail.cli.schema import schema
 from dovetail.cli.simulate import simulate
 from dovetail.cli.spindle import spindle
 from dovetail.cli.train import train
@@ -65,6 +66,7 @@ def dovetail(
 COMMANDS = (
     plugins,
     describe,
+    schema,
     new_plugin,
     check_plugin,
     check,
