@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.options import AsJson, PluginFiles
-from dovetail.cli.terminal import print_json, say, table, title
+from dovetail.cli.terminal import print_json, say, title
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,8 +44,8 @@ def _print(results: Sequence[CheckResult]) -> None:
     for component in dict.fromkeys(result.component for result in results):
         title(component)
         own = [result for result in results if result.component == component]
-        rows = [(result.name.replace("_", " "), result.outcome, f"{result.found} {result.remedy}") for result in own]
-        table(["check", "outcome", "found"], rows)
+        for result in own:
+            say(str(result))
         counts = Counter(result.outcome for result in own)
         run = counts["passed"] + counts["failed"]
         say(f"{run} checks run: " + ", ".join(f"{count} {outcome}" for outcome, count in counts.items()) + ".")

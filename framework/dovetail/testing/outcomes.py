@@ -66,6 +66,7 @@ class CheckResult:
         return self.outcome in ("passed", "not applicable")
 
     def __str__(self) -> str:
-        lines = [f"{self.outcome:<15} {self.name.replace('_', ' ')}"]
-        lines += [f"                {text}" for text in (self.found, self.remedy) if text]
-        return "\n".join(lines)
+        line = f"{self.outcome:<15} {self.name.replace('_', ' ')}"
+        if self.outcome != "failed":
+            return f"{line}: {self.found}" if self.found else line
+        return "\n".join([line, *(f"{'':<15}   {text}" for text in (self.found, self.remedy) if text)])
