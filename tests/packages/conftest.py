@@ -38,7 +38,8 @@ class Environment:
             "COLUMNS": "120",
             "DOVETAIL_CACHE_DIR": str(self.scripts / "c"),
         }
-        variables.pop("PYTHONPATH", None)
+        for name in ("PYTHONPATH", "COLUMNS"):
+            variables.pop(name, None)
         done = subprocess.run(
             [program, *map(str, words[1:])], capture_output=True, text=True, timeout=300, cwd=folder, env=variables
         )
