@@ -246,3 +246,37 @@ class Cached(Unmeshed):
 
 def _beam() -> SoundSubstructure:
     return SoundSubstructure()
+
+
+class HeldBeam(Unmeshed):
+    """A beam on a spring against the ground, which it says."""
+
+    held = True
+
+    def matrices(self):
+        """Hold the first node."""
+        whole = super().matrices()
+        whole.K[0, 0] += 1000.0
+        return whole
+
+
+class HeldInNameOnly(Unmeshed):
+    """A free beam that says it is held."""
+
+    held = True
+
+
+class WithInnerDofs(Unmeshed):
+    """The same beam, of which only the ends are nodes."""
+
+    @property
+    def nodes(self):
+        """The ends."""
+        every = super().nodes
+        return every[0], every[-1]
+
+    def matrices(self):
+        """Put the inner nodes behind the ends."""
+        whole = super().matrices()
+        order = [0, 1, 6, 7, 2, 3, 4, 5]
+        return StructuralMatrices(*(getattr(whole, part)[np.ix_(order, order)] for part in "MKCD"))

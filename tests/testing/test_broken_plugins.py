@@ -42,3 +42,11 @@ def test_a_pickle_hidden_in_an_array_is_found():
     (red,) = [result for result in check_component(PLUGINS["reducer"].Pickled) if result.outcome == "failed"]
     assert red.name == "a_fresh_process_gives_the_same_answers"
     assert "unpickles numpy" in red.found
+
+
+@pytest.mark.parametrize(
+    ("name", "red"), [("HeldBeam", []), ("WithInnerDofs", []), ("HeldInNameOnly", ["rigid_body_modes"])]
+)
+def test_a_part_may_be_held_and_have_inner_dofs(name, red):
+    results = check_component(getattr(PLUGINS["substructure"], name))
+    assert [result.name for result in results if not result.ok] == red

@@ -103,11 +103,12 @@ class SubstructureSpecimen(Specimen):
 
     @cached_property
     def dofs(self) -> list[int]:
-        """A few DOFs that take part, ends and middle of the list; all where there are no matrices."""
+        """A few of the nodes' DOFs that take part, ends and middle of the list."""
         taking_part = np.arange(2 * len(self.component.nodes))
         if self.matrices is not None:
             parts = (dense(getattr(self.matrices, name)) for name in "MKCD")
-            taking_part = np.flatnonzero(np.logical_or.reduce([(part != 0).any(axis=0) for part in parts]))
+            filled = np.logical_or.reduce([(part != 0).any(axis=0) for part in parts])
+            taking_part = taking_part[filled[: len(taking_part)]]
         chosen = np.linspace(0, len(taking_part) - 1, min(len(taking_part), 5)).round().astype(int)
         return [int(dof) for dof in taking_part[chosen]]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.interfaces import DIRECTIONS, Node, StructuralMatrices, SubstructureModel
-from dovetail.testing.linear_algebra import asymmetry, least_eigenvalue, relative_difference
+from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, relative_difference
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimens import FREQUENCY, SubstructureSpecimen, dense
 
@@ -34,15 +34,17 @@ def check_nodes_are_distinct(specimen: SubstructureSpecimen) -> None:
 
 
 def check_matrices_have_the_shape_of_the_nodes(specimen: SubstructureSpecimen) -> None:
-    """`matrices` returns StructuralMatrices over the DOFs x and rz of every node, or None."""
-    matrices, wanted = specimen.matrices, len(DIRECTIONS) * len(specimen.component.nodes)
+    """`matrices` returns matrices over the DOFs x and rz of every node, and inner ones behind them, or None."""
+    matrices, least = specimen.matrices, len(DIRECTIONS) * len(specimen.component.nodes)
     if matrices is None:
         return
-    if not isinstance(matrices, StructuralMatrices):
+    shapes: set[tuple[int, ...]] = {getattr(getattr(matrices, part, None), "shape", ()) for part in _PARTS}
+    if not isinstance(matrices, StructuralMatrices) and () in shapes:
         raise Nonconformity(f"matrices returned {type(matrices).__name__}.", "Return a dovetail.StructuralMatrices.")
-    if matrices.K.shape != (wanted, wanted):
-        found = f"matrices returned arrays of shape {matrices.K.shape} for {wanted // 2} nodes."
-        raise Nonconformity(found, f"Give two DOFs to each node, x then rz: ({wanted}, {wanted}).")
+    (shape,) = shapes
+    if len(shape) != 2 or shape[0] != shape[1] or shape[0] < least:
+        found = f"matrices returned arrays of shape {shape} for {least // 2} nodes."
+        raise Nonconformity(found, f"Give two DOFs to each node, x then rz: ({least}, {least}) or more.")
     for part, noun in _PARTS.items():
         if not np.isfinite(dense(getattr(matrices, part))).all():
             raise Nonconformity(f"the {noun} matrix is not finite.", "Check the options where they enter.")
@@ -78,12 +80,12 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
     """A free part moves, and turns where its nodes turn, without effort; one that says `held` does not."""
     K = dense(_matrices(specimen).K)
     _moving(specimen)
-    displaced = np.tile([1.0, 0.0], len(specimen.component.nodes))
-    motions = {"displaced": displaced}
-    if (np.diag(K)[1::2] > 0).all():
+    motions = {"displaced": np.tile([1.0, 0.0], len(specimen.component.nodes))}
+    outer = np.arange(len(motions["displaced"]))
+    if (np.diag(K)[outer[1::2]] > 0).all():
         positions = np.array([node.position for node in specimen.component.nodes])
         motions["turned"] = np.stack([positions - positions.mean(), np.ones(len(positions))], axis=1).ravel()
-    costly = [name for name, motion in motions.items() if _effort(K, motion) > _ROUNDING]
+    costly = [name for name, motion in motions.items() if least_effort(K, outer, motion) > _ROUNDING]
     if specimen.component.held and not costly:
         raise Nonconformity("the part says that it is held, but nothing holds it.", "Leave `held` as it is.")
     if costly and not specimen.component.held:
@@ -225,12 +227,6 @@ def _check_semidefinite(specimen: SubstructureSpecimen, part: str) -> None:
         )
     if least_eigenvalue(matrix) < -_ROUNDING:
         raise Nonconformity(f"the {_PARTS[part]} matrix is not positive semi-definite.", "Look for a wrong sign.")
-
-
-def _effort(K: NDArray[np.float64], motion: NDArray[np.float64]) -> float:
-    """Return the energy of a motion over the sum of what each of its DOFs would take alone."""
-    alone = float(motion**2 @ np.diag(K))
-    return abs(float(motion @ K @ motion)) / alone if alone > 0 else 0.0
 
 
 def _unit_free(H: NDArray[Any]) -> NDArray[Any]:
