@@ -96,7 +96,8 @@ def installed(tmp_path_factory) -> SimpleNamespace:
 
     def run(*words: object, code: int = 0) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-c", "from dovetail.cli import main; main()", *map(str, words)]
-        environment = {**os.environ, "PYTHONPATH": str(folder)}
+        path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+        environment = {**os.environ, "PYTHONPATH": path}
         done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment)
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr
