@@ -331,6 +331,15 @@ class WrongConvention(LossySpring):
         return super().dynamic_stiffness(frequency, theta).conj()
 
 
+@breaks("dynamic_stiffness_jacobian_meets_differences")
+class WrongSensitivity(LossySpring):
+    """A derivative of the law that is off by half a percent."""
+
+    def dynamic_stiffness_jacobian(self, frequency, theta):
+        """Scale them all."""
+        return (1.005 * part for part in super().dynamic_stiffness_jacobian(frequency, theta))
+
+
 @breaks("dynamic_stiffness_treats_lines_and_vectors_alone")
 class RelativeFrequency(LossySpring):
     """A law in terms of the greatest frequency asked for."""

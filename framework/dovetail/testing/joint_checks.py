@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ __all__: list[str] = []
 PARTS = {"M": "mass", "K": "stiffness", "C": "viscous damping", "D": "structural damping"}
 _ROUNDING = 1e-9
 _LEAST_EFFORT = 1e-7
+_DERIVATIVE = 1e-5
 _FEW = 4
 
 
@@ -142,17 +144,12 @@ def check_jacobian_meets_differences(specimen: JointSpecimen) -> None:
         found = f"matrices_jacobian returned {len(jacobian)} derivatives for {len(parameters)} parameters."
         raise Nonconformity(found, "Return StructuralMatrices for each parameter, in their order.")
     for column, parameter in enumerate(parameters):
-        step = 1e-4 * np.maximum(np.abs(theta[:, column]), 1e-2 * (parameter.upper - parameter.lower))
-        above, below = theta.copy(), theta.copy()
-        above[:, column] += step
-        below[:, column] -= step
+        above, below, width = _moved(specimen, theta, column)
         high, low = specimen.component.matrices(above), specimen.component.matrices(below)
-        width = (above - below)[:, column, None, None]
         for part, noun in PARTS.items():
             differences = (getattr(high, part) - getattr(low, part)) / width
-            rounding = 1e-14 * np.abs(getattr(high, part)).max() / width.min()
             error = np.abs(getattr(jacobian[column], part) - differences).max()
-            if not error <= 1e-5 * np.abs(differences).max() + rounding:
+            if not error <= _DERIVATIVE * np.abs(differences).max() + _noise(getattr(high, part), width):
                 found = f"the derivative of the {noun} matrix by '{parameter.name}' is wrong by {error:.3g}."
                 raise Nonconformity(found, "Mend matrices_jacobian, or leave it to the base class.")
 
@@ -209,6 +206,24 @@ def check_dynamic_stiffness_treats_lines_and_vectors_alone(specimen: JointSpecim
             raise Nonconformity(found, "Use the axes (n, n_freq, d, d) of theta and frequency.")
 
 
+def check_dynamic_stiffness_jacobian_meets_differences(specimen: JointSpecimen) -> None:
+    """`dynamic_stiffness_jacobian` of a law of its own is its derivative, held against central differences."""
+    _only_with_own_law(specimen)
+    component, theta = specimen.component, specimen.theta[2 : 2 + _FEW]
+    jacobian = list(component.dynamic_stiffness_jacobian(FREQUENCY.copy(), theta.copy()))
+    if len(jacobian) != len(component.parameters):
+        found = f"it returned {len(jacobian)} derivatives for {len(component.parameters)} parameters."
+        raise Nonconformity(found, "Return an array for each parameter, in their order.")
+    for column, parameter in enumerate(component.parameters):
+        above, below, width = _moved(specimen, theta, column)
+        high, low = (component.dynamic_stiffness(FREQUENCY.copy(), moved) for moved in (above, below))
+        differences = (high - low) / width[..., None]
+        error = np.abs(jacobian[column] - differences).max()
+        if not error <= _DERIVATIVE * np.abs(differences).max() + _noise(high, width):
+            found = f"the derivative of dynamic_stiffness by '{parameter.name}' is wrong by {error:.3g}."
+            raise Nonconformity(found, "Mend dynamic_stiffness_jacobian, or leave it to the base class.")
+
+
 def check_inputs_are_left_unchanged(specimen: JointSpecimen) -> None:
     """`theta` and `frequency` belong to the caller."""
     theta, frequency = specimen.theta.copy(), FREQUENCY.copy()
@@ -236,6 +251,23 @@ def check_answers_are_fresh(specimen: JointSpecimen) -> None:
 def _shown(specimen: JointSpecimen, row: int) -> str:
     values = zip(specimen.component.parameters, specimen.theta[row], strict=True)
     return ", ".join(f"{parameter.name} = {value:.4g} {parameter.unit}" for parameter, value in values)
+
+
+def _moved(
+    specimen: JointSpecimen, theta: NDArray[np.float64], column: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return parameter vectors a little above and below, and the width (n, 1, 1) between them."""
+    parameter = specimen.component.parameters[column]
+    step = 1e-4 * np.maximum(np.abs(theta[:, column]), 1e-2 * (parameter.upper - parameter.lower))
+    above, below = theta.copy(), theta.copy()
+    above[:, column] += step
+    below[:, column] -= step
+    return above, below, (above - below)[:, column, None, None]
+
+
+def _noise(values: NDArray[Any], width: NDArray[np.float64]) -> float:
+    """Return what rounding may leave of a difference quotient."""
+    return float(1e-14 * np.abs(values).max() / width.min())
 
 
 def _check_semidefinite(specimen: JointSpecimen, part: str) -> None:

@@ -17,6 +17,7 @@ from dovetail.interfaces import (
     JointModel,
     Reducer,
     Regressor,
+    SparseMatrices,
     StructuralMatrices,
     SubstructureModel,
 )
@@ -97,7 +98,7 @@ class SubstructureSpecimen(Specimen):
     component: SubstructureModel
 
     @cached_property
-    def matrices(self) -> StructuralMatrices | None:
+    def matrices(self) -> StructuralMatrices | SparseMatrices | None:
         """What it answers."""
         return self.component.matrices()
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.interfaces import DIRECTIONS, Node, StructuralMatrices, SubstructureModel
+from dovetail.interfaces import DIRECTIONS, Node, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, relative_difference
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimens import FREQUENCY, SubstructureSpecimen, dense
@@ -37,10 +37,9 @@ def check_matrices_have_the_shape_of_the_nodes(specimen: SubstructureSpecimen) -
     matrices, least = specimen.matrices, len(DIRECTIONS) * len(specimen.component.nodes)
     if matrices is None:
         return
-    shapes: set[tuple[int, ...]] = {getattr(getattr(matrices, part, None), "shape", ()) for part in _PARTS}
-    if not isinstance(matrices, StructuralMatrices) and () in shapes:
+    if not isinstance(matrices, (StructuralMatrices, SparseMatrices)):
         raise Nonconformity(f"matrices returned {type(matrices).__name__}.", "Return a dovetail.StructuralMatrices.")
-    (shape,) = shapes
+    shape = matrices.K.shape
     if len(shape) != 2 or shape[0] != shape[1] or shape[0] < least:
         found = f"matrices returned arrays of shape {shape} for {least // 2} nodes."
         raise Nonconformity(found, f"Give two DOFs to each node, x then rz: ({least}, {least}) or more.")
@@ -207,7 +206,7 @@ def check_answers_are_fresh(specimen: SubstructureSpecimen) -> None:
         raise Nonconformity("the same question got another answer the second time.", "Return new or read-only arrays.")
 
 
-def _matrices(specimen: SubstructureSpecimen) -> StructuralMatrices:
+def _matrices(specimen: SubstructureSpecimen) -> StructuralMatrices | SparseMatrices:
     if specimen.matrices is None:
         raise NotApplicable("the part is known by its FRFs only.")
     return specimen.matrices
