@@ -48,7 +48,8 @@ def description_schema(registry: Registry) -> Schema:
     Notes
     -----
     What depends on another part of the description (that a position is a node, that a range is not empty) is for
-    ``dovetail check``. A joint whose parameters or ports depend on its options takes any name for them here.
+    ``dovetail check``. The keys at the top stand there twice, since editors complete those outside of if and then. A
+    joint whose parameters or ports depend on its options takes any name for them here.
     """
     definitions: dict[str, Schema] = {}
     for model in (FrequencySection, ResponseSection, AttachmentSection, ParameterSection, IdentificationSection):
@@ -64,6 +65,7 @@ def description_schema(registry: Registry) -> Schema:
         "$schema": _DIALECT,
         "title": "Dovetail assembly description",
         "type": "object",
+        "properties": partial[f"description{_PARTIAL}"]["properties"],
         "if": {"required": ["extends"]},
         "then": {"$ref": f"#/$defs/description{_PARTIAL}"},
         "else": {"$ref": "#/$defs/description"},

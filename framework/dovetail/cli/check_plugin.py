@@ -33,7 +33,7 @@ def check_plugin(
 
     results = check_component(model, registry=components(plugin or ()))
     if as_json:
-        print_json([asdict(result) for result in results])
+        print_json([{**asdict(result), "passed": result.passed} for result in results])
     else:
         _print(results)
     if not all(result.ok for result in results):

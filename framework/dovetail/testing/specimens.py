@@ -29,6 +29,7 @@ __all__ = [
     "RegressorSpecimen",
     "Specimen",
     "SubstructureSpecimen",
+    "dense",
     "sample_features",
     "sample_targets",
     "specimen_of",
