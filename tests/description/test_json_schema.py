@@ -83,10 +83,9 @@ def with_key(description: Any, path: tuple[Any, ...], key: str) -> Any:
     return changed
 
 
-@pytest.mark.parametrize("name", ["bt40_er32.yaml", "bt40_er32_quick.yaml"])
-def test_every_misspelt_key_fails(name):
-    description = read(ROOT / "assemblies" / name)
-    assert faults(description) == []
+@pytest.mark.parametrize("file", DESCRIPTIONS, ids=lambda file: str(file.relative_to(ROOT)))
+def test_every_misspelt_key_fails(file):
+    description = read(file)
     misspelt = [path for path in keys(description) if not faults(with_key(description, path, f"{path[-1]}_"))]
     assert misspelt == []
 

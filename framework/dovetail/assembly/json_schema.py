@@ -29,6 +29,7 @@ Schema = dict[str, Any]
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _PARTIAL = "+"
 """Behind the name of a definition: the same with nothing required, for what overrides another description."""
+_NO_EXAMPLES = inspect.getattr_static(Component, "examples")
 _QUANTITY: Schema = {"type": ["number", "string"]}
 
 
@@ -49,7 +50,7 @@ def description_schema(registry: Registry) -> Schema:
     -----
     What depends on another part of the description (that a position is a node, that a range is not empty) is for
     ``dovetail check``. The keys at the top stand there twice, since editors complete those outside of if and then. A
-    joint whose parameters or ports depend on its options takes any name for them here.
+    joint whose parameters or ports depend on its options takes those of its examples, or any where it gives none.
     """
     definitions: dict[str, Schema] = {}
     for model in (FrequencySection, ResponseSection, AttachmentSection, ParameterSection, IdentificationSection):
@@ -146,12 +147,13 @@ def _component_schema(offer: Offer) -> Schema:
 
 def _connect(model: type[JointModel]) -> Schema:
     names, fixed = _declared(model, "ports")
+    static = inspect.getattr_static(model, "ports")
     return {
         "type": "object",
         "description": "Where each port attaches.",
         "properties": {port.name: {"$ref": "#/$defs/attachment"} for port in names},
         "additionalProperties": False if fixed else {"$ref": "#/$defs/attachment"},
-        **({"required": [port.name for port in names]} if fixed else {}),
+        **({"required": [port.name for port in names]} if isinstance(static, tuple) else {}),
     }
 
 
@@ -178,24 +180,20 @@ def _parameter(parameter: Parameter) -> Schema:
 
 
 def _declared(model: type[JointModel], name: str) -> tuple[tuple[Any, ...], bool]:
-    """Return a joint's parameters or ports, and whether they are the same for all options."""
+    """Return a joint's parameters or ports, and whether there are no others.
+
+    Where they depend on options, those of its examples: all there are if the joint gives examples of its own.
+    """
     value = inspect.getattr_static(model, name)
     if isinstance(value, tuple):
         return value, True
     found: dict[str, Any] = {}
-    for joint in _made_from_examples(model):
-        try:
-            found.update({entry.name: entry for entry in getattr(joint, name)})
-        except Exception:  # a plugin's property may raise anything; completion goes without it
-            continue
-    return tuple(found.values()), False
-
-
-def _made_from_examples(model: type[Component]) -> list[Component]:
-    made: list[Component] = []
     with tempfile.TemporaryDirectory() as folder, suppress(Exception):  # a plugin may raise anything
-        made.extend(model(model.Config.model_validate(dict(options))) for options in model.examples(Path(folder)))
-    return made
+        for options in model.examples(Path(folder)):
+            joint = model(model.Config.model_validate(dict(options)))
+            found.update({entry.name: entry for entry in getattr(joint, name)})
+        return tuple(found.values()), inspect.getattr_static(model, "examples") is not _NO_EXAMPLES
+    return tuple(found.values()), False
 
 
 def _define(definitions: dict[str, Schema], name: str, schema: Schema) -> None:
