@@ -57,6 +57,7 @@ PACKAGES = {
     "wrong_config": joint("gold", extra="Config = 3"),
     "raising_constructor": joint("glass", extra="def __init__(self, c=None): raise RuntimeError('no licence')"),
     "wrong_matrices": joint("silk") + "\nPad.matrices = lambda self, theta: np.zeros((len(theta), 4, 4))\n",
+    "wrong_parameters": joint("cane") + "\nPad.parameters = ('k',)\n",
     "first_of_two": joint("twin"),
     "second_of_two": joint("twin"),
 }
@@ -125,7 +126,7 @@ def test_each_broken_package_is_listed_with_one_reason_and_the_sound_ones_with_t
     registry = Registry()
     registry.load_entry_points()
     names = {name for kind in KINDS for name in registry.names(kind)}
-    assert names | {"felt", "zinc", "glass", "silk"} == {entry["name"] for entry in listed["components"]}
+    assert names | {"felt", "zinc", "glass", "silk", "cane"} == {entry["name"] for entry in listed["components"]}
 
 
 def test_everything_else_goes_on_working(installed, tmp_path, assemblies):
@@ -145,6 +146,7 @@ def test_everything_else_goes_on_working(installed, tmp_path, assemblies):
             "glass",
             "joint model 'glass' (raising_constructor 1.0) cannot be made from this section: RuntimeError: ",
         ),
+        ("cane", "joint model 'cane' (wrong_parameters 1.0) has 'k' among its parameters, which is not a Parameter."),
         ("silk", "joint 'j' (silk) returns ndarray, not StructuralMatrices."),
     ],
 )

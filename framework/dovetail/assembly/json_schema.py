@@ -18,7 +18,7 @@ from dovetail.assembly.sections import (
     ParameterSection,
     ResponseSection,
 )
-from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, option_schema
+from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, Port, option_schema
 from dovetail.registry import Offer, Registry
 from dovetail.units import format_quantity
 
@@ -186,7 +186,7 @@ def _declared(model: type[JointModel], name: str) -> tuple[tuple[Any, ...], bool
     """
     value = inspect.getattr_static(model, name)
     if isinstance(value, tuple):
-        return value, True
+        return tuple(entry for entry in value if isinstance(entry, (Parameter, Port))), True
     found: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder, suppress(Exception):  # a plugin may raise anything
         for options in model.examples(Path(folder)):
