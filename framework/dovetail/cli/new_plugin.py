@@ -5,8 +5,6 @@ from __future__ import annotations
 import keyword
 import os
 import re
-import tempfile
-from importlib.resources import files
 from pathlib import Path
 from string import Template
 from typing import Annotated
@@ -76,6 +74,9 @@ def _words(kind: str, given: str) -> dict[str, str]:
 
 def _write(folder: Path, words: dict[str, str]) -> list[str]:
     """Write the package, whole or not at all, and return the names of its files."""
+    import tempfile
+    from importlib.resources import files
+
     from dovetail.errors import DovetailError, Fault
 
     if folder.exists():
