@@ -11,8 +11,10 @@ from dovetail_plugins.joints.rigid import Rigid
 from dovetail_plugins.joints.spring_damper import SpringDamper
 from dovetail_plugins.reducers.none import NoReducer
 from dovetail_plugins.reducers.pca import PCA
+from dovetail_plugins.reducers.scikit_learn import Transformer
 from dovetail_plugins.reducers.umap import UMAP
 from dovetail_plugins.regressors.mlp import MLP
+from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
 from dovetail_plugins.substructures.ground import Ground
 from dovetail_plugins.substructures.lumped import Lumped
 from dovetail_plugins.substructures.matrices import Matrices
@@ -38,5 +40,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         UMAP,
         PCA,
         NoReducer,
+        Transformer,
         MLP,
+        ScikitLearnRegressor,
     ]

@@ -18,7 +18,19 @@ __all__ = ["CrossSection", "Material", "chain", "circle", "element_matrices", "r
 
 
 class Material(ComponentConfig):
-    """An isotropic linear material with structural damping."""
+    """An isotropic linear material with structural damping.
+
+    Attributes
+    ----------
+    young : float
+        Young's modulus [Pa].
+    density : float
+        Mass per volume [kg/m^3].
+    poisson : float
+        Poisson's ratio.
+    loss_factor : float
+        Structural damping over stiffness, D = eta K.
+    """
 
     young: Annotated[float, Field(gt=0), InUnit("Pa")]
     density: Annotated[float, Field(gt=0), InUnit("kg/m^3")]

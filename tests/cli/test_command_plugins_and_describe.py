@@ -70,9 +70,9 @@ def test_an_unknown_model_shows_what_failed_to_load(run):
 def test_describe_a_joint_whose_options_have_no_default(run):
     printed = run("describe", "collet").stdout
     rows = [line.split() for line in printed.splitlines()]
-    assert ["material.young", "number", ">", "0", "Pa", "required"] in rows
-    assert ["material.poisson", "number", "[0,", "0.5)", "0.3"] in rows
-    assert ["segment", "number", ">", "0", "m", "10", "mm"] in rows
+    assert any(row[:6] == ["material.young", "number", ">", "0", "Pa", "required"] for row in rows)
+    assert any(row[:5] == ["material.poisson", "number", "[0,", "0.5)", "0.3"] for row in rows)
+    assert any(row[:7] == ["segment", "number", ">", "0", "m", "10", "mm"] for row in rows)
     assert any(row[:5] == ["Dc", "26", "to", "40", "mm"] and row[5] == "linear" for row in rows)
     assert any(row[:5] == ["kt_tc", "100", "to", "2000", "MN/m"] and row[5] == "log" for row in rows)
     assert ["holder", "3"] in rows

@@ -6,8 +6,11 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import dovetail
+from dovetail.interfaces import KINDS
+from dovetail.testing import check_names
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "plugins.md"
 ASSEMBLY = """
@@ -37,6 +40,19 @@ def example(name: str, folder: Path) -> Path:
 def test_every_plugin_of_the_page_is_run_here():
     names = re.findall(r'```python\n"""(\w+\.py): ', PAGE.read_text(encoding="utf-8"))
     assert names == ["mount.py", "rail.py", "bands.py", "ridge.py"]
+
+
+@pytest.mark.parametrize("name", ["mount", "rail", "bands", "ridge"])
+def test_every_plugin_of_the_page_passes_the_conformance_kit(run, tmp_path, name):
+    printed = run("--plugin", example(f"{name}.py", tmp_path), "check-plugin", name).stdout
+    assert "failed" not in printed.splitlines()[-1]
+
+
+def test_the_page_lists_every_check():
+    text = PAGE.read_text(encoding="utf-8")
+    for kind in KINDS:
+        for name in check_names(kind):
+            assert f"| {name.replace('_', ' ')} | " in text
 
 
 def test_the_joint_of_the_page_works_as_the_page_says(run, tmp_path):

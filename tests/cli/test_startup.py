@@ -32,8 +32,9 @@ except SystemExit as exit:
         RUN_APP.format(arguments=["--help"]),
         RUN_APP.format(arguments=["plugins"]),
         RUN_APP.format(arguments=["describe", "collet"]),
+        RUN_APP.format(arguments=["schema"]),
     ],
-    ids=["import dovetail", "--help", "plugins", "describe"],
+    ids=["import dovetail", "--help", "plugins", "describe", "schema"],
 )
 def test_heavy_packages_stay_unloaded(code):
     script = LOADED_AFTER.format(code=code)
@@ -69,7 +70,7 @@ def test_help_lists_every_command(shell):
     assert done.returncode == 0
     listed = [line.split()[0] for line in done.stdout.partition("Commands:\n")[2].splitlines() if line.strip()]
     assert listed == [
-        "plugins", "describe", "check", "simulate", "frf", "convert", "generate", "train", "identify", "predict",
-        "validate", "spindle", "robustness",
+        "plugins", "describe", "schema", "new-plugin", "check-plugin", "check", "simulate", "frf", "convert",
+        "generate", "train", "identify", "predict", "validate", "spindle", "robustness",
     ]  # fmt: skip
     assert max(len(line) for line in done.stdout.splitlines()) <= 80

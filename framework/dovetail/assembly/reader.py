@@ -20,7 +20,7 @@ from dovetail.assembly.sections import FORMAT, DescriptionSection, Identificatio
 from dovetail.assembly.tree import plain, shown
 from dovetail.assembly.validation import validate
 from dovetail.errors import did_you_mean, listing
-from dovetail.interfaces import SubstructureModel
+from dovetail.interfaces import SubstructureModel, node_faults, source_file
 from dovetail.registry import Registry
 
 __all__ = ["read_description"]
@@ -114,11 +114,16 @@ def _read_substructure(name: str, findings: Findings, registry: Registry) -> Sub
     built = build("substructure", path, findings, registry)
     if built is None:
         return None
+    before = len(findings)
     nodes = read_property(built, "nodes", path, findings)
-    if nodes is not None and not nodes:
+    if len(findings) == before:
+        remedy = f"Mend it in {source_file(built.component)}." if source_file(built.component) else ""
+        for fault in node_faults(nodes):
+            findings.add(path, f"{built.label} {fault.found}", fault.accepted, remedy, key=True)
+    if len(findings) == before and not nodes:
         findings.add(path, f"{built.label} has no nodes.", key=True)
     substructure: SubstructureModel = built.component
-    return substructure if nodes else None
+    return substructure if len(findings) == before else None
 
 
 def _read_joints(substructures: Substructures, findings: Findings, registry: Registry) -> dict[str, JointEntry | None]:

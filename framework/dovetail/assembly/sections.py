@@ -57,7 +57,17 @@ class _Section(BaseModel):
 
 
 class FrequencySection(_Section):
-    """The lines at which FRFs are computed: from `start` to `stop`, with a `step` or as a number of `lines`."""
+    """The lines at which FRFs are computed: from `start` to `stop`, with a `step` or as a number of `lines`.
+
+    Attributes
+    ----------
+    start, stop : float
+        First and last line [Hz].
+    step : float
+        Distance of the lines [Hz].
+    lines : int
+        Number of lines, in place of the step.
+    """
 
     start: Frequency
     stop: Frequency
@@ -66,14 +76,32 @@ class FrequencySection(_Section):
 
 
 class AttachmentSection(_Section):
-    """Where a port of a joint attaches: a substructure and its nodes, by their positions or labels."""
+    """Where a port of a joint attaches: a substructure and its nodes, by their positions or labels.
+
+    Attributes
+    ----------
+    to : str
+        Name of the substructure.
+    at : place or sequence of places
+        Of its nodes, positions [m] or labels, as many as the port takes.
+    """
 
     to: str
     at: Annotated[tuple[NodePlace, ...], BeforeValidator(_listed)]
 
 
 class ParameterSection(_Section):
-    """What is known of a joint's parameter: the range in which it is sought, or its value."""
+    """What is known of a joint's parameter: the range in which it is sought, or its value.
+
+    Attributes
+    ----------
+    range : two values
+        Lower and upper end; by default the model's own.
+    scale : 'linear' or 'log'
+        How the range is sampled.
+    value : float
+        Of a parameter that is known, and so is not identified.
+    """
 
     range: Annotated[tuple[Any, ...], AfterValidator(_two_ends)] = ()
     scale: Literal["linear", "log"] | None = None
@@ -81,7 +109,19 @@ class ParameterSection(_Section):
 
 
 class ResponseSection(_Section):
-    """The drive point and the quantity that is reported."""
+    """The drive point and the quantity that is reported.
+
+    Attributes
+    ----------
+    at : str
+        Name of the substructure that is struck and measured.
+    position : place
+        Of its node, a position [m] or a label.
+    direction : 'x' or 'rz'
+        Displacement by a force, or rotation by a moment.
+    quantity : 'receptance', 'mobility' or 'accelerance'
+        Of the FRF.
+    """
 
     at: str
     position: NodePlace
@@ -130,7 +170,25 @@ class AugmentationSection(_Section):
 
 
 class IdentificationSection(_Section):
-    """How the network is trained; `reducer` and `regressor` are sections that name a model."""
+    """How the network is trained; `reducer` and `regressor` are sections that name a model.
+
+    Attributes
+    ----------
+    samples : int
+        FRFs that are simulated for training and testing.
+    seed : int
+        Of all random numbers.
+    test_fraction : float
+        Share of the samples that is kept for testing.
+    features : 'log10p1'
+        What the reducer is fed: log10(amplitude of the accelerance + 1).
+    reducer : section
+        From many lines to a few features.
+    regressor : section
+        From features to parameters.
+    augmentation : section
+        Noise on the training FRFs, new in every epoch.
+    """
 
     samples: Annotated[_Count, Field(ge=10, le=10_000_000)] = 5000
     seed: Annotated[_Count, Field(ge=0, le=2**32 - 1)] = 0
@@ -142,7 +200,25 @@ class IdentificationSection(_Section):
 
 
 class DescriptionSection(_Section):
-    """The keys of a description; its sections are checked one by one."""
+    """The keys of a description; its sections are checked one by one.
+
+    Attributes
+    ----------
+    dovetail : int
+        Version of the format.
+    name : str
+        Up to 100 letters, digits, spaces and '.+-_'.
+    frequency : section
+        The lines at which FRFs are computed.
+    substructures : section
+        The parts, by names of your own.
+    joints : section
+        How they are connected, by names of your own.
+    response : section
+        The drive point and the quantity.
+    identification : section
+        How the network is trained.
+    """
 
     dovetail: Any = None
     name: Annotated[str, AfterValidator(_title)]

@@ -13,15 +13,18 @@ from typing import Annotated
 import typer
 
 from dovetail.cli.check import check
+from dovetail.cli.check_plugin import check_plugin
 from dovetail.cli.commands import Commands, report_bug
 from dovetail.cli.components import describe, plugins
 from dovetail.cli.convert import convert
 from dovetail.cli.frf import frf
 from dovetail.cli.generate import generate
 from dovetail.cli.identify import identify
+from dovetail.cli.new_plugin import new_plugin
 from dovetail.cli.options import PluginFiles
 from dovetail.cli.predict import predict
 from dovetail.cli.robustness import robustness
+from dovetail.cli.schema import schema
 from dovetail.cli.simulate import simulate
 from dovetail.cli.spindle import spindle
 from dovetail.cli.train import train
@@ -61,8 +64,22 @@ def dovetail(
 
 
 COMMANDS = (
-    *(plugins, describe, check, simulate, frf, convert, generate, train, identify, predict, validate),
-    *(spindle, robustness),
+    plugins,
+    describe,
+    schema,
+    new_plugin,
+    check_plugin,
+    check,
+    simulate,
+    frf,
+    convert,
+    generate,
+    train,
+    identify,
+    predict,
+    validate,
+    spindle,
+    robustness,
 )
 for command in COMMANDS:
     app.command()(command)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dovetail.errors import Fault, PluginError
-from dovetail.interfaces import JointModel, parameter_faults, port_faults, source_file
+from dovetail.interfaces import JointModel, option_schema, parameter_faults, port_faults, source_file
 from dovetail.registry import Offer
 from dovetail.units import format_quantity
 
@@ -85,7 +84,7 @@ def _class_attribute(model: type[JointModel], name: str) -> Any:
 
 def _options(config: Any) -> Iterator[dict[str, Any]]:
     try:
-        schema = config.model_json_schema()
+        schema = option_schema(config)
     except Exception:  # options of a type that JSON does not know
         for name, field in config.model_fields.items():
             text = getattr(field.annotation, "__name__", str(field.annotation))
@@ -98,7 +97,6 @@ def _options(config: Any) -> Iterator[dict[str, Any]]:
 def _walk(
     schema: Mapping[str, Any], definitions: Mapping[str, Any], prefix: str, depth: int
 ) -> Iterator[dict[str, Any]]:
-    documented = _attribute_section(schema.get("description", ""))
     for name, entry in schema.get("properties", {}).items():
         whole = f"{prefix}{name}"
         choice, optional = _without_null(_resolved(entry, definitions))
@@ -110,7 +108,7 @@ def _walk(
         required = name in schema.get("required", ())
         default = "required" if required else _default(entry.get("default"), unit, optional)
         nested = "properties" in inner
-        description = entry.get("description") or documented.get(name) or (_first_line(inner) if nested else "")
+        description = entry.get("description") or (_first_line(inner) if nested else "")
         yield _row(whole, _type_text(plain), unit, default, description)
         if nested and depth < _DEEPEST:
             yield from _walk(inner, definitions, inner_prefix, depth + 1)
@@ -176,20 +174,3 @@ def _default(value: Any, unit: str, optional: bool) -> str:
 
 def _first_line(schema: Mapping[str, Any]) -> str:
     return str(schema.get("description", "")).partition("\n")[0]
-
-
-def _attribute_section(docstring: str) -> dict[str, str]:
-    """Return what the Attributes section of a numpydoc docstring says of each name."""
-    _, found, section = docstring.partition("Attributes\n----------\n")
-    texts: dict[str, str] = {}
-    if not found:
-        return texts
-    names: list[str] = []
-    for line in section.split("\n"):
-        if re.fullmatch(r"-{3,}", line):  # the underline of the next section
-            break
-        if line and not line[0].isspace():
-            names = [name.strip() for name in line.partition(":")[0].split(",")]
-        elif line.strip():
-            texts.update({name: f"{texts.get(name, '')} {line.strip()}".strip() for name in names})
-    return texts

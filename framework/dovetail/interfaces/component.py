@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -41,6 +43,19 @@ class Component(ABC):
 
     class Config(ComponentConfig):
         """A component without options."""
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return sets of options, as a description has them, with which ``dovetail check-plugin`` tries the component.
+
+        One set without any option unless overridden, which a component with options that have no default must do.
+
+        Parameters
+        ----------
+        folder : Path
+            An empty folder, for files that options name.
+        """
+        return ({},)
 
     def __init__(self, config: Any = None) -> None:
         self.config: Any = self.Config() if config is None else config

@@ -1,18 +1,21 @@
-"""What a joint declares, checked: its parameters, its ports and its own degrees of freedom."""
+"""What a joint and a substructure declare, checked: parameters, ports, degrees of freedom, nodes."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from numbers import Real
 from typing import Any
 
 from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component
 from dovetail.interfaces.joint import JointModel, Parameter, Port
 from dovetail.interfaces.matrices import DIRECTIONS
+from dovetail.interfaces.substructure import Node
 from dovetail.units import is_unit
 
-__all__ = ["joint_faults", "parameter_faults", "port_faults"]
+__all__ = ["joint_faults", "node_faults", "parameter_faults", "port_faults"]
 
 
 def joint_faults(model: JointModel) -> tuple[Fault, ...]:
@@ -55,6 +58,19 @@ def port_faults(ports: object) -> list[Fault]:
         return faults
     listed: Sequence[Port] = ports  # type: ignore[assignment]
     return _name_faults("ports", [port.name for port in listed])
+
+
+def node_faults(nodes: object) -> list[Fault]:
+    """Return what is wrong with a substructure's nodes: their types, labels and positions."""
+    accepted = 'a tuple such as (Node("left", 0.0), Node("right", 0.1))'
+    if faults := _member_faults("nodes", nodes, Node, accepted):
+        return faults
+    listed: Sequence[Node] = nodes  # type: ignore[assignment]
+    for node in listed:
+        if isinstance(node.position, bool) or not isinstance(node.position, Real) or not math.isfinite(node.position):
+            found = f"has {_shown(node.position)} for the position of the node '{node.label}'."
+            return [Fault("nodes", found, "a finite number of metres")]
+    return []
 
 
 def _read(model: Component, name: str, faults_of: Callable[[Any], list[Fault]]) -> list[Fault]:

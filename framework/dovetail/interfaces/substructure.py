@@ -48,6 +48,15 @@ class SubstructureModel(Component):
     grounded: ClassVar[bool] = False
 
     @property
+    def held(self) -> bool:
+        """True for a part that something outside the assembly holds, so that moving it as a whole takes effort."""
+        return False
+
+    def refined(self, factor: int) -> SubstructureModel | None:  # noqa: ARG002
+        """Return the same part with a mesh `factor` times as fine, or None where there is no mesh to refine."""
+        return None
+
+    @property
     def condensation_tolerance(self) -> float:
         """Relative error up to which matrices may be condensed on a reduced basis; 0, the default, for exactly."""
         return 0.0
@@ -83,9 +92,13 @@ class SubstructureModel(Component):
         lines = np.asarray(frequency, dtype=np.float64)
         if isinstance(matrices, SparseMatrices):
             return np.stack([_sparse_receptance(matrices, float(line), chosen) for line in lines])
-        unit_loads = np.eye(matrices.size)[:, chosen]
+        filled = np.logical_or.reduce([(part != 0).any(axis=0) for part in (matrices.M, matrices.K)])
+        active = np.union1d(np.flatnonzero(filled), chosen)
+        places = np.searchsorted(active, chosen)
+        unit_loads = np.eye(len(active))[:, places]
         receptance: list[NDArray[np.complex128]] = [
-            np.linalg.solve(matrices.dynamic_stiffness(line)[0], unit_loads)[chosen] for line in lines[:, None]
+            np.linalg.solve(matrices.dynamic_stiffness(line)[0][np.ix_(active, active)], unit_loads)[places]
+            for line in lines[:, None]
         ]
         return np.stack(receptance)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import inspect
 import sys
@@ -64,6 +65,7 @@ class Registry:
     def __init__(self) -> None:
         self._offers: dict[tuple[Kind, str], list[Offer]] = {}
         self._failures: list[LoadFailure] = []
+        self._files: set[Path] = set()
 
     @property
     def failures(self) -> tuple[LoadFailure, ...]:
@@ -132,7 +134,10 @@ class Registry:
         file = Path(path)
         if not file.is_file():
             raise PluginError(Fault(str(path), "there is no such plugin file."))
-        name = f"dovetail_plugin_file_{file.stem}"
+        if file.resolve() in self._files:
+            return
+        place = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]
+        name = f"dovetail_plugin_file_{file.stem}_{place}"  # files of one name in two folders are two modules
         spec = importlib.util.spec_from_file_location(name, file)
         if spec is None or spec.loader is None:
             raise PluginError(Fault(str(path), "this is not a Python file.", "a file that ends in .py"))
@@ -144,6 +149,7 @@ class Registry:
             del sys.modules[name]
             raise PluginError(Fault(_place(error, file), _reason(error))) from error
         self.add(module, str(path), strict=True)
+        self._files.add(file.resolve())
 
     def add(self, plugin: ModuleType | object, source: str, *, strict: bool = False) -> None:
         """Take in a plugin module or object.
@@ -207,11 +213,12 @@ def _components_of(plugin: ModuleType | object, source: str) -> list[type[Compon
         raise PluginError(Fault(source, f"it has no hook '{_HOOK}' marked with @dovetail.hookimpl.", hint))
     try:
         (returned,) = manager.hook.dovetail_components()
+        offered = list(returned) if isinstance(returned, Iterable) else returned
     except Exception as error:
         raise PluginError(Fault(source, f"its hook '{_HOOK}' raised {type(error).__name__}: {error}")) from error
     if isinstance(returned, (str, bytes)) or not isinstance(returned, Iterable):
         raise PluginError(Fault(source, f"its hook '{_HOOK}' returned {returned!r}, not a list of classes.", hint))
-    return cast("list[type[Component]]", list(returned))
+    return cast("list[type[Component]]", offered)
 
 
 def _is_marked(plugin: ModuleType | object, name: str) -> bool:
@@ -231,8 +238,11 @@ def _unfitness(component: Any) -> str:
         return f"{label} has the name '{component.name}', which is not an identifier."
     if missing := sorted(getattr(component, "__abstractmethods__", ())):
         return f"{label} does not define {', '.join(missing)}."
-    if not issubclass(component.Config, ComponentConfig):
+    if not isinstance(component.Config, type) or not issubclass(component.Config, ComponentConfig):
         return f"{label}.Config does not derive from dovetail.ComponentConfig."
+    contract = next(contract for contract in _CONTRACTS if issubclass(component, contract))
+    if component.kind != contract.kind:
+        return f"{label} has the kind {component.kind!r}; leave it as {contract.__name__} has it, '{contract.kind}'."
     return ""
 
 

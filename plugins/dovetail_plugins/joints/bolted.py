@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,11 +69,17 @@ class Bolted(JointModel):
         bolt_mass : bool
             Take in the parameter mb, the mass of the bolt.
         preload : Preload, optional
+            How kt and kr follow the bolt's tension; by default they are those of this assembly.
         """
 
         nodes: Annotated[int, Field(ge=1, le=1000)] = 3
         bolt_mass: bool = False
         preload: Preload | None = None
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return the default lap, and one with a bolt of known tension."""
+        return {}, {"nodes": 4, "bolt_mass": True, "preload": {"force": "8 kN", "reference": "10 kN", "exponent": 0.5}}
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,11 +50,27 @@ class Collet(JointModel):
     ports = (Port("tool", _CONTACTS), Port("holder", _CONTACTS))
 
     class Config(ComponentConfig):
-        """Material of the collet, the distance of its contact nodes, and the elements between two of them."""
+        """Material of the collet, the distance of its contact nodes, and the elements between two of them.
+
+        Attributes
+        ----------
+        material : Material
+            Of the collet's beam, most often the holder's.
+        segment : float
+            Distance of neighbouring contact nodes [m].
+        elements_per_segment : int
+            Beam elements between two of them.
+        """
 
         material: Material
         segment: Annotated[float, Field(gt=0), InUnit("m")] = 10e-3
         elements_per_segment: Annotated[int, Field(ge=1, le=100)] = 1
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a steel collet, with the usual and with a finer mesh."""
+        steel = {"young": "200 GPa", "density": "7850 kg/m^3", "loss_factor": 0.003}
+        return {"material": steel}, {"material": steel, "segment": "8 mm", "elements_per_segment": 2}
 
     @property
     def internal_dofs(self) -> int:

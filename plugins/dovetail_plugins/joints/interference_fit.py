@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +60,11 @@ class InterferenceFit(JointModel):
         length: Annotated[float, Field(gt=0), InUnit("m")]
         nodes: Annotated[int, Field(ge=2, le=1000)] = 3
         pressure: Literal["uniform", "linear"] = "uniform"
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a fit of even pressure and one of linearly varying pressure."""
+        return {"length": "40 mm"}, {"length": "40 mm", "nodes": 5, "pressure": "linear"}
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

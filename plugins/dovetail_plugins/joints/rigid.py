@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +23,23 @@ class Rigid(JointModel):
     parameters: tuple[Parameter, ...] = ()
 
     class Config(ComponentConfig):
-        """Number of facing nodes, and what they share."""
+        """Number of facing nodes, and what they share.
+
+        Attributes
+        ----------
+        nodes : int
+            Nodes of each part that meet.
+        direction : 'x', 'rz' or 'both'
+            What becomes one: the displacement (a hinge), the rotation, or both.
+        """
 
         nodes: Annotated[int, Field(ge=1, le=1000)] = 1
         direction: Literal["x", "rz", "both"] = "both"
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a rigid connection and a hinge."""
+        return {}, {"nodes": 2, "direction": "x"}
 
     @property
     def ports(self) -> tuple[Port, ...]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +35,23 @@ class SpringDamper(JointModel):
     summary = "Massless springs and dampers between facing nodes, in translation, rotation or both"
 
     class Config(ComponentConfig):
-        """Number of facing nodes, and the directions in which they are connected."""
+        """Number of facing nodes, and the directions in which they are connected.
+
+        Attributes
+        ----------
+        nodes : int
+            Nodes of each part that meet.
+        direction : 'x', 'rz' or 'both'
+            In displacement, in rotation, or in both.
+        """
 
         nodes: Annotated[int, Field(ge=1, le=1000)] = 1
         direction: Literal["x", "rz", "both"] = "both"
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return one node in both directions, and more in each direction alone."""
+        return {}, {"nodes": 2, "direction": "x"}, {"nodes": 3, "direction": "rz"}
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

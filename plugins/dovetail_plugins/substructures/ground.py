@@ -20,7 +20,13 @@ class Ground(SubstructureModel):
     grounded = True
 
     class Config(ComponentConfig):
-        """Where joints may attach."""
+        """Where joints may attach.
+
+        Attributes
+        ----------
+        positions : sequence of float
+            Of the points [m].
+        """
 
         positions: Annotated[tuple[Annotated[float, InUnit("m")], ...], Field(min_length=1)] = (0.0,)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -14,7 +16,17 @@ __all__ = ["Lumped", "LumpedMass"]
 
 
 class LumpedMass(ComponentConfig):
-    """A mass, with or without rotary inertia, at a position."""
+    """A mass, with or without rotary inertia, at a position.
+
+    Attributes
+    ----------
+    position : float
+        By which a description names the mass [m].
+    mass : float
+        In translation [kg].
+    inertia : float
+        About the axis of rz [kg m^2].
+    """
 
     position: Annotated[float, InUnit("m")] = 0.0
     mass: Annotated[float, Field(ge=0), InUnit("kg")]
@@ -28,7 +40,13 @@ class Lumped(SubstructureModel):
     summary = "Lumped masses and rotary inertias"
 
     class Config(ComponentConfig):
-        """The masses, each at a position of its own."""
+        """The masses, each at a position of its own.
+
+        Attributes
+        ----------
+        masses : sequence of LumpedMass
+            One at least.
+        """
 
         masses: Annotated[tuple[LumpedMass, ...], Field(min_length=1)]
 
@@ -38,6 +56,12 @@ class Lumped(SubstructureModel):
             if len(set(positions)) < len(positions):
                 raise ValueError("two masses have the same position")
             return self
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a mass without rotary inertia, and two with it."""
+        body = {"mass": "200 g", "inertia": "1e-4 kg m^2"}
+        return {"masses": [{"mass": "1 kg"}]}, {"masses": [body, {**body, "position": "10 mm"}]}
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
@@ -108,6 +109,15 @@ class Matrices(SubstructureModel):
                 raise ValueError("files of single matrices need 'mass', 'stiffness' and the table 'dofs'")
             return self
 
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:
+        """Return a free chain of three masses, all nodes reached, and its ends alone."""
+        springs = 1e6 * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+        table: dict[str, Any] = {"nodes": ["1", "2", "3"], "directions": ["x"] * 3, "positions": [0.0, 0.1, 0.2]}
+        np.savez(folder / "chain.npz", M=np.diag([0.2, 0.4, 0.2]), K=springs, **table)
+        file = str(folder / "chain.npz")
+        return {"file": file}, {"file": file, "nodes": ["1", "3"], "loss_factor": 0.02}
+
     def __init__(self, config: Config) -> None:
         super().__init__(config)
         found, table = self._read()
@@ -195,7 +205,10 @@ class Matrices(SubstructureModel):
             parts["D"] = self.config.loss_factor * parts["K"]
         if arrangement.shape[1] > _SMALL:
             return SparseMatrices(**parts)
-        return StructuralMatrices(**{name: part.toarray() for name, part in parts.items()})
+        small = StructuralMatrices(**{name: part.toarray() for name, part in parts.items()})
+        for matrix in (small.M, small.K, small.C, small.D):
+            matrix.flags.writeable = False  # handed out again and again
+        return small
 
     def _arrangement(self, size: int) -> Any:
         """Return the sparse (size, d) matrix that gives the file's DOFs from those of the nodes and the inner ones."""

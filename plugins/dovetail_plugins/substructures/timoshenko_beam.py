@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -88,10 +90,32 @@ class TimoshenkoBeam(SubstructureModel):
     )
 
     class Config(ComponentConfig):
-        """Material and sections; position 0 is where the first section begins."""
+        """Material and sections; position 0 is where the first section begins.
+
+        Attributes
+        ----------
+        material : Material
+            Of the whole beam.
+        sections : sequence of Section
+            One behind the other.
+        """
 
         material: Material
         sections: Annotated[tuple[Section, ...], Field(min_length=1)]
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a stepped and tapered tube, and a bar of rectangular section."""
+        steel = {"young": "200 GPa", "density": "7850 kg/m^3", "loss_factor": 0.003}
+        tube = {"length": "60 mm", "outer": "40 mm", "inner": "20 mm", "elements": 3}
+        taper = {"length": "60 mm", "outer": "40 mm", "outer_end": "30 mm", "elements": 3}
+        bar = {"length": "200 mm", "width": "30 mm", "height": "10 mm", "elements": 2}
+        return {"material": steel, "sections": [tube, taper]}, {"material": steel, "sections": [bar]}
+
+    def refined(self, factor: int) -> TimoshenkoBeam:
+        """Return the same beam with `factor` times as many elements in each section."""
+        finer = [section.model_copy(update={"elements": factor * section.elements}) for section in self.config.sections]
+        return TimoshenkoBeam(self.config.model_copy(update={"sections": tuple(finer)}))
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:

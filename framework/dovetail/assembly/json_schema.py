@@ -1,0 +1,254 @@
+"""The description as JSON Schema, with the options of every model at hand: for completion in editors."""
+
+from __future__ import annotations
+
+import inspect
+import tempfile
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from dovetail.assembly.sections import (
+    FORMAT,
+    AttachmentSection,
+    DescriptionSection,
+    FrequencySection,
+    IdentificationSection,
+    ParameterSection,
+    ResponseSection,
+)
+from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, Port, option_schema
+from dovetail.registry import Offer, Registry
+from dovetail.units import format_quantity
+
+__all__ = ["description_schema"]
+
+Schema = dict[str, Any]
+
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_PARTIAL = "+"
+"""Behind the name of a definition: the same with nothing required, for what overrides another description."""
+_NO_EXAMPLES = inspect.getattr_static(Component, "examples")
+_QUANTITY: Schema = {"type": ["number", "string"]}
+
+
+def description_schema(registry: Registry) -> Schema:
+    """Return the JSON Schema of a description.
+
+    Parameters
+    ----------
+    registry : Registry
+        Whose models a description may name.
+
+    Returns
+    -------
+    dict
+        A description with ``extends`` may leave out what the other one says.
+
+    Notes
+    -----
+    What depends on another part of the description (that a position is a node, that a range is not empty) is for
+    ``dovetail check``. The keys at the top stand there twice, since editors complete those outside of if and then. A
+    joint whose parameters or ports depend on its options takes those of its examples, or any where it gives none.
+    """
+    definitions: dict[str, Schema] = {}
+    for model in (FrequencySection, ResponseSection, AttachmentSection, ParameterSection, IdentificationSection):
+        _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
+    _complete_sections(definitions)
+    for kind in KINDS:
+        for offer in registry.offers(kind):
+            _define(definitions, f"{kind}.{offer.component.name}", _component_schema(offer))
+        definitions[kind] = _choice(kind, registry.offers(kind))
+    definitions["description"] = _description()
+    partial = {f"{name}{_PARTIAL}": _without_required(definition) for name, definition in definitions.items()}
+    return {
+        "$schema": _DIALECT,
+        "title": "Dovetail assembly description",
+        "type": "object",
+        "properties": partial[f"description{_PARTIAL}"]["properties"],
+        "if": {"required": ["extends"]},
+        "then": {"$ref": f"#/$defs/description{_PARTIAL}"},
+        "else": {"$ref": "#/$defs/description"},
+        "$defs": {**definitions, **partial},
+    }
+
+
+def _description() -> Schema:
+    schema = option_schema(DescriptionSection)
+    properties: Schema = {
+        "dovetail": {"const": FORMAT},
+        "extends": {"type": "string", "description": "Another description, which this one overrides key by key."},
+        "name": {"type": ["string", "number"]},
+        "frequency": {"$ref": "#/$defs/frequency"},
+        "substructures": {"type": "object", "additionalProperties": {"$ref": "#/$defs/substructure"}},
+        "joints": {"type": "object", "additionalProperties": {"$ref": "#/$defs/joint"}},
+        "response": {"$ref": "#/$defs/response"},
+        "identification": {"$ref": "#/$defs/identification"},
+    }
+    for name, entry in properties.items():
+        entry.setdefault("description", schema["properties"].get(name, {}).get("description", ""))
+    required = [name for name in properties if name in schema["required"]]
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": ["dovetail", *required],
+        "additionalProperties": False,
+    }
+
+
+def _complete_sections(definitions: dict[str, Schema]) -> None:
+    """Say what pydantic does not know of the sections, since their validators do."""
+    position = definitions["attachment"]["properties"]["at"]
+    position["anyOf"] = [position.pop("items"), {"type": "array", "items": _QUANTITY, "minItems": 1}]
+    for key in ("type", "x-unit"):
+        position.pop(key, None)
+    parameter = definitions["parameter"]["properties"]
+    parameter["range"] |= {"type": "array", "items": _QUANTITY, "minItems": 2, "maxItems": 2}
+    parameter["value"] |= _QUANTITY
+    identification = definitions["identification"]["properties"]
+    identification["reducer"]["$ref"] = "#/$defs/reducer"
+    identification["regressor"]["$ref"] = "#/$defs/regressor"
+
+
+def _choice(kind: Kind, offers: Iterable[Offer]) -> Schema:
+    """Return the schema of a section that names a model: the model decides about the other keys."""
+    models = {offer.component.name: offer for offer in offers}
+    return {
+        "type": "object",
+        "properties": {"model": {"enum": sorted(models), "description": f"Which {kind} model."}},
+        "required": ["model"],
+        "allOf": [
+            {
+                "if": {"properties": {"model": {"const": name}}, "required": ["model"]},
+                "then": {"$ref": f"#/$defs/{kind}.{name}"},
+            }
+            for name in sorted(models)
+        ],
+    }
+
+
+def _component_schema(offer: Offer) -> Schema:
+    component = offer.component
+    try:
+        schema = option_schema(component.Config)
+    except Exception:  # options of a type that JSON does not know: none of them is checked here
+        schema = {"type": "object", "properties": {}, "additionalProperties": True}
+    schema["title"] = f"{component.kind} {component.name}"
+    schema["description"] = f"{component.summary} ({offer.source})"
+    schema["properties"]["model"] = {"const": component.name, "description": component.summary}
+    schema.setdefault("required", []).append("model")
+    if issubclass(component, JointModel):
+        schema["properties"]["connect"] = _connect(component)
+        schema["properties"]["parameters"] = _parameters(component)
+        schema["required"].append("connect")
+    return schema
+
+
+def _connect(model: type[JointModel]) -> Schema:
+    names, fixed = _declared(model, "ports")
+    static = inspect.getattr_static(model, "ports")
+    return {
+        "type": "object",
+        "description": "Where each port attaches.",
+        "properties": {port.name: {"$ref": "#/$defs/attachment"} for port in names},
+        "additionalProperties": False if fixed else {"$ref": "#/$defs/attachment"},
+        **({"required": [port.name for port in names]} if isinstance(static, tuple) else {}),
+    }
+
+
+def _parameters(model: type[JointModel]) -> Schema:
+    parameters, fixed = _declared(model, "parameters")
+    known = {parameter.name: _parameter(parameter) for parameter in parameters}
+    entry = {"anyOf": [{"$ref": "#/$defs/parameter"}, _QUANTITY]}
+    return {
+        "type": "object",
+        "description": "What is known of the parameters: ranges in which they are sought, or values.",
+        "properties": known,
+        "additionalProperties": False if fixed else entry,
+    }
+
+
+def _parameter(parameter: Parameter) -> Schema:
+    low, high = (format_quantity(end, parameter.unit) for end in (parameter.lower, parameter.upper))
+    text = f"{parameter.description} [{parameter.unit}]; {low} to {high}, {parameter.scale}".lstrip()
+    return {
+        "description": text,
+        "x-unit": parameter.unit,
+        "anyOf": [{"$ref": "#/$defs/parameter"}, _QUANTITY],
+    }
+
+
+def _declared(model: type[JointModel], name: str) -> tuple[tuple[Any, ...], bool]:
+    """Return a joint's parameters or ports, and whether there are no others.
+
+    Where they depend on options, those of its examples: all there are if the joint gives examples of its own.
+    """
+    value = inspect.getattr_static(model, name)
+    if isinstance(value, tuple):
+        return tuple(entry for entry in value if isinstance(entry, (Parameter, Port))), True
+    found: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as folder, suppress(Exception):  # a plugin may raise anything
+        for options in model.examples(Path(folder)):
+            joint = model(model.Config.model_validate(dict(options)))
+            found.update({entry.name: entry for entry in getattr(joint, name)})
+        return tuple(found.values()), inspect.getattr_static(model, "examples") is not _NO_EXAMPLES
+    return tuple(found.values()), False
+
+
+def _define(definitions: dict[str, Schema], name: str, schema: Schema) -> None:
+    """Enter a schema of pydantic's, and the definitions that it refers to, under names of their own."""
+    inner = schema.pop("$defs", {})
+    places = {f"#/$defs/{key}": f"#/$defs/{name}.{key}" for key in inner}
+    definitions[name] = _redirected(_with_units(schema), places)
+    for key, section in inner.items():
+        definitions[f"{name}.{key}"] = _redirected(_with_units(section), places)
+
+
+def _redirected(node: Any, places: Mapping[str, str]) -> Any:
+    if isinstance(node, dict):
+        return {
+            key: places.get(value, value) if key == "$ref" else _redirected(value, places)
+            for key, value in node.items()
+        }
+    return [_redirected(entry, places) for entry in node] if isinstance(node, list) else node
+
+
+def _with_units(section: Schema) -> Schema:
+    """Put the unit behind the description of each option that has one and does not say it."""
+    for entry in section.get("properties", {}).values():
+        units = sorted(set(_units(entry)))
+        text = entry.get("description", "")
+        if units and not any(f"[{unit}]" in text for unit in units):
+            entry["description"] = f"{text} [{', '.join(units)}]".lstrip()
+    return section
+
+
+def _units(node: Any) -> Iterable[str]:
+    if isinstance(node, dict):
+        if isinstance(node.get("x-unit"), str):
+            yield node["x-unit"]
+        node = list(node.values())
+    if isinstance(node, list):
+        for entry in node:
+            yield from _units(entry)
+
+
+def _without_required(definition: Schema) -> Schema:
+    """Return a definition in which nothing is required; a section that names no model must suit one of them."""
+    partial: Schema = _partial(definition)
+    rules = partial.pop("allOf", ())
+    if rules:
+        names_one = {"required": ["model"]}
+        partial["allOf"] = [{"if": {**rule["if"], **names_one}, "then": rule["then"]} for rule in rules]
+        partial |= {"if": names_one, "else": {"anyOf": [rule["then"] for rule in rules]}}
+    return partial
+
+
+def _partial(node: Any) -> Any:
+    if isinstance(node, dict):
+        kept = {key: _partial(value) for key, value in node.items() if key != "required" or not isinstance(value, list)}
+        if isinstance(kept.get("$ref"), str):
+            kept["$ref"] += _PARTIAL
+        return kept
+    return [_partial(entry) for entry in node] if isinstance(node, list) else node

@@ -1,0 +1,51 @@
+"""``dovetail check-plugin``: whether a model does what its contract says."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dovetail.cli.options import AsJson, PluginFiles
+from dovetail.cli.terminal import print_json, say, title
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dovetail.testing import CheckResult
+
+__all__ = ["check_plugin"]
+
+
+def check_plugin(
+    model: Annotated[str, typer.Argument(metavar="MODEL", help="The word after 'model:' in a description.")],
+    plugin: PluginFiles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a model against its contract: the conformance kit.
+
+    Every check of its kind is run, and printed. The exit code is 1 where one fails.
+    """
+    from dovetail.assembly.assembly import components
+    from dovetail.testing import check_component
+
+    results = check_component(model, registry=components(plugin or ()))
+    if as_json:
+        print_json([{**asdict(result), "passed": result.passed} for result in results])
+    else:
+        _print(results)
+    if not all(result.ok for result in results):
+        raise typer.Exit(1)
+
+
+def _print(results: Sequence[CheckResult]) -> None:
+    for component in dict.fromkeys(result.component for result in results):
+        title(component)
+        own = [result for result in results if result.component == component]
+        for result in own:
+            say(str(result))
+        counts = Counter(result.outcome for result in own)
+        run = counts["passed"] + counts["failed"]
+        say(f"{run} checks run: " + ", ".join(f"{count} {outcome}" for outcome, count in counts.items()) + ".")

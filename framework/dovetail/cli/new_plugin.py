@@ -1,0 +1,97 @@
+"""``dovetail new-plugin``: a package to begin with."""
+
+from __future__ import annotations
+
+import keyword
+import os
+import re
+from pathlib import Path
+from string import Template
+from typing import Annotated
+
+import typer
+
+from dovetail.cli.terminal import say
+
+__all__ = ["new_plugin"]
+
+_COMMON = {
+    "pyproject.toml": "pyproject.toml",
+    "README.md": "README.md",
+    "gitignore": ".gitignore",
+    "package.py": "src/$package/__init__.py",
+    "test_conformance.py": "tests/test_conformance.py",
+}
+_OWN = {"py": "src/$package/$kind.py", "yaml": "example.yaml", "test.py": "tests/test_example.py"}
+"""Files of each kind's own, by what follows the kind in the name of the template."""
+
+
+def new_plugin(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="substructure, joint, reducer or regressor.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The word after 'model:' in a description.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="By default dovetail-NAME.")
+    ] = None,
+) -> None:
+    """Make a package with a new model: code, entry point, tests, an example.
+
+    It can be installed and passes its own tests as it is; then make it yours.
+    """
+    from dovetail.interfaces import KINDS
+
+    if kind not in KINDS:
+        raise typer.BadParameter(f"'{kind}' is not a kind. Accepted: {', '.join(KINDS)}", param_hint="KIND")
+    words = _words(kind, name)
+    folder = output or Path(words["distribution"])
+    made = _write(folder, words)
+    say(f"{folder}: {', '.join(made)}")
+    say(f"Install it with 'pip install -e {folder}', and check it with 'dovetail check-plugin {words['name']}'.")
+
+
+def _words(kind: str, given: str) -> dict[str, str]:
+    """Return what the templates' places are filled with."""
+    from dovetail import __version__
+    from dovetail.errors import Fault, PluginError
+    from dovetail.registry import installed_components
+
+    name = given.replace("-", "_").lower()
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,49}", name) or keyword.iskeyword(name):
+        found = f"'{given:.60}' cannot be the name of a model."
+        raise PluginError(Fault("", found, "up to 50 letters from a to z, digits and '_', beginning with a letter"))
+    for offer in installed_components().named(name):
+        if offer.component.kind == kind:
+            raise PluginError(Fault("", f"{offer.source} offers a {kind} '{name}' already.", remedy="Choose another."))
+    return {
+        "kind": kind,
+        "name": name,
+        "title": name.replace("_", " "),
+        "model": "".join(word.capitalize() for word in name.split("_")),
+        "package": f"dovetail_{name}",
+        "distribution": f"dovetail-{name.replace('_', '-')}",
+        "version": __version__,
+    }
+
+
+def _write(folder: Path, words: dict[str, str]) -> list[str]:
+    """Write the package, whole or not at all, and return the names of its files."""
+    import tempfile
+    from importlib.resources import files
+
+    from dovetail.errors import DovetailError, Fault
+
+    if folder.exists():
+        raise DovetailError(
+            Fault(str(folder), "there is such a file or folder already.", remedy="Choose another name.")
+        )
+    templates = files("dovetail.cli") / "plugin_template"
+    own = {f"{words['kind']}.{suffix}": path for suffix, path in _OWN.items()}
+    paths = {source: Template(path).substitute(words) for source, path in {**_COMMON, **own}.items()}
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as workplace:
+        for source, path in paths.items():
+            target = Path(workplace) / "new" / path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            text = (templates / f"{source}.template").read_text(encoding="utf-8")
+            target.write_text(Template(text).substitute(words), encoding="utf-8")
+        os.rename(Path(workplace) / "new", folder)
+    return sorted(paths.values())

@@ -1,0 +1,45 @@
+"""``dovetail schema``: the description as JSON Schema."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dovetail.cli.options import Overwrite, PluginFiles, check_new_files
+from dovetail.cli.terminal import note, print_json
+
+__all__ = ["schema"]
+
+
+def schema(
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE.json", help="Where to write it.")
+    ] = None,
+    overwrite: Overwrite = False,
+    plugin: PluginFiles = None,
+) -> None:
+    """Write the JSON Schema of a description, for completion in an editor.
+
+    It knows the options of every model at hand. The first line of a description, "# yaml-language-server:
+    $schema=dovetail.schema.json", makes editors use it.
+    """
+    from dovetail.assembly import description_schema
+    from dovetail.assembly.assembly import components
+
+    if output is not None:
+        check_new_files([output], [".json"], overwrite)
+    made = description_schema(components(plugin or ()))
+    if output is None:
+        print_json(made)
+        return
+    temporary = output.with_name(f".{output.name}.part")
+    try:
+        temporary.write_text(json.dumps(made, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+        os.replace(temporary, output)
+    finally:
+        temporary.unlink(missing_ok=True)
+    note(f"Written: {output}")

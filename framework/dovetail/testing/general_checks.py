@@ -1,0 +1,31 @@
+"""Checks of any component, made from its examples."""
+
+from __future__ import annotations
+
+import json
+
+from dovetail.testing.outcomes import Nonconformity
+from dovetail.testing.specimens import Specimen
+
+__all__: list[str] = []
+
+
+def check_config_survives_json(specimen: Specimen) -> None:
+    """Options written to a model's folder and read again make the same component."""
+    config = specimen.component.config
+    written = json.dumps(config.model_dump(mode="json"), allow_nan=False)
+    again = type(config).model_validate(json.loads(written))
+    if again != config:
+        raise Nonconformity(
+            f"{config!r:.100} comes back from JSON as {again!r:.100}.", "Let options be plain values that JSON knows."
+        )
+
+
+def check_a_component_keeps_its_config(specimen: Specimen) -> None:
+    """`config` of a component is the Config that it was given."""
+    given = specimen.model.Config.model_validate(dict(specimen.options))
+    if specimen.model(given).config != given or specimen.component.config != given:
+        raise Nonconformity(
+            f"made from {given!r:.100} it has the config {specimen.component.config!r:.100}.",
+            "Call super().__init__(config), and change nothing in it.",
+        )

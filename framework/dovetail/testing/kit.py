@@ -1,0 +1,188 @@
+"""The conformance kit: every check of a kind, run over a component."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from dovetail.errors import DovetailError, Fault, PluginError, listing
+from dovetail.interfaces import KINDS, Component, Kind, blamed_on
+from dovetail.registry import Registry, installed_components
+from dovetail.testing import (
+    declared_checks,
+    fitted_checks,
+    general_checks,
+    joint_checks,
+    reducer_checks,
+    regressor_checks,
+    substructure_checks,
+)
+from dovetail.testing.outcomes import CheckResult, Nonconformity, NotApplicable
+from dovetail.testing.specimens import Specimen, specimen_of
+
+__all__ = ["check_component", "check_names", "components_named"]
+
+_Check = Callable[[Any], None]
+
+_MODULES: Mapping[Kind, tuple[ModuleType, ...]] = {
+    "substructure": (substructure_checks, general_checks),
+    "joint": (joint_checks, general_checks),
+    "reducer": (fitted_checks, reducer_checks, general_checks),
+    "regressor": (fitted_checks, regressor_checks, general_checks),
+}
+
+_MAKING = "examples_make_components"
+_GROUND_FOR_OTHERS = frozenset(
+    {
+        _MAKING,
+        "ports_parameters_and_dofs_are_declared",
+        "matrices_have_the_shape_of_the_dofs",
+        "matrices_are_finite",
+        "dynamic_stiffness_has_its_shape",
+        "nodes_are_distinct",
+        "matrices_have_the_shape_of_the_nodes",
+        "receptance_has_its_shape",
+        "fit_returns_what_the_contract_says",
+        "answers_have_a_row_for_each_sample",
+        "answers_are_finite",
+        "state_is_arrays_and_plain_values",
+    }
+)
+"""Checks without which those behind them mean nothing."""
+
+
+def check_component(component: type[Component] | str, *, registry: Registry | None = None) -> tuple[CheckResult, ...]:
+    """Run every check of its kind over a component.
+
+    Parameters
+    ----------
+    component : component class or str
+        A class, or the name of a model; a name that models of several kinds bear checks them all.
+    registry : Registry, optional
+        Where the name is looked up; by default among what is installed.
+
+    Returns
+    -------
+    tuple of CheckResult
+        One for each check of the component's kind, always all of them, in their order.
+
+    Raises
+    ------
+    PluginError
+        There is no such model, or this is no component class.
+    """
+    models = components_named(component, registry) if isinstance(component, str) else (component,)
+    return tuple(result for model in models for result in _check_model(model))
+
+
+def check_names(kind: Kind) -> tuple[str, ...]:
+    """Return the names of the checks of a kind, in the order in which they are run."""
+    return (*_named(declared_checks), _MAKING, *(name for module in _MODULES[kind] for name in _named(module)))
+
+
+def components_named(name: str, registry: Registry | None = None) -> tuple[type[Component], ...]:
+    """Return the component classes of this name, of whatever kind.
+
+    Raises
+    ------
+    PluginError
+        There are none, or it is offered more than once.
+    """
+    found = registry or installed_components()
+    for kind, conflicting in found.conflicts:
+        if conflicting == name:
+            found.find(kind, name)
+    offers = found.named(name)
+    if not offers:
+        known = listing(sorted({word for kind in KINDS for word in found.names(kind)}), 30)
+        failures = " ".join(f"(Not loaded: {failure.source}: {failure.reason})" for failure in found.failures)
+        raise PluginError(Fault("", f"there is no model '{name}'.", known, failures))
+    return tuple(offer.component for offer in offers)
+
+
+def _named(module: ModuleType) -> dict[str, _Check]:
+    prefix = "check_"
+    return {
+        name.removeprefix(prefix): function
+        for name, function in vars(module).items()
+        if name.startswith(prefix) and getattr(function, "__module__", "") == module.__name__
+    }
+
+
+def _check_model(model: type[Component]) -> Iterator[CheckResult]:
+    if not isinstance(model, type) or not issubclass(model, Component) or getattr(model, "kind", None) not in KINDS:
+        raise PluginError(f"{model!r} is not a component class.")
+    label = f"{model.kind} '{getattr(model, 'name', model.__qualname__)}'"
+    for name, check in _named(declared_checks).items():
+        yield _outcome(label, name, check, [(model, model, "")])
+    with tempfile.TemporaryDirectory(prefix="dovetail-examples-") as folder:
+        specimens: list[Specimen] = []
+        making = _outcome(
+            label, _MAKING, lambda _: specimens.extend(_specimens(model, Path(folder))), [(model, model, "")]
+        )
+        yield making
+        missing = "" if making.passed else making.name
+        subjects = [(each, each.component, _said(each, specimens)) for each in specimens]
+        for module in _MODULES[model.kind]:
+            for name, check in _named(module).items():
+                if missing:
+                    reason = f"it builds on '{missing.replace('_', ' ')}', which failed."
+                    yield CheckResult(label, name, "not run", reason)
+                    continue
+                result = _outcome(label, name, check, subjects)
+                yield result
+                if result.outcome == "failed" and name in _GROUND_FOR_OTHERS:
+                    missing = name
+
+
+def _specimens(model: type[Component], folder: Path) -> list[Specimen]:
+    """Make a component of each set of options that its examples give."""
+    examples = model.examples(folder)
+    remedy = "Override the class method `examples`: it returns sets of options as a description has them."
+    if isinstance(examples, (str, Mapping)) or not isinstance(examples, Sequence) or not examples:
+        raise Nonconformity(f"examples returned {examples!r:.60}.", remedy)
+    specimens = []
+    for options in examples:
+        try:
+            specimens.append(specimen_of(model, options))
+        except Exception as error:  # a plugin's constructor may raise anything
+            text = " ".join(str(error).split())
+            found = f"it cannot be made with {dict(options)!r:.100}: {type(error).__name__}: {text:.200}"
+            raise Nonconformity(found, remedy) from error
+    return specimens
+
+
+def _said(specimen: Specimen, specimens: list[Specimen]) -> str:
+    """Say which example a fault is of, where there are several."""
+    return f"with {dict(specimen.options)!r:.120}: " if len(specimens) > 1 else ""
+
+
+def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any, Any, str]]) -> CheckResult:
+    """Run one check over all subjects: (what it is given, whose code it runs, which example this is)."""
+    reasons = []
+    for subject, component, said in subjects:
+        try:
+            with blamed_on(component, label):
+                check(subject)
+        except NotApplicable as reason:
+            reasons.append(str(reason))
+        except Nonconformity as fault:
+            return CheckResult(label, name, "failed", f"{said}{fault.found}", fault.remedy)
+        except Exception as error:  # a plugin may raise anything, and answer with anything
+            return CheckResult(label, name, "failed", f"{said}{_told(error)}", _REMEDY)
+    if len(reasons) == len(subjects):
+        return CheckResult(label, name, "not applicable", reasons[0])
+    return CheckResult(label, name, "passed")
+
+
+_REMEDY = "The check could not go on."
+
+
+def _told(error: Exception) -> str:
+    if not isinstance(error, DovetailError):
+        return f"{type(error).__name__}: {error}"
+    fault = error.faults[0]
+    return f"{fault.where}: {fault.found}".removeprefix(": ")

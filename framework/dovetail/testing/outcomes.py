@@ -1,0 +1,72 @@
+"""What a check of the conformance kit finds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+__all__ = ["CheckResult", "Nonconformity", "NotApplicable", "Outcome"]
+
+Outcome = Literal["passed", "failed", "not run", "not applicable"]
+
+
+class Nonconformity(Exception):  # noqa: N818  not an error of the kit
+    """A check found that a component does not do what its contract says.
+
+    Parameters
+    ----------
+    found : str
+        One sentence.
+    remedy : str
+        What its author should do, as a sentence.
+    """
+
+    def __init__(self, found: str, remedy: str = "") -> None:
+        super().__init__(found)
+        self.found = found
+        self.remedy = remedy
+
+
+class NotApplicable(Exception):  # noqa: N818
+    """A check has nothing to look at in this component; the text says why, and is printed."""
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """The outcome of one check of one component.
+
+    Parameters
+    ----------
+    component : str
+        Kind and name of the component.
+    name : str
+        Of the check.
+    outcome : 'passed', 'failed', 'not run' or 'not applicable'
+        A check is not run where an earlier one, on which it builds, has failed.
+    found : str
+        What was found, as a sentence; the reason where the check was not run or does not apply.
+    remedy : str
+        What to do about it.
+    """
+
+    component: str
+    name: str
+    outcome: Outcome
+    found: str = ""
+    remedy: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the check was run and found nothing."""
+        return self.outcome == "passed"
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing stands against the component here: passed, or not applicable."""
+        return self.outcome in ("passed", "not applicable")
+
+    def __str__(self) -> str:
+        line = f"{self.outcome:<15} {self.name.replace('_', ' ')}"
+        if self.outcome != "failed":
+            return f"{line}: {self.found}" if self.found else line
+        return "\n".join([line, *(f"{'':<15}   {text}" for text in (self.found, self.remedy) if text)])

@@ -1,0 +1,99 @@
+"""Any transformer of scikit-learn as a reducer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+import dovetail
+from dovetail_plugins.arrays import checked_rows
+from dovetail_plugins.scikit_learn import KeptEstimator, Plain, estimator_class, new_estimator
+
+__all__ = ["FittedTransformer", "Transformer"]
+
+
+class FittedTransformer(dovetail.FittedReducer):
+    """A transformer as arrays and plain values.
+
+    Parameters
+    ----------
+    kept : KeptEstimator
+    """
+
+    def __init__(self, kept: KeptEstimator) -> None:
+        self._kept = kept
+
+    def transform(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return what the transformer makes of features (n_samples, n_features)."""
+        return self._kept.answer(features, "transform").astype(np.float32)
+
+    def state(self) -> dovetail.State:
+        """Return the transformer's attributes."""
+        return self._kept.state()
+
+
+class Transformer(dovetail.Reducer):
+    """A transformer of scikit-learn, by its name; its random state is the description's seed.
+
+    Notes
+    -----
+    What it fits must be arrays and plain values, so that a model can be stored without pickle; any other is refused
+    when it has been fitted. In double precision.
+    """
+
+    name = "sklearn"
+    summary = "any transformer of scikit-learn, by its name"
+    references = ("F. Pedregosa et al., Scikit-learn: machine learning in Python, JMLR 12 (2011) 2825-2830",)
+
+    class Config(dovetail.ComponentConfig):
+        """Which transformer, with which options.
+
+        Attributes
+        ----------
+        estimator : str
+            Name of the class, such as KernelPCA.
+        options : mapping
+            Of its constructor, plain values.
+        """
+
+        estimator: str
+        options: dict[str, Plain] = Field(default={})
+
+        @model_validator(mode="after")
+        def _known(self) -> Transformer.Config:
+            new_estimator(estimator_class(self.estimator, "transform"), self.options)
+            return self
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a transformer with an estimator within, and one with a random state."""
+        kernel = {"n_components": 8, "kernel": "rbf", "gamma": 0.01}
+        return (
+            {"estimator": "KernelPCA", "options": kernel},
+            {"estimator": "GaussianRandomProjection", "options": {"n_components": 6}},
+        )
+
+    @property
+    def _owner(self) -> str:
+        return f"reducer 'sklearn' ({self.config.estimator})"
+
+    def fit(self, features: NDArray[np.float32], *, seed: int) -> FittedTransformer:
+        """Fit to training features (n_samples, n_features).
+
+        Raises
+        ------
+        DovetailError
+            The transformer cannot be fitted to these features, or what it fits is not made of arrays.
+        """
+        rows = checked_rows(features, self._owner)
+        estimator = new_estimator(estimator_class(self.config.estimator, "transform"), self.config.options, seed)
+        return FittedTransformer(KeptEstimator.fitted(estimator, rows, method="transform", owner=self._owner))
+
+    def restore(self, state: dovetail.State) -> FittedTransformer:
+        """Rebuild the transformer from its attributes."""
+        return FittedTransformer(KeptEstimator(state, self._owner))

@@ -1,0 +1,122 @@
+"""Any regressor of scikit-learn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+import dovetail
+from dovetail_plugins.arrays import checked_rows
+from dovetail_plugins.scikit_learn import KeptEstimator, Plain, estimator_class, new_estimator
+
+__all__ = ["FittedScikitLearnRegressor", "ScikitLearnRegressor"]
+
+
+class FittedScikitLearnRegressor(dovetail.FittedRegressor):
+    """A regressor as arrays and plain values.
+
+    Parameters
+    ----------
+    kept : KeptEstimator
+    """
+
+    def __init__(self, kept: KeptEstimator) -> None:
+        self._kept = kept
+
+    def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Predict targets (n_samples, n_targets) from features (n_samples, n_features)."""
+        return self._kept.answer(features, "predict")
+
+    def state(self) -> dovetail.State:
+        """Return the regressor's attributes."""
+        return self._kept.state()
+
+
+class ScikitLearnRegressor(dovetail.Regressor):
+    """A regressor of scikit-learn, by its name; its random state is the description's seed.
+
+    Notes
+    -----
+    One that has a single target is fitted to each target on its own. What it fits must be arrays and plain values, so
+    that a model can be stored without pickle; any other, such as a forest of trees, is refused when it has been fitted.
+    """
+
+    name = "sklearn"
+    summary = "any regressor of scikit-learn, by its name"
+    references = ("F. Pedregosa et al., Scikit-learn: machine learning in Python, JMLR 12 (2011) 2825-2830",)
+
+    class Config(dovetail.ComponentConfig):
+        """Which regressor, with which options.
+
+        Attributes
+        ----------
+        estimator : str
+            Name of the class, such as KernelRidge.
+        options : mapping
+            Of its constructor, plain values.
+        """
+
+        estimator: str
+        options: dict[str, Plain] = Field(default={})
+
+        @model_validator(mode="after")
+        def _known(self) -> ScikitLearnRegressor.Config:
+            new_estimator(_class(self.estimator), self.options)
+            return self
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a regressor of several targets, and one of a single target."""
+        return (
+            {"estimator": "KernelRidge", "options": {"kernel": "rbf", "alpha": 0.01}},
+            {"estimator": "SVR", "options": {"C": 10.0, "epsilon": 0.01}},
+        )
+
+    @property
+    def _owner(self) -> str:
+        return f"regressor 'sklearn' ({self.config.estimator})"
+
+    def fit(
+        self,
+        features: NDArray[np.float32],
+        targets: NDArray[np.float64],
+        *,
+        seed: int,
+        progress: dovetail.Progress = dovetail.silent,
+    ) -> FittedScikitLearnRegressor:
+        """Fit to features (n_samples, n_features) and targets (n_samples, n_targets).
+
+        Raises
+        ------
+        DovetailError
+            The regressor cannot be fitted to these samples, or what it fits is not made of arrays.
+        """
+        rows = checked_rows(features, self._owner)
+        wanted = checked_rows(targets, f"{self._owner}, targets").astype(np.float64)
+        estimator = new_estimator(_class(self.config.estimator), self.config.options, seed)
+        if not estimator.__sklearn_tags__().target_tags.multi_output:
+            from sklearn.multioutput import MultiOutputRegressor
+
+            estimator = MultiOutputRegressor(estimator)
+        kept = KeptEstimator.fitted(estimator, rows, wanted, method="predict", owner=self._owner)
+        progress("regressor", 1, 1, self.config.estimator)
+        return FittedScikitLearnRegressor(kept)
+
+    def restore(self, state: dovetail.State) -> FittedScikitLearnRegressor:
+        """Rebuild the regressor from its attributes."""
+        return FittedScikitLearnRegressor(KeptEstimator(state, self._owner))
+
+
+def _class(name: str) -> Any:
+    """Return a regressor class of scikit-learn."""
+    from sklearn.base import RegressorMixin
+
+    model = estimator_class(name, "predict")
+    if not issubclass(model, RegressorMixin):
+        raise ValueError(f"scikit-learn's {name} is not a regressor")
+    return model

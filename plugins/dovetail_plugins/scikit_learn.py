@@ -1,0 +1,262 @@
+"""Estimators of scikit-learn by their names, and their state as arrays.
+
+Only what scikit-learn itself exports is found, options are plain values, and a state holds arrays and plain values:
+neither a description nor a model's folder can run code by it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import json
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail import DovetailError, Fault, State
+from dovetail_plugins.arrays import checked_rows, state_number
+
+__all__ = ["KeptEstimator", "Plain", "estimator_class", "new_estimator"]
+
+Plain = bool | int | float | str | None | list[bool | int | float | str | None]
+"""What an option may be."""
+
+_OF_THE_DESCRIPTION = {"random_state": "the description's seed is used", "memory": "nothing is kept on disk"}
+_LOST = object()
+_STRUCTURE = "structure"
+
+
+@cache
+def _exported() -> dict[str, type]:
+    """Return the estimators that scikit-learn's public modules export, by name."""
+    import sklearn
+    from sklearn.base import BaseEstimator
+
+    found = {}
+    for name in sklearn.__all__:
+        if find_spec(f"sklearn.{name}") is None:
+            continue
+        module = import_module(f"sklearn.{name}")
+        defined = {word: entry for word, entry in vars(module).items() if not word.startswith("_")}
+        own = [word for word, entry in defined.items() if getattr(entry, "__module__", "") == module.__name__]
+        for word in getattr(module, "__all__", own):
+            entry = defined.get(word)
+            if isinstance(entry, type) and issubclass(entry, BaseEstimator) and not inspect.isabstract(entry):
+                found[word] = entry
+    return found
+
+
+def estimator_class(name: str, method: str) -> Any:
+    """Return an estimator class of scikit-learn.
+
+    Parameters
+    ----------
+    name : str
+    method : str
+        What it must be able to do: ``"transform"`` or ``"predict"``.
+
+    Raises
+    ------
+    ValueError
+        scikit-learn has no such class, or it cannot do that.
+    """
+    fitting = {word: entry for word, entry in _exported().items() if _can(entry, method)}
+    if name in fitting:
+        return fitting[name]
+    if name in _exported():
+        raise ValueError(f"scikit-learn's {name} has no method '{method}' for new FRFs")
+    raise ValueError(f"scikit-learn has no '{name}'{_nearest(name, fitting)}")
+
+
+def new_estimator(model: Any, options: Mapping[str, Any], seed: int | None = None) -> Any:
+    """Return an estimator that is not yet fitted.
+
+    Raises
+    ------
+    ValueError
+        An option is not in the signature, is not the user's to choose, or has a value that the estimator refuses.
+    """
+    accepted = [name for name in inspect.signature(model).parameters if name not in _OF_THE_DESCRIPTION]
+    for name in options:
+        if name in _OF_THE_DESCRIPTION:
+            raise ValueError(f"'{name}' cannot be chosen: {_OF_THE_DESCRIPTION[name]}")
+        if name not in accepted:
+            hint = _nearest(name, accepted)
+            raise ValueError(f"'{name}' is not an option of {model.__name__}{hint}; it has {', '.join(accepted)}")
+    seeded = {"random_state": seed} if "random_state" in inspect.signature(model).parameters else {}
+    try:
+        estimator = model(**{name: _tuple(value) for name, value in options.items()}, **seeded)
+    except TypeError as error:
+        raise ValueError(f"{model.__name__} cannot be made of plain values: {error}") from None
+    if hasattr(estimator, "_parameter_constraints"):
+        estimator._validate_params()
+    return estimator
+
+
+class KeptEstimator:
+    """A fitted estimator that was made of its own state, also where it was just fitted.
+
+    Parameters
+    ----------
+    state : mapping
+        Arrays and plain values, as `fitted` gives them.
+    owner : str
+        How messages name it.
+
+    Raises
+    ------
+    DovetailError
+        The state is not one, or names a class that scikit-learn does not export.
+    """
+
+    def __init__(self, state: State, owner: str) -> None:
+        self._state = dict(state)
+        self._owner = owner
+        self._width = int(state_number(state, "width", owner))
+        try:
+            tree = json.loads(str(state[_STRUCTURE]))
+            if not isinstance(tree, dict) or "estimator" not in tree:
+                raise ValueError("it is not an estimator")
+            self._estimator = _decode(tree, state)
+        except (KeyError, TypeError, ValueError, RecursionError) as error:
+            found = f"its state cannot be read: {type(error).__name__}: {error}."
+            raise DovetailError(Fault(owner, found)) from None
+
+    @classmethod
+    def fitted(
+        cls, estimator: Any, rows: NDArray[Any], *targets: NDArray[Any], method: str, owner: str
+    ) -> KeptEstimator:
+        """Fit an estimator, in double precision, and keep what it fitted.
+
+        Raises
+        ------
+        DovetailError
+            It cannot be fitted to these samples, or answers otherwise when it is made of its state.
+        """
+        samples = rows.astype(np.float64)
+        try:
+            with _own_random_numbers(), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                estimator.fit(samples, *targets)
+                expected = _rows(getattr(estimator, method)(samples[:2]), 2)
+        except Exception as error:  # an estimator may raise anything on samples that it is not made for
+            raise DovetailError(Fault(owner, f"it cannot be fitted: {str(error).rstrip('.')}.")) from None
+        arrays: dict[str, Any] = {}
+        lost: list[str] = []
+        tree = _encode(estimator, arrays, lost, type(estimator).__name__)
+        try:
+            kept = cls({_STRUCTURE: json.dumps(tree), "width": rows.shape[1], **arrays}, owner)
+            alike = np.allclose(kept.answer(rows[:2], method), expected, rtol=1e-4, atol=1e-6)
+        except Exception:  # an estimator without some of its attributes may raise anything
+            alike = False
+        if not alike:
+            raise _not_arrays(owner, lost)
+        return kept
+
+    def answer(self, features: NDArray[Any], method: str) -> NDArray[np.float64]:
+        """Return what a method answers to features (n_samples, n_features), a row for each."""
+        rows = checked_rows(features, self._owner, width=self._width).astype(np.float64)
+        return _rows(getattr(self._estimator, method)(rows), len(rows))
+
+    def state(self) -> State:
+        """Return arrays and plain values."""
+        return {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in self._state.items()}
+
+
+@contextmanager
+def _own_random_numbers() -> Iterator[None]:
+    """Seed NumPy's global generator, from which some estimators draw; the caller's is afterwards as it was."""
+    before = np.random.get_state()  # noqa: NPY002
+    np.random.seed(0)  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(before)  # noqa: NPY002
+
+
+def _not_arrays(owner: str, lost: list[str]) -> DovetailError:
+    listed = ", ".join(lost[:5]) + (f" and {len(lost) - 5} more" if len(lost) > 5 else "")
+    what = (
+        f"what it fitted is not made of arrays alone ({listed})" if lost else "made of its arrays it answers otherwise"
+    )
+    found = f"{what}, so that no model could be stored without pickle."
+    return DovetailError(Fault(owner, found, remedy="Choose another estimator."))
+
+
+def _rows(answer: Any, count: int) -> NDArray[np.float64]:
+    dense = answer.toarray() if hasattr(answer, "toarray") else answer
+    return np.asarray(dense, dtype=np.float64).reshape(count, -1)
+
+
+def _can(entry: type, method: str) -> bool:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return inspect.isfunction(inspect.getattr_static(entry, method, None))
+
+
+def _nearest(name: str, accepted: Any) -> str:
+    near = difflib.get_close_matches(name, list(accepted), 1, 0.4)
+    return f" (did you mean '{near[0]}'?)" if near else ""
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, (list, tuple)) else value
+
+
+def _encode(value: Any, arrays: dict[str, Any], lost: list[str], place: str) -> Any:
+    """Return a value as something that JSON holds, its arrays put aside; `_LOST` where that cannot be."""
+    if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "biuf":
+        key = f"array{len(arrays)}"
+        arrays[key] = np.array(value)
+        return {"array" if isinstance(value, np.ndarray) else "scalar": key}
+    if value is None or type(value) in (bool, int, str):
+        return value
+    if type(value) is float:
+        return {"float": repr(value)}
+    if isinstance(value, type) and issubclass(value, np.generic):
+        return {"dtype": np.dtype(value).name}
+    if isinstance(value, (list, tuple)):
+        entries = [_encode(entry, arrays, lost, f"{place}[{i}]") for i, entry in enumerate(value)]
+        return _LOST if _LOST in entries else {type(value).__name__: entries} if type(value) in (list, tuple) else _LOST
+    if isinstance(value, dict) and all(isinstance(key, str) for key in value):
+        return {"dict": dict(_encode_items(value, arrays, lost, place))}
+    if _exported().get(type(value).__name__) is type(value):
+        return {"estimator": type(value).__name__, "with": dict(_encode_items(vars(value), arrays, lost, place))}
+    lost.append(f"{place}: {type(value).__name__}")
+    return _LOST
+
+
+def _encode_items(
+    items: Mapping[str, Any], arrays: dict[str, Any], lost: list[str], place: str
+) -> Iterator[tuple[str, Any]]:
+    for name, entry in items.items():
+        value = _encode(entry, arrays, lost, f"{place}.{name}")
+        if value is not _LOST:
+            yield name, value
+
+
+def _decode(node: Any, arrays: Mapping[str, Any]) -> Any:
+    if not isinstance(node, dict):
+        return node
+    if "estimator" in node:
+        model = _exported()[node["estimator"]]
+        estimator = model.__new__(model)
+        vars(estimator).update({name: _decode(entry, arrays) for name, entry in node["with"].items()})
+        return estimator
+    ((kind, held),) = node.items()
+    if kind in ("array", "scalar"):
+        value = np.array(arrays[held])
+        return value if kind == "array" else value[()]
+    if kind in ("list", "tuple"):
+        entries = [_decode(entry, arrays) for entry in held]
+        return entries if kind == "list" else tuple(entries)
+    if kind == "dict":
+        return {name: _decode(entry, arrays) for name, entry in held.items()}
+    return float(held) if kind == "float" else np.dtype(held).type

@@ -1,0 +1,177 @@
+"""The JSON Schema of a description: every shipped one is valid, and what is misspelt is not."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import json
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from ruamel.yaml import YAML
+
+from dovetail.assembly import description_schema
+from dovetail.interfaces import KINDS, JointModel
+from dovetail.registry import Registry, installed_components
+
+ROOT = Path(__file__).resolve().parents[2]
+MADE_BY_THE_USER = {("substructures",), ("joints",)}
+
+
+def read(file: Path) -> Any:
+    return YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
+
+
+def is_description(file: Path) -> bool:
+    return bool({"dovetail", "extends"} & set(read(file)))
+
+
+FILES = [file for folder in ("assemblies", "docs") for file in sorted((ROOT / folder).rglob("*.yaml"))]
+DESCRIPTIONS = [file for file in FILES if is_description(file)]
+
+
+@cache
+def validator() -> jsonschema.Draft202012Validator:
+    """With what is installed, and the outside package of the docs."""
+    registry = Registry()
+    registry.load_entry_points()
+    if "rubber_mount" not in registry.names("joint"):
+        sys.path.append(str(ROOT / "docs" / "examples" / "dovetail-rubber-mount" / "src"))
+        registry.add(importlib.import_module("dovetail_rubber_mount"), "docs")
+    schema = json.loads(json.dumps(description_schema(registry), allow_nan=False))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+def faults(description: Any) -> list[str]:
+    errors = validator().iter_errors(description)
+    return [f"{'.'.join(map(str, error.absolute_path))}: {error.message}" for error in errors]
+
+
+@pytest.mark.parametrize("file", DESCRIPTIONS, ids=lambda file: str(file.relative_to(ROOT)))
+def test_every_shipped_description_is_valid(file):
+    assert faults(read(file)) == []
+
+
+def test_there_are_descriptions_to_validate():
+    assert len(DESCRIPTIONS) >= 10
+
+
+def keys(node: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield the path of every key of a description, but the names that its user made."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            if path not in MADE_BY_THE_USER:
+                yield (*path, key)
+            yield from keys(value, (*path, key))
+    elif isinstance(node, list):
+        for index, value in enumerate(node):
+            yield from keys(value, (*path, index))
+
+
+def with_key(description: Any, path: tuple[Any, ...], key: str) -> Any:
+    changed = copy.deepcopy(description)
+    node = changed
+    for part in path[:-1]:
+        node = node[part]
+    node[key] = node.pop(path[-1])
+    return changed
+
+
+@pytest.mark.parametrize("file", DESCRIPTIONS, ids=lambda file: str(file.relative_to(ROOT)))
+def test_every_misspelt_key_fails(file):
+    description = read(file)
+    misspelt = [path for path in keys(description) if not faults(with_key(description, path, f"{path[-1]}_"))]
+    assert misspelt == []
+
+
+@pytest.mark.parametrize("path", [("dovetail",), ("frequency",), ("response", "at"), ("joints", "collet", "connect")])
+def test_what_is_left_out_fails_but_in_an_extension(path):
+    description = read(ROOT / "assemblies" / "bt40_er32.yaml")
+    node = description
+    for part in path[:-1]:
+        node = node[part]
+    del node[path[-1]]
+    assert faults(description) != []
+    assert faults({**description, "extends": "other.yaml"}) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("substructures", "tool", "material", "poisson"), 0.7),
+        (("substructures", "tool", "sections"), []),
+        (("joints", "collet", "parameters", "kt_tc"), ["1e8 N/m", "2e9 N/m"]),
+        (("joints", "collet", "parameters", "kt_tc"), {"range": ["1e8 N/m"]}),
+        (("response", "direction"), "y"),
+        (("joints", "collet", "model"), "colet"),
+        (("identification", "regressor"), {"model": "umap"}),
+    ],
+)
+def test_a_wrong_value_fails(path, value):
+    description = read(ROOT / "assemblies" / "bt40_er32.yaml")
+    node = description
+    for part in path[:-1]:
+        node = node[part]
+    node[path[-1]] = value
+    assert faults(description) != []
+
+
+def test_every_option_and_parameter_of_every_component_is_described_with_its_unit():
+    definitions = description_schema(installed_components())["$defs"]
+    for kind in KINDS:
+        for offer in installed_components().offers(kind):
+            section = definitions[f"{kind}.{offer.component.name}"]
+            assert set(offer.component.Config.model_fields) <= set(section["properties"])
+            for name, entry in section["properties"].items():
+                assert entry.get("description"), f"{kind} {offer.component.name}.{name}"
+            if issubclass(offer.component, JointModel):
+                for name, entry in section["properties"]["parameters"]["properties"].items():
+                    assert f"[{entry['x-unit']}]" in entry["description"], name
+    assert definitions["joint.collet"]["properties"]["segment"]["description"].endswith("contact nodes [m].")
+    assert definitions["frequency"]["properties"]["step"]["description"] == "Distance of the lines [Hz]."
+
+
+def test_the_command_writes_it(run, tmp_path):
+    file = tmp_path / "dovetail.schema.json"
+    run("schema", "-o", file)
+    assert json.loads(file.read_text(encoding="utf-8")) == json.loads(run("schema").stdout)
+    assert "there is such a file already" in run("schema", "-o", file, code=1).stderr
+    run("schema", "-o", file, "--overwrite")
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_plugin_file_s_options_are_in_it(run, tmp_path):
+    file = tmp_path / "pad.py"
+    file.write_text(
+        "import dovetail\n"
+        "class Pad(dovetail.Reducer):\n"
+        '    name, summary = "pad", "A pad"\n'
+        "    class Config(dovetail.ComponentConfig):\n"
+        "        width: int = 3\n"
+        "    def fit(self, features, *, seed): ...\n"
+        "    def restore(self, state): ...\n"
+        "@dovetail.hookimpl\n"
+        "def dovetail_components(): return [Pad]\n"
+    )
+    made = json.loads(run("schema", "--plugin", file).stdout)
+    assert made["$defs"]["reducer.pad"]["properties"]["width"]["type"] == "integer"
+
+
+@pytest.fixture
+def run():
+    from typer.testing import CliRunner
+
+    from dovetail.cli import app
+
+    def invoke(*words: object, code: int = 0):
+        result = CliRunner().invoke(app, [str(word) for word in words])
+        assert result.exit_code == code, result.output
+        return result
+
+    return invoke

@@ -1,0 +1,70 @@
+"""``dovetail new-plugin``: what it makes can be installed and passes its own tests as it is."""
+
+from __future__ import annotations
+
+import pytest
+
+from dovetail.testing import check_names
+
+KINDS = [
+    "joint",
+    *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("substructure", "reducer", "regressor")),
+]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_package_passes_its_own_tests_in_a_fresh_environment(kind, environment, tmp_path):
+    package = tmp_path / "mine"
+    said = environment.run("dovetail", "new-plugin", kind, "my_own", "-o", package)
+    assert f"src/dovetail_my_own/{kind}.py" in said
+    environment.install(package)
+    assert "dovetail-my-own 0.1.0" in environment.run("dovetail", "plugins")
+    assert "my_own" in environment.run("dovetail", "check", package / "example.yaml")
+    tested = environment.run("python", "-m", "pytest", "-q", "-p", "no:cacheprovider", package)
+    assert f"{len(check_names(kind)) + 1} passed" in tested
+    assert str(environment.scripts.parent) in environment.run(
+        "python", "-c", "import dovetail; print(dovetail.__file__)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "found"),
+    [
+        ("joint", "collet", "offers a joint 'collet' already."),
+        ("joint", "two words", "'two words' cannot be the name of a model."),
+        ("joint", "class", "'class' cannot be the name of a model."),
+        ("joint", "../up", "'../up' cannot be the name of a model."),
+    ],
+)
+def test_a_name_that_will_not_do(runner, tmp_path, kind, name, found):
+    result = runner("new-plugin", kind, name, "-o", tmp_path / "mine")
+    assert result.exit_code == 1
+    assert found in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_there_is_left_alone(runner, tmp_path):
+    result = runner("new-plugin", "joint", "felt", "-o", tmp_path)
+    assert result.exit_code == 1
+    assert result.stderr.startswith(f"{tmp_path}\n  there is such a file or folder already.")
+
+
+def test_an_unknown_kind_is_a_wrong_command_line(runner, tmp_path):
+    result = runner("new-plugin", "spring", "felt", "-o", tmp_path / "mine")
+    assert result.exit_code == 2
+    assert "'spring' is not a kind" in result.stderr
+
+
+def test_a_name_with_dashes_makes_an_identifier(runner, tmp_path):
+    assert runner("new-plugin", "joint", "felt-pad", "-o", tmp_path / "mine").exit_code == 0
+    assert 'name = "felt_pad"' in (tmp_path / "mine/src/dovetail_felt_pad/joint.py").read_text()
+    assert 'name = "dovetail-felt-pad"' in (tmp_path / "mine/pyproject.toml").read_text()
+
+
+@pytest.fixture
+def runner():
+    from typer.testing import CliRunner
+
+    from dovetail.cli import app
+
+    return lambda *words: CliRunner().invoke(app, [str(word) for word in words])

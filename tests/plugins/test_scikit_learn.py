@@ -1,0 +1,147 @@
+"""Transformers and regressors of scikit-learn by their names: safe, and refused clearly where they are not."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from sklearn.cross_decomposition import PLSRegression
+from sklearn.decomposition import KernelPCA
+
+import dovetail
+from dovetail.testing.specimens import sample_features, sample_targets
+from dovetail_plugins.reducers.scikit_learn import Transformer
+from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
+
+
+def reducer(estimator, **options):
+    return Transformer(Transformer.Config(estimator=estimator, options=options))
+
+
+def regressor(estimator, **options):
+    return ScikitLearnRegressor(ScikitLearnRegressor.Config(estimator=estimator, options=options))
+
+
+@pytest.fixture(scope="module")
+def features():
+    return sample_features()
+
+
+@pytest.fixture(scope="module")
+def targets():
+    return sample_targets()
+
+
+def test_a_reducer_is_scikit_learn_s_own(features):
+    options = {"n_components": 6, "kernel": "rbf", "gamma": 0.02}
+    own = KernelPCA(**options, random_state=1).fit(features.astype(float))
+    fitted = reducer("KernelPCA", **options).fit(features, seed=1)
+    np.testing.assert_allclose(fitted.transform(features[:9]), own.transform(features[:9].astype(float)), atol=1e-6)
+
+
+def test_a_regressor_is_scikit_learn_s_own(features, targets):
+    own = PLSRegression(n_components=5).fit(features.astype(float), targets)
+    fitted = regressor("PLSRegression", n_components=5).fit(features, targets, seed=0)
+    np.testing.assert_allclose(fitted.predict(features[:9]), own.predict(features[:9].astype(float)), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["KernelRidge", "SVR", "BayesianRidge", "MLPRegressor", "Ridge"])
+def test_regressors_of_one_or_several_targets(features, targets, name):
+    fitted = regressor(name).fit(features, targets, seed=0)
+    assert fitted.predict(features[:4]).shape == (4, 2)
+    again = regressor(name).restore(fitted.state())
+    np.testing.assert_array_equal(again.predict(features[:4]), fitted.predict(features[:4]))
+
+
+@pytest.mark.parametrize(
+    ("make", "options", "said"),
+    [
+        (reducer, {"estimator": "KernelPcA"}, r"scikit-learn has no 'KernelPcA' \(did you mean 'KernelPCA'\?\)"),
+        (reducer, {"estimator": "TSNE"}, "scikit-learn's TSNE has no method 'transform' for new FRFs"),
+        (regressor, {"estimator": "SVC"}, "scikit-learn's SVC is not a regressor"),
+        (reducer, {"estimator": "os.system"}, "scikit-learn has no 'os.system'"),
+        (reducer, {"estimator": "sklearn.decomposition.PCA"}, "scikit-learn has no 'sklearn.decomposition.PCA'"),
+        (
+            reducer,
+            {"estimator": "KernelPCA", "n_component": 3},
+            r"'n_component' is not an option of KernelPCA \(did you",
+        ),
+        (
+            reducer,
+            {"estimator": "KernelPCA", "n_components": "many"},
+            "The 'n_components' parameter of KernelPCA must be",
+        ),
+        (reducer, {"estimator": "PCA", "random_state": 3}, "'random_state' cannot be chosen: the description's seed"),
+        (reducer, {"estimator": "FeatureAgglomeration", "memory": "x"}, "'memory' cannot be chosen: nothing is kept"),
+        (regressor, {"estimator": "VotingRegressor"}, "VotingRegressor cannot be made of plain values"),
+        (reducer, {"estimator": "PCA", "tol": {"a": 1}}, "options.tol"),
+    ],
+)
+def test_what_the_description_may_not_say(make, options, said):
+    with pytest.raises(ValidationError, match=said):
+        make(**options)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("RandomForestRegressor", r"not made of arrays alone \(RandomForestRegressor\.estimators_\[0\]\.tree_: Tree, "),
+        ("GaussianProcessRegressor", r"GaussianProcessRegressor\.kernel_: .*no model could be stored without pickle"),
+    ],
+)
+def test_what_is_not_arrays_is_refused_when_it_is_fitted(features, targets, name, said):
+    with pytest.raises(dovetail.DovetailError, match=said):
+        regressor(name).fit(features, targets, seed=0)
+
+
+def test_an_estimator_that_cannot_be_fitted_says_why(features):
+    with pytest.raises(dovetail.DovetailError, match=r"\(SelectKBest\)\n  it cannot be fitted: estimator requires y"):
+        reducer("SelectKBest").fit(features, seed=0)
+
+
+@pytest.mark.parametrize(
+    "structure",
+    [
+        {"estimator": "os.system", "with": {}},
+        {"estimator": "Pipeline2", "with": {}},
+        {"array": "gone"},
+        {"code": "x"},
+        {"dtype": "object_"},
+        "no",
+    ],
+)
+def test_a_state_from_a_stranger_makes_nothing_else(features, structure):
+    state = {"structure": json.dumps(structure), "width": 120}
+    with pytest.raises(dovetail.DovetailError):
+        reducer("PCA").restore(state).transform(features)
+
+
+def test_a_description_with_both_is_trained_stored_and_loaded(assemblies, tmp_path):
+    description = tmp_path / "small.yaml"
+    description.write_text(
+        f"extends: {assemblies / 'sdof.yaml'}\n"
+        "identification:\n"
+        "  samples: 300\n"
+        "  reducer: {model: sklearn, estimator: KernelPCA, options: {n_components: 12, kernel: rbf, gamma: 0.001}}\n"
+        "  regressor: {model: sklearn, estimator: KernelRidge, options: {kernel: rbf, alpha: 1e-3}}\n"
+    )
+    assembly = dovetail.load(description)
+    model = dovetail.train(assembly)
+    assert model.evaluation.parameters["k"].r2 > 0.9
+    model.save(tmp_path / "model")
+    amplitude = np.abs(assembly.frf([[3e6, 40.0], [5e6, 60.0]])).astype(np.float32)
+    again = dovetail.load_model(tmp_path / "model").predict_parameters(amplitude)
+    np.testing.assert_allclose(again, model.predict_parameters(amplitude), rtol=1e-9)
+
+
+def test_a_misspelt_option_is_told_with_its_place(assemblies, tmp_path):
+    description = tmp_path / "small.yaml"
+    description.write_text(
+        f"extends: {assemblies / 'sdof.yaml'}\n"
+        "identification:\n"
+        "  reducer: {model: sklearn, estimator: KernelPCA, options: {n_component: 12}}\n"
+    )
+    with pytest.raises(dovetail.DovetailError, match=r"small\.yaml:3:\d+  identification\.reducer\n  'n_comp"):
+        dovetail.load(description)

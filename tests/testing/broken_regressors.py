@@ -1,0 +1,96 @@
+"""A sound regressor, and one with a single fault for each check of the kit that regressors alone have."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dovetail import DovetailError, FittedRegressor, Regressor, silent
+
+BROKEN: dict[str, type[Regressor]] = {}
+
+
+def breaks(check: str):
+    def enter(model):
+        BROKEN[check] = model
+        return model
+
+    return enter
+
+
+def checked(features, width=None):
+    if not np.isfinite(features).all():
+        raise DovetailError("a feature is not finite.")
+    if width not in (None, features.shape[1]):
+        raise DovetailError("another width.")
+    return features.astype(float)
+
+
+class FittedLine(FittedRegressor):
+    """Known weights."""
+
+    def __init__(self, weights, mean):
+        self.weights, self.mean = weights, mean
+
+    def predict(self, features):
+        return checked(features, len(self.weights)) @ self.weights + self.mean
+
+    def state(self):
+        return {"weights": self.weights.copy(), "mean": self.mean.copy()}
+
+
+class SoundRegressor(Regressor):
+    """Least squares."""
+
+    name = "sound_regressor"
+    summary = "Linear regression"
+
+    def fit(self, features, targets, *, seed, progress=silent):
+        """Solve for the weights."""
+        mean = targets.mean(axis=0)
+        weights = np.linalg.lstsq(checked(features), targets - mean, rcond=None)[0]
+        progress("regressor", 1, 1, "done")
+        return FittedLine(weights, mean)
+
+    def restore(self, state):
+        """Take the weights back."""
+        return FittedLine(np.array(state["weights"]), np.array(state["mean"]))
+
+
+@breaks("it_learns")
+class WrongSign(SoundRegressor):
+    """It learns the opposite."""
+
+    def fit(self, features, targets, *, seed, progress=silent):
+        """Turn the sign."""
+        fitted = super().fit(features, targets, seed=seed, progress=progress)
+        return FittedLine(-fitted.weights, fitted.mean)
+
+
+@breaks("targets_are_left_unchanged")
+class Overwriting(SoundRegressor):
+    """It centres the caller's targets in place."""
+
+    def fit(self, features, targets, *, seed, progress=silent):
+        """Change the targets when done."""
+        fitted = super().fit(features, targets, seed=seed, progress=progress)
+        targets -= targets.mean(axis=0)
+        return fitted
+
+
+@breaks("progress_is_reported_in_order")
+class Backwards(SoundRegressor):
+    """It counts down."""
+
+    def fit(self, features, targets, *, seed, progress=silent):
+        """Report what is left."""
+        progress("regressor", 3, 3)
+        return super().fit(features, targets, seed=seed, progress=progress)
+
+
+@breaks("epochs_with_other_noise_can_be_learnt_from")
+class NoEpochs(SoundRegressor):
+    """It returns nothing from epochs."""
+
+    def fit_epochs(self, epoch, *, seed, progress=silent):
+        """Fit, and forget to return."""
+        super().fit_epochs(epoch, seed=seed, progress=progress)

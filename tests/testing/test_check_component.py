@@ -1,0 +1,108 @@
+"""The kit's own behaviour: complete, structured, and over everything that is registered."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+from broken_joints import BROKEN, SoundJoint
+
+import dovetail.testing
+from dovetail.errors import PluginError
+from dovetail.interfaces import KINDS
+from dovetail.registry import Registry, installed_components
+from dovetail.testing import CheckResult, check_component, check_names, conformance
+
+REGISTERED = [(kind, name) for kind in KINDS for name in installed_components().names(kind)]
+
+
+@pytest.mark.parametrize(("kind", "name"), REGISTERED)
+def test_every_registered_component_conforms(kind, name):
+    results = check_component(installed_components().find(kind, name).component)
+    assert [str(result) for result in results if not result.ok] == []
+    assert sum(result.passed for result in results) >= 10
+    assert [result.name for result in results] == list(check_names(kind))
+
+
+@conformance(SoundJoint)
+def test_the_parametrisation_gives_a_test_for_each_check(check):
+    check()
+    assert check.name in check_names("joint")
+
+
+def test_the_parametrisation_names_model_and_check_and_fails_with_the_reason():
+    checks = conformance("none", BROKEN["matrices_are_symmetric"]).args[1]
+    assert len(checks) == len(check_names("reducer")) + len(check_names("joint"))
+    assert checks[0].id == "none-name_summary_and_references_are_texts"
+    (red,) = [c.values[0] for c in checks if c.id == "sound_joint-matrices_are_symmetric"]
+    with pytest.raises(AssertionError, match=r"the stiffness matrix is not symmetric\.\n +Fill \[row, column\]"):
+        red()
+
+
+def test_what_builds_on_a_failed_check_is_listed_as_not_run():
+    results = check_component(BROKEN["matrices_have_the_shape_of_the_dofs"])
+    names = list(check_names("joint"))
+    after = names[names.index("matrices_have_the_shape_of_the_dofs") + 1 :]
+    assert [result.name for result in results if result.outcome == "not run"] == after
+    assert not any(result.ok or result.passed for result in results if result.outcome == "not run")
+
+
+@pytest.mark.parametrize("switch", ["_skip_test", "skip", "checks", "_checks", "conformance"])
+def test_nothing_in_a_class_switches_checks_off(switch):
+    quiet = type("Quiet", (BROKEN["matrices_are_symmetric"],), {"__doc__": "Quiet.", switch: True})
+    (red,) = [result for result in check_component(quiet) if result.outcome == "failed"]
+    assert red.name == "matrices_are_symmetric"
+
+
+def test_no_examples_are_no_way_out():
+    empty = type("Empty", (SoundJoint,), {"__doc__": "Empty.", "examples": classmethod(lambda cls, folder: ())})
+    outcomes = {result.name: result.outcome for result in check_component(empty)}
+    assert outcomes["examples_make_components"] == "failed"
+    assert outcomes["matrices_are_symmetric"] == "not run"
+
+
+def test_no_check_knows_a_class_by_its_name():
+    words = {name for _, name in REGISTERED}
+    classes = {installed_components().find(kind, name).component.__name__ for kind, name in REGISTERED}
+    for file in Path(dovetail.testing.__file__).parent.glob("*.py"):
+        nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+        texts = {node.value for node in nodes if isinstance(node, ast.Constant)}
+        names = {node.id for node in nodes if isinstance(node, ast.Name)}
+        assert not texts & (words | classes), file
+        assert not names & classes, file
+
+
+def test_an_exception_in_a_plugin_is_told_with_its_place():
+    class Raising(SoundJoint):
+        """It raises."""
+
+        def matrices(self, theta):
+            """Divide by zero."""
+            return 1 / 0
+
+    (red,) = [result for result in check_component(Raising) if result.outcome == "failed"]
+    assert red.name == "matrices_have_the_shape_of_the_dofs"
+    assert "test_check_component.py:" in red.found
+    assert "ZeroDivisionError: division by zero" in red.found
+
+
+def test_a_name_that_is_not_there_says_what_failed_to_load():
+    registry = Registry()
+    registry.add(_plugin(SoundJoint, dovetail.ComponentConfig), "pads 1.0")
+    assert check_component("sound_joint", registry=registry)[0] == CheckResult(
+        "joint 'sound_joint'", "name_summary_and_references_are_texts", "passed"
+    )
+    with pytest.raises(PluginError, match=r"there is no model 'pad'\.\n.*\(Not loaded: pads 1\.0: .*Accepted: sound"):
+        check_component("pad", registry=registry)
+    with pytest.raises(PluginError, match="is not a component class"):
+        check_component(dovetail.ComponentConfig)
+
+
+def _plugin(*components):
+    class Plugin:
+        @dovetail.hookimpl
+        def dovetail_components(self):
+            return list(components)
+
+    return Plugin()
