@@ -244,6 +244,8 @@ class Engine:
     def _in_blocks(self, theta: Theta, count: int, run_block: Callable[..., None], *, derivatives: bool) -> None:
         """Gather what the joints contribute for some samples while the threads work on those before."""
         size = self._block_size(count, derivatives=derivatives)
+        if not count:
+            return
         if count <= size:
             weights = self._contributions.gather_weights(theta, count) if derivatives else np.empty((count, 0))
             run_block(0, theta, self._contributions.gather(theta, count), weights)

@@ -130,7 +130,10 @@ class KernelWriter:
         write.emit(f"store <{WIDTH} x float> {single}, ptr {address}, align 4")
 
     def frame(self) -> str:
-        """Return the function: what was written, in loops over vectors of frequencies and over samples ."""
+        """Return the function: what was written, in loops over vectors of frequencies and over samples.
+
+        The fence at its end lets other threads see what was stored past the caches.
+        """
         layout = self.layout
         return "\n".join(
             [
@@ -182,6 +185,7 @@ class KernelWriter:
                 "  %more_vectors = icmp slt i64 %next_vector, %vectors",
                 "  br i1 %more_vectors, label %frequencies, label %done",
                 "done:",
+                "  fence seq_cst",
                 "  ret void",
                 "}",
             ]
