@@ -163,17 +163,7 @@ class KernelWriter:
                 f"  %line = mul i64 %vector, {WIDTH}",
                 f"  %many = icmp sge i64 %samples, {_MANY_SAMPLES}",
                 "  br label %one",
-                "one:",
-                "  %sample = phi i64 [0, %frequencies], [%next_sample, %after]",
-                f"  %term_row = mul i64 %sample, {len(layout.terms)}",
-                "  %terms_here = getelementptr double, ptr %terms, i64 %term_row",
-                f"  %weight_row = mul i64 %sample, {len(layout.derivatives)}",
-                "  %weights_here = getelementptr double, ptr %weights, i64 %weight_row",
-                f"  %general_row = mul i64 %sample, {2 * len(layout.general)}",
-                f"  %general_weight_row = mul i64 %sample, {2 * len(layout.general_derivatives)}",
-                f"  %derivative_row = mul i64 %sample, {layout.parameters}",
-                "  %row = mul i64 %sample, %lines",
-                "  %place = add i64 %row, %line",
+                *self._sample_begins(),
                 *self.write.lines,
                 "  br label %after",
                 "after:",
@@ -190,3 +180,20 @@ class KernelWriter:
                 "}",
             ]
         )
+
+    def _sample_begins(self) -> list[str]:
+        """Return where a sample's part of each array begins."""
+        layout = self.layout
+        return [
+            "one:",
+            "  %sample = phi i64 [0, %frequencies], [%next_sample, %after]",
+            f"  %term_row = mul i64 %sample, {len(layout.terms)}",
+            "  %terms_here = getelementptr double, ptr %terms, i64 %term_row",
+            f"  %weight_row = mul i64 %sample, {len(layout.derivatives)}",
+            "  %weights_here = getelementptr double, ptr %weights, i64 %weight_row",
+            f"  %general_row = mul i64 %sample, {2 * len(layout.general)}",
+            f"  %general_weight_row = mul i64 %sample, {2 * len(layout.general_derivatives)}",
+            f"  %derivative_row = mul i64 %sample, {layout.parameters}",
+            "  %row = mul i64 %sample, %lines",
+            "  %place = add i64 %row, %line",
+        ]
