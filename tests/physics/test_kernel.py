@@ -93,6 +93,12 @@ def test_the_collets_own_derivatives_are_the_differences_of_its_matrices(collet)
             np.testing.assert_allclose(getattr(own, part), expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
 
 
+def test_no_samples_give_no_frfs(collet):
+    theta = collet._by_joint(np.empty((0, 12)))
+    assert collet.engine.drive_point(theta).shape == (0, 4451)
+    assert collet.engine.jacobian(theta)[1].shape == (0, 4451, 12)
+
+
 def test_threads_change_nothing(collet):
     theta = collet._by_joint(latin_hypercube(collet, 200, seed=7))
     engine = collet.engine

@@ -38,6 +38,8 @@ is asked for.
 """
 _SAMPLES_AT_ONCE = 64
 """Most samples in one call of the kernel: enough to use each vector of substructure data well."""
+_SAMPLES_AT_LEAST = 8
+"""Samples that are worth a call of their own."""
 _SAMPLES_GATHERED = 512
 """Samples whose joint matrices are made at once."""
 _GENERAL_BYTES = 16e6
@@ -241,7 +243,9 @@ class Engine:
 
     def _in_blocks(self, theta: Theta, count: int, run_block: Callable[..., None], *, derivatives: bool) -> None:
         """Gather what the joints contribute for some samples while the threads work on those before."""
-        size = self._block_size(derivatives=derivatives)
+        size = self._block_size(count, derivatives=derivatives)
+        if not count:
+            return
         if count <= size:
             weights = self._contributions.gather_weights(theta, count) if derivatives else np.empty((count, 0))
             run_block(0, theta, self._contributions.gather(theta, count), weights)
@@ -263,11 +267,12 @@ class Engine:
                 ]
             _finish(under_way)
 
-    def _block_size(self, *, derivatives: bool) -> int:
-        if not self._general.slots:
-            return _SAMPLES_AT_ONCE
-        affordable = int(_GENERAL_BYTES / self._general.bytes_per_sample(derivatives=derivatives))
-        return max(1, min(_SAMPLES_AT_ONCE, affordable))
+    def _block_size(self, count: int, *, derivatives: bool) -> int:
+        """Return how many samples go to a thread at once: enough for the cache, and some for every thread."""
+        size = min(_SAMPLES_AT_ONCE, max(_SAMPLES_AT_LEAST, -(-count // self.threads)))
+        if self._general.slots:
+            size = min(size, int(_GENERAL_BYTES / self._general.bytes_per_sample(derivatives=derivatives)))
+        return max(1, size)
 
     def _gather_general(
         self, theta: Theta, count: int, *, derivatives: bool

@@ -130,7 +130,10 @@ class KernelWriter:
         write.emit(f"store <{WIDTH} x float> {single}, ptr {address}, align 4")
 
     def frame(self) -> str:
-        """Return the function: what was written, in loops over vectors of frequencies and over samples ."""
+        """Return the function: what was written, in loops over vectors of frequencies and over samples.
+
+        The fence at its end lets other threads see what was stored past the caches.
+        """
         layout = self.layout
         return "\n".join(
             [
@@ -160,17 +163,7 @@ class KernelWriter:
                 f"  %line = mul i64 %vector, {WIDTH}",
                 f"  %many = icmp sge i64 %samples, {_MANY_SAMPLES}",
                 "  br label %one",
-                "one:",
-                "  %sample = phi i64 [0, %frequencies], [%next_sample, %after]",
-                f"  %term_row = mul i64 %sample, {len(layout.terms)}",
-                "  %terms_here = getelementptr double, ptr %terms, i64 %term_row",
-                f"  %weight_row = mul i64 %sample, {len(layout.derivatives)}",
-                "  %weights_here = getelementptr double, ptr %weights, i64 %weight_row",
-                f"  %general_row = mul i64 %sample, {2 * len(layout.general)}",
-                f"  %general_weight_row = mul i64 %sample, {2 * len(layout.general_derivatives)}",
-                f"  %derivative_row = mul i64 %sample, {layout.parameters}",
-                "  %row = mul i64 %sample, %lines",
-                "  %place = add i64 %row, %line",
+                *self._sample_begins(),
                 *self.write.lines,
                 "  br label %after",
                 "after:",
@@ -182,7 +175,25 @@ class KernelWriter:
                 "  %more_vectors = icmp slt i64 %next_vector, %vectors",
                 "  br i1 %more_vectors, label %frequencies, label %done",
                 "done:",
+                "  fence seq_cst",
                 "  ret void",
                 "}",
             ]
         )
+
+    def _sample_begins(self) -> list[str]:
+        """Return where a sample's part of each array begins."""
+        layout = self.layout
+        return [
+            "one:",
+            "  %sample = phi i64 [0, %frequencies], [%next_sample, %after]",
+            f"  %term_row = mul i64 %sample, {len(layout.terms)}",
+            "  %terms_here = getelementptr double, ptr %terms, i64 %term_row",
+            f"  %weight_row = mul i64 %sample, {len(layout.derivatives)}",
+            "  %weights_here = getelementptr double, ptr %weights, i64 %weight_row",
+            f"  %general_row = mul i64 %sample, {2 * len(layout.general)}",
+            f"  %general_weight_row = mul i64 %sample, {2 * len(layout.general_derivatives)}",
+            f"  %derivative_row = mul i64 %sample, {layout.parameters}",
+            "  %row = mul i64 %sample, %lines",
+            "  %place = add i64 %row, %line",
+        ]
