@@ -181,9 +181,10 @@ def draw(measured: dict[str, list[Point]], file: Path) -> None:
         axes.loglog(sizes, times, "o-", label="all FRFs")
         axes.loglog(sizes, 1e3 * np.array([p.once for p in points]), "s:", color="0.5", label="once")
         axes.loglog(sizes, times[0] * sizes / sizes[0], "--", color="0.7", label="linear")
-        axes.set_title(f"{name}: exponent {slope(points):.2f}", fontsize=10)
+        axes.set_title(f"exponent {slope(points):.2f}", fontsize=10)
         axes.set_xlabel(name)
         axes.grid(which="major", alpha=0.3)
+        axes.tick_params(which="minor", labelleft=False, labelbottom=False)
     figure.axes[0].set_ylabel("ms")
     figure.axes[0].legend(fontsize=8)
     with matplotlib.rc_context({"svg.hashsalt": "dovetail"}):

@@ -24,9 +24,10 @@ def test_the_synthesis_benchmark_prints_each_route_and_what_is_aimed_at(tmp_path
     routes = [row for row in table if row[0].startswith(("literal", "engine, "))]
     assert len(routes) in (5, 9)
     assert routes[0][3] == "1"
-    for _, milliseconds, rate, ratio in routes:
+    for _, milliseconds, rate, ratio, core in routes:
         assert abs(float(milliseconds) * float(rate) / 1000 - 1) < 0.2
         assert int(ratio) >= 1
+        assert float(core) > 0
     assert len([row for row in table if re.search(r"\d (times|s|GB)$", row[1])]) == 11
     assert cells((tmp_path / "comparison.md").read_text()) == table
 

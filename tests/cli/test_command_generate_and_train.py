@@ -47,6 +47,13 @@ def test_complex_storage_is_chosen_on_the_command_line_and_trains(run, bench, tm
     assert "--storage" in run(*arguments, "--storage", "half", code=2).stderr
 
 
+def test_a_tolerance_of_interpolation_that_means_nothing_is_one_block(run, bench, tmp_path):
+    said = run("generate", bench.description, "-o", tmp_path / "d", "--interpolation", 0.1, code=1).stderr
+    assert "the tolerance is 0.1." in said
+    assert "Accepted: 1e-12 to 1e-7" in said
+    assert not (tmp_path / "d").exists()
+
+
 def test_a_damaged_chunk_is_one_block_on_the_terminal(run, bench, tmp_path):
     folder = tmp_path / "data.zarr"
     run("generate", bench.description, "-o", folder, "--samples", 100)
@@ -90,7 +97,8 @@ def test_ctrl_c_leaves_a_dataset_to_go_on_with(command, interruptible, environme
     folder, plugin, description = tmp_path / "data.zarr", tmp_path / "slow.py", tmp_path / "slow.yaml"
     plugin.write_text(SLOW)
     description.write_text((assemblies / "sdof.yaml").read_text().replace("spring_damper", "slow"))
-    arguments = ["generate", str(description), "-o", str(folder), "--samples", "40000", "--plugin", str(plugin)]
+    arguments = ["generate", str(description), "-o", str(folder), "--samples", "40000"]
+    arguments += ["--storage", "complex", "--interpolation", "1e-09", "--plugin", str(plugin)]
     process = interruptible(*arguments)
     deadline = time.monotonic() + 120
     while not (folder / "written" / "c" / "0").exists():
@@ -112,6 +120,7 @@ def test_ctrl_c_leaves_a_dataset_to_go_on_with(command, interruptible, environme
     dataset = dovetail.Dataset(folder)
     assert dataset.complete
     assert np.isfinite(dataset.amplitude[:]).all()
+    assert (dataset.storage, dataset.attributes["interpolation"]) == ("complex", 1e-9)
 
 
 def test_train_prints_how_well_the_network_does(bench):

@@ -121,6 +121,13 @@ def test_a_hundred_vectors_equal_the_direct_solve_with_resonances_and_dips(name)
     assert largest_error(assembly, theta, lambda vector, found: spread(found, generator)) < 1e-8
 
 
+@pytest.mark.parametrize("name", [name for name in shipped() if load(name).parameters])
+def test_interpolated_frfs_equal_the_direct_solve_as_well(name):
+    assembly, generator = load(name).interpolated(1e-9), np.random.default_rng(2)
+    theta = samples(assembly, 100, seed=17)
+    assert largest_error(assembly, theta, lambda vector, found: spread(found, generator, lines=40)) < 1e-8
+
+
 @pytest.mark.parametrize("name", shipped())
 def test_one_vector_equals_the_direct_solve_at_every_line(name):
     assembly = load(name)
