@@ -89,6 +89,10 @@ def test_the_accelerometer_on_a_transfer_function(run, tmp_path):
     options = ("--accelerometer-mass", "10 g", "--drive-point", tmp_path / "drive.npz")
     run("convert", tmp_path / "transfer.npz", tmp_path / "a.npz", *options)
     np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.npz").values, transfer.values, rtol=1e-9)
+    assert (
+        "the mass is missing"
+        in run("convert", tmp_path / "transfer.npz", tmp_path / "c.npz", *options[2:], code=2).stderr
+    )
     run("convert", tmp_path / "drive.npz", tmp_path / "b.npz", *options[:2])
     np.testing.assert_allclose(dovetail.read_frf(tmp_path / "b.npz").values, drive.values, rtol=1e-9)
 

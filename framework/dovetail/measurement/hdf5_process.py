@@ -26,7 +26,7 @@ __all__ = ["read_apart"]
 
 _MEMORY = 2 << 30
 """Bytes of address space, most of it for the libraries themselves."""
-_SECONDS = 60
+_SECONDS = 30
 _ARRAYS = ("frequency", "values", "coherence", "variance")
 _WORDS = (
     *("has_phase", "quantity", "is_stated", "how_to_state_quantity", "note"),
