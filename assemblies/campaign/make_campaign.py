@@ -1,6 +1,6 @@
 """Make the synthetic measurements of the campaign and the truth behind them. No laboratory was involved.
 
-    python assemblies/campaign/make_campaign.py [--only NAME ...] [--to FOLDER]
+    python assemblies/campaign/make_campaign.py [--only NAME ...] [--to FOLDER] [--signals]
 
 Every file is an impact test: ten impacts of a hammer, force and acceleration recorded at 25,600 Hz over 16,384 samples,
 sensor noise on both, an accelerometer of 1.2 g on the structure; H1 and coherence from them. The structure has four
@@ -108,8 +108,8 @@ def theta_of(test: Test, assembly: dovetail.Assembly) -> dict[str, float]:
     return {p.name: values[p.name.rpartition(".")[2]] for p in assembly.parameters}
 
 
-def measure(test: Test) -> dovetail.Frf:
-    """Strike the structure and estimate its FRF."""
+def measure(test: Test, signals: Path | None = None) -> dovetail.Frf:
+    """Strike the structure and estimate its FRF; the time records go to `signals`, if that is a file."""
     assembly = structure_of(test, accelerometer=True)
     response = assembly.description.response
     nodes = assembly.description.substructures[response.substructure].nodes
@@ -120,23 +120,28 @@ def measure(test: Test) -> dovetail.Frf:
     accelerance = receptance * (2j * np.pi * assembly.frequency) ** 2
     settings = replace(HammerTest(), peak=test.pulse[0], duration=test.pulse[1])
     force, acceleration = settings.records(accelerance, test.seed)
-    return _estimated(force, acceleration, settings, test)
+    if signals is not None:
+        np.savez(signals, force=force, response=acceleration, rate=settings.rate)
+    return replace(_estimated(force, acceleration, settings, test), response=_dof(sensor), force=_dof(struck))
+
+
+def _dof(position: float) -> str:
+    """Name a point by its position: its number is that in millimetres, from 1."""
+    return f"{1 + round(1e3 * position)}+x"
 
 
 def _estimated(force: Any, acceleration: Any, settings: HammerTest, test: Test) -> dovetail.Frf:
     """H1 and coherence of the ten records, cut to the lines that are kept, in single precision."""
-    window = np.arange(settings.samples) < 0.02 * settings.rate
-    spectrum, response = np.fft.rfft(force * window), np.fft.rfft(acceleration)
-    cross = np.mean(np.conj(spectrum) * response, axis=0)
-    own, other = (np.mean(np.abs(one) ** 2, axis=0) for one in (spectrum, response))
-    frequency = np.fft.rfftfreq(settings.samples, 1.0 / settings.rate)
-    kept = (frequency >= 90.0) & (frequency <= test.last)
-    return dovetail.Frf(
-        frequency[kept],
-        (cross / own)[kept].astype(np.complex64),
-        "accelerance",
-        coherence=(np.abs(cross) ** 2 / (own * other))[kept].astype(np.float32),
-        averages=settings.impacts,
+    estimated = dovetail.frf_from_signals(force, acceleration, settings.rate, force_window=0.02)
+    if estimated.warnings:
+        raise SystemExit(f"{test.name}: {' '.join(estimated.warnings)}")
+    frf = estimated.frf
+    kept = (frf.frequency >= 90.0) & (frf.frequency <= test.last)
+    return replace(
+        frf,
+        frequency=frf.frequency[kept],
+        values=frf.values[kept].astype(np.complex64),
+        coherence=frf.coherence[kept].astype(np.float32),
         note=f"SYNTHETIC, no laboratory: {test.label}, H1 of {settings.impacts} impacts, 1.2 g on it",
     )
 
@@ -165,11 +170,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=[test.name for test in TESTS])
     parser.add_argument("--to", type=Path, default=HERE / "measurements", metavar="FOLDER")
+    parser.add_argument("--signals", action="store_true", help="write the time records too, as NAME.npz")
     chosen = parser.parse_args()
     chosen.to.mkdir(parents=True, exist_ok=True)
     for test in TESTS:
         if chosen.only is None or test.name in chosen.only:
-            dovetail.write_frf(measure(test), chosen.to / f"{test.name}.uff", overwrite=True, binary=True)
+            signals = chosen.to / f"{test.name}.npz" if chosen.signals else None
+            dovetail.write_frf(measure(test, signals), chosen.to / f"{test.name}.uff", overwrite=True, binary=True)
     if chosen.only is None:
         truth = {
             "synthetic": True,

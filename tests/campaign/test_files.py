@@ -43,6 +43,8 @@ def test_a_file_reads_and_says_that_it_is_synthetic(name, campaign):
     assert frf.frequency[0] < 100
     assert frf.coherence is not None
     assert np.median(frf.coherence) > 0.999
+    assert frf.averages == 10
+    assert (frf.response == frf.force) == (name != "sf_h1_ab")
 
 
 @pytest.mark.parametrize("name", ["t1", "sf_h1_ab"])

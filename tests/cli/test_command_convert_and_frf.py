@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 import pyuff
@@ -89,6 +90,10 @@ def test_the_accelerometer_on_a_transfer_function(run, tmp_path):
     options = ("--accelerometer-mass", "10 g", "--drive-point", tmp_path / "drive.npz")
     run("convert", tmp_path / "transfer.npz", tmp_path / "a.npz", *options)
     np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.npz").values, transfer.values, rtol=1e-9)
+    assert (
+        "the mass is missing"
+        in run("convert", tmp_path / "transfer.npz", tmp_path / "c.npz", *options[2:], code=2).stderr
+    )
     run("convert", tmp_path / "drive.npz", tmp_path / "b.npz", *options[:2])
     np.testing.assert_allclose(dovetail.read_frf(tmp_path / "b.npz").values, drive.values, rtol=1e-9)
 
@@ -141,6 +146,10 @@ def test_signals_in_an_archive(run, tmp_path, hits):
     savemat(tmp_path / "hits.mat", {"hammer": force.T / 4.4482216152605, "acceleration": response.T, "t": time})
     run("frf", tmp_path / "hits.mat", "-o", tmp_path / "b.npz", "--force-unit", "lbf", "--estimator", "H2")
     check(tmp_path / "b.npz", truth)
+    with h5py.File(tmp_path / "hits.h5", "w") as file:
+        file["test/hammer"], file["test/sensor"], file["fs"] = force, response, RATE
+    run("frf", tmp_path / "hits.h5", "-o", tmp_path / "c.npz", "--name", "response=test/sensor")
+    check(tmp_path / "c.npz", truth)
 
 
 def test_signals_in_a_table(run, tmp_path, hits):
@@ -201,7 +210,8 @@ def test_faults_of_frf(run, tmp_path, hits):
     assert "0 columns of force" in fault_of(run, tmp_path, "a.csv", table.replace("force", "power"))
     assert "does not say the sampling rate" in fault_of(run, tmp_path, "a.csv", table.replace("time", "turns"))
     assert "the file is empty" in fault_of(run, tmp_path, "a.csv", "")
-    assert "no file of time records" in fault_of(run, tmp_path, "a.h5", "x")
+    assert "no file of time records" in fault_of(run, tmp_path, "a.xlsx", "x")
+    assert "damaged or is none" in fault_of(run, tmp_path, "a.h5", "x")
     assert "the archive is damaged" in fault_of(run, tmp_path, "a.npz", b"PK")
     assert "0 time records of a force" in fault_of(run, tmp_path, "a.uff", "    -1\n   151\nx\n    -1\n")
     np.savez(tmp_path / "b.npz", force=hits[1])

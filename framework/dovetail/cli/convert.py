@@ -18,7 +18,7 @@ __all__ = ["convert", "describe_frf"]
 
 _WRITTEN = (".uff", ".unv", ".csv", ".npz")
 
-_OtherFile = typer.Option(metavar="FILE", help="With a mass: FRF of the same test; see docs, accelerometer.")
+_OtherFile = typer.Option(metavar="FILE", help="For a transfer FRF: another FRF of the same test.")
 
 
 def convert(
@@ -56,6 +56,8 @@ def convert(
 
     check_new_files([target], _WRITTEN, overwrite)
     others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
+    if any(others.values()) and not accelerometer_mass:
+        raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
     given = {name: dovetail.read_frf(file) for name, file in others.items() if file is not None}
     frf = dovetail.read_frf(
         source,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.measurement.archive import LARGEST_ARRAY, Archive, Entry, recording_of
+from dovetail.measurement.archive import LARGEST_ARRAY, Archive, Entry
 from dovetail.measurement.hdf5_process import read_apart
 from dovetail.measurement.recording import Recording
 from dovetail.measurement.selection import Selection
@@ -20,7 +21,7 @@ from dovetail.measurement.selection import Selection
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["SIGNATURE", "decode", "recording_in"]
+__all__ = ["SIGNATURE", "decode", "opened"]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _STARTS = (0, *(512 << power for power in range(18)))
@@ -43,8 +44,9 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
     return read_apart(path, selection, matlab=False)
 
 
-def recording_in(path: Path, content: bytes, selection: Selection, *, matlab: bool) -> Recording:
-    """Return what an HDF5 file holds; `matlab` turns MATLAB's order of axes and its texts to numpy's.
+@contextmanager
+def opened(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
+    """Open an HDF5 file; `matlab` turns MATLAB's order of axes and its texts to numpy's.
 
     Nothing outside the file is read: links to other files, external storage and virtual datasets are left out.
 
@@ -57,8 +59,7 @@ def recording_in(path: Path, content: bytes, selection: Selection, *, matlab: bo
 
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            entries = dict(_entries(path, file, "", 0, [0], matlab))
-            return recording_of(Archive(path, entries, _texts(file)), selection)
+            yield Archive(path, dict(_entries(path, file, "", 0, [0], matlab)), _texts(file))
     except MeasurementError:
         raise
     except Exception as error:  # the library raises OSError, RuntimeError, KeyError and others for damaged files

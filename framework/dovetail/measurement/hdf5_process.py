@@ -13,20 +13,24 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.archive import Archive, Entry, recording_of
+from dovetail.measurement.parts import plain_name
 from dovetail.measurement.recording import Recording
 from dovetail.measurement.selection import Selection
 
-__all__ = ["read_apart"]
+__all__ = ["arrays_apart", "read_apart"]
 
 _MEMORY = 2 << 30
 """Bytes of address space, most of it for the libraries themselves."""
-_SECONDS = 60
+_SECONDS = 30
 _ARRAYS = ("frequency", "values", "coherence", "variance")
 _WORDS = (
     *("has_phase", "quantity", "is_stated", "how_to_state_quantity", "note"),
@@ -35,7 +39,7 @@ _WORDS = (
 
 
 def read_apart(path: Path, selection: Selection, *, matlab: bool) -> Recording:
-    """Return what an HDF5 file holds.
+    """Return the FRF that an HDF5 file holds.
 
     Raises
     ------
@@ -43,32 +47,7 @@ def read_apart(path: Path, selection: Selection, *, matlab: bool) -> Recording:
         What the reader finds, or that it needed more memory or time than any FRF.
     """
     chosen = [selection.index, selection.response, selection.force, dict(selection.names)]
-    with tempfile.TemporaryDirectory() as folder:
-        answer = Path(folder, "answer.npz")
-        command = [
-            sys.executable,
-            "-m",
-            __name__,
-            str(path.resolve()),
-            json.dumps(chosen),
-            str(int(matlab)),
-            str(answer),
-        ]
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=_SECONDS, env=environment, check=False)
-        except subprocess.TimeoutExpired:
-            found = f"the HDF5 file is damaged: reading it took more than {_SECONDS} seconds."
-            raise MeasurementError(Fault(str(path), found)) from None
-        if done.returncode != 0 or not answer.exists():
-            found = "the HDF5 file is damaged: the library that reads it gave up, or wanted more memory than any FRF."
-            raise MeasurementError(Fault(str(path), found))
-        with np.load(answer, allow_pickle=False) as archive:
-            held = {name: archive[name] for name in archive.files}
-    words = json.loads(str(held.pop("words")))
-    if "faults" in words:
-        faults = [[part.replace(words["path"], str(path)) for part in fault] for fault in words["faults"]]
-        raise MeasurementError(*(Fault(*fault) for fault in faults))
+    words, held = _answer_of(path, {"selection": chosen}, matlab)
     arrays: dict[str, Any] = {name: held.get(name) for name in _ARRAYS}
     return Recording(
         where=str(path),
@@ -79,21 +58,72 @@ def read_apart(path: Path, selection: Selection, *, matlab: bool) -> Recording:
     )
 
 
-def _answer(path: Path, selection: Selection, *, matlab: bool) -> dict[str, Any]:
+def arrays_apart(path: Path, names: Sequence[str], *, matlab: bool) -> Archive:
+    """Return the arrays of an HDF5 file that are called by one of `names`, in full or by the last part of their path.
+
+    Raises
+    ------
+    MeasurementError
+        As `read_apart`.
+    """
+    words, held = _answer_of(path, {"arrays": list(names)}, matlab)
+    entries = {name: Entry("", partial(held.__getitem__, str(number))) for number, name in enumerate(words["names"])}
+    return Archive(path, entries)
+
+
+def _answer_of(path: Path, question: Mapping[str, Any], matlab: bool) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Ask the other process; return its words and its arrays."""
+    with tempfile.TemporaryDirectory() as folder:
+        answer = Path(folder, "answer.npz")
+        arguments = [str(path.resolve()), json.dumps(question), str(int(matlab)), str(answer)]
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", __name__, *arguments],
+                capture_output=True,
+                timeout=_SECONDS,
+                env=environment,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            found = f"the HDF5 file is damaged: reading it took more than {_SECONDS} seconds."
+            raise MeasurementError(Fault(str(path), found)) from None
+        if done.returncode != 0 or not answer.exists():
+            found = "the HDF5 file is damaged: the library that reads it gave up, or wanted more memory than any FRF."
+            raise MeasurementError(Fault(str(path), found))
+        with np.load(answer, allow_pickle=False) as archive:
+            held = {name: archive[name] for name in archive.files}
+    words: dict[str, Any] = json.loads(str(held.pop("words")))
+    if "faults" in words:
+        faults = [[part.replace(words["path"], str(path)) for part in fault] for fault in words["faults"]]
+        raise MeasurementError(*(Fault(*fault) for fault in faults))
+    return words, held
+
+
+def _answer(path: Path, question: Mapping[str, Any], *, matlab: bool) -> dict[str, Any]:
     from dovetail.measurement.disk import read_bounded
-    from dovetail.measurement.hdf5 import recording_in
+    from dovetail.measurement.hdf5 import opened
 
     try:
-        recording = recording_in(path, read_bounded(path), selection, matlab=matlab)
+        with opened(path, read_bounded(path), matlab=matlab) as archive:
+            if "arrays" in question:
+                words, arrays = _named(archive, question["arrays"])
+            else:
+                recording = recording_of(archive, Selection(*question["selection"]))
+                words = {name: getattr(recording, name) for name in _WORDS}
+                arrays = {name: array for name in _ARRAYS if (array := getattr(recording, name)) is not None}
     except MeasurementError as error:
         faults = [(fault.where, fault.found, fault.accepted, fault.remedy) for fault in error.faults]
-        return {"words": np.array(json.dumps({"faults": faults, "path": str(path)}))}
-    words = {name: getattr(recording, name) for name in _WORDS}
-    arrays = {name: array for name in _ARRAYS if (array := getattr(recording, name)) is not None}
+        words, arrays = {"faults": faults, "path": str(path)}, {}
     return {"words": np.array(json.dumps(words)), **arrays}
 
 
-def _main(path: str, chosen: str, matlab: str, answer: str) -> None:
+def _named(archive: Archive, names: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    chosen = [name for name in archive.entries if name in names or plain_name(name) in names]
+    return {"names": chosen}, {str(number): archive.entries[name].load() for number, name in enumerate(chosen)}
+
+
+def _main(path: str, question: str, matlab: str, answer: str) -> None:
     try:
         import resource
     except ImportError:  # no such limits on this system; the time is bounded still
@@ -103,7 +133,7 @@ def _main(path: str, chosen: str, matlab: str, answer: str) -> None:
         most = _MEMORY if allowed == resource.RLIM_INFINITY else min(allowed, _MEMORY)
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
     stream = io.BytesIO()
-    np.savez(stream, allow_pickle=False, **_answer(Path(path), Selection(*json.loads(chosen)), matlab=matlab == "1"))
+    np.savez(stream, allow_pickle=False, **_answer(Path(path), json.loads(question), matlab=matlab == "1"))
     Path(answer).write_bytes(stream.getvalue())
 
 

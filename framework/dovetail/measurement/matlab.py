@@ -18,7 +18,7 @@ from dovetail.measurement.matlab_elements import NOT_READ, Variable, variables_o
 from dovetail.measurement.recording import Recording
 from dovetail.measurement.selection import Selection
 
-__all__ = ["archive_of", "decode"]
+__all__ = ["archive_of", "decode", "is_hdf5"]
 
 _VERSION = slice(124, 128)
 _VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")
@@ -32,9 +32,14 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
     MeasurementError
         Neither version 5 nor 7.3, damaged, or its names do not say which FRF it holds.
     """
-    if content[:8] == SIGNATURE or content[512:520] == SIGNATURE:
+    if is_hdf5(content):
         return read_apart(path, selection, matlab=True)
     return recording_of(archive_of(path, content), selection)
+
+
+def is_hdf5(content: bytes) -> bool:
+    """Whether a workspace is of version 7.3."""
+    return SIGNATURE in (content[:8], content[512:520])
 
 
 def archive_of(path: Path, content: bytes) -> Archive:

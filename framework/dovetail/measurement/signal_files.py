@@ -18,6 +18,7 @@ from dovetail.measurement import matlab, npz, uff
 from dovetail.measurement.archive import Archive
 from dovetail.measurement.delimited import text_lines
 from dovetail.measurement.disk import read_bounded
+from dovetail.measurement.hdf5_process import arrays_apart
 from dovetail.measurement.parts import plain_name
 from dovetail.measurement.table_header import cells_of
 from dovetail.measurement.unit_labels import converted, motion_unit, spelled
@@ -30,7 +31,8 @@ _NAMES = {
     "rate": ("rate", "sampling_rate", "sample_rate", "fs"),
     "time": ("time", "t", "time_s"),
 }
-_SUFFIXES = (".npz", ".mat", ".csv", ".tsv", ".txt", ".uff", ".unv")
+_ARCHIVES = (".npz", ".mat", ".h5", ".hdf5")
+_SUFFIXES = (*_ARCHIVES, ".csv", ".tsv", ".txt", ".uff", ".unv")
 _EVEN = 1e-3
 """How unequal steps of the time may be."""
 
@@ -70,7 +72,7 @@ def read_signals(
     Parameters
     ----------
     path : path
-        ``.npz`` or ``.mat`` (version 5): arrays ``force`` and ``response`` of shape (n_impacts, n_samples) or
+        ``.npz``, ``.mat``, ``.h5``: arrays ``force`` and ``response`` of shape (n_impacts, n_samples) or
         (n_samples,), and ``rate`` [Hz] or ``time`` [s]. ``.csv``, ``.tsv``, ``.txt``: a header, a column ``time`` [s]
         unless `rate` is given, and columns whose names begin with ``force`` and ``response``, a pair for each impact.
         ``.uff``, ``.unv``: time responses (function type 1) in pairs of a force (data type 13) and a motion.
@@ -99,9 +101,8 @@ def read_signals(
     if suffix in (".uff", ".unv"):
         force, response, own_rate, units = uff.time_records(source, content)
         force_unit, response_unit = units[0] or force_unit, units[1] or response_unit
-    elif suffix in (".npz", ".mat"):
-        reader = npz.archive_of if suffix == ".npz" else matlab.archive_of
-        force, response, own_rate = _from_archive(reader(source, content), names or {})
+    elif suffix in _ARCHIVES:
+        force, response, own_rate = _from_archive(_archive(source, content, names or {}), names or {})
     else:
         force, response, own_rate = _from_table(source, content)
     sampling = own_rate if rate is None else rate
@@ -109,6 +110,16 @@ def read_signals(
         raise MeasurementError(Fault(str(source), "the file does not say the sampling rate.", remedy="Give the rate."))
     quantity, factor = _response_unit(response_unit)
     return Signals(force * _force_unit(force_unit), response * factor, float(sampling), quantity)
+
+
+def _archive(path: Path, content: bytes, given: Mapping[str, str]) -> Archive:
+    if path.suffix.lower() == ".npz":
+        return npz.archive_of(path, content)
+    matlab_workspace = path.suffix.lower() == ".mat"
+    if matlab_workspace and not matlab.is_hdf5(content):
+        return matlab.archive_of(path, content)
+    wanted = [*given.values(), *(name for names in _NAMES.values() for name in names)]
+    return arrays_apart(path, wanted, matlab=matlab_workspace)
 
 
 def _force_unit(label: str) -> float:

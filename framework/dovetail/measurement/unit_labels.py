@@ -57,11 +57,12 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
         found = f"the unit '{label[:_SHOWN]}' is in decibels, which are not read."
         raise MeasurementError(Fault(where, found, remedy="Export the amplitude itself, not its logarithm."))
     text = spelled(label)
-    for rotation in (False, True):
-        for quantity in QUANTITIES:
-            factor = converted(text, unit_of(quantity, rotation=rotation))
-            if factor is not None:
-                return UnitMeaning(quantity, factor, rotation)
+    kinds = [(quantity, rotation) for rotation in (False, True) for quantity in QUANTITIES]
+    own = [kind for kind in kinds if unit_of(kind[0], rotation=kind[1]) == text]
+    for quantity, rotation in own or kinds:  # the spelling of Dovetail's own files needs no pint
+        factor = converted(text, unit_of(quantity, rotation=rotation))
+        if factor is not None:
+            return UnitMeaning(quantity, factor, rotation)
     accepted = "a motion per force or moment, such as um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"
     raise MeasurementError(Fault(where, f"the unit '{label[:_SHOWN]}' is not understood.", accepted))
 

@@ -1,0 +1,36 @@
+"""The commands of docs/measurements.md, run from top to bottom as a reader would."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import dovetail
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_commands_of_the_page_run(tmp_path):
+    shutil.copytree(ROOT / "assemblies", tmp_path / "assemblies")
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "OMP_NUM_THREADS": "1"}
+    text = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
+    commands = "".join(re.findall(r"^```bash\n(.*?)^```", text, flags=re.S | re.M)).strip().splitlines()
+    assert len(commands) == 6
+    for command in commands:
+        done = subprocess.run(command, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, f"{command}\n{done.stderr}"
+    shipped = dovetail.read_frf(tmp_path / "assemblies/campaign/measurements/t0.uff")
+    converted = dovetail.read_frf(tmp_path / "t0.npz")
+    assert (converted.quantity, converted.averages, converted.response) == ("mobility", 10, "11+x")
+    np.testing.assert_allclose(converted.to("accelerance").values, shipped.values, rtol=1e-12)
+    estimated = dovetail.read_frf(tmp_path / "from_signals.uff")
+    kept = np.isin(estimated.frequency, shipped.frequency)
+    np.testing.assert_allclose(estimated.values[kept], shipped.values, rtol=1e-4)
+    assert (tmp_path / "from_signals.png").exists()
