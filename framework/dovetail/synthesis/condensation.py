@@ -16,8 +16,10 @@ from dovetail.synthesis.substructure_matrices import substructure_matrices
 
 __all__ = ["boundary_dynamic_stiffness"]
 
-_MANY = 300
-"""DOFs from which a sparse factorisation at every frequency takes less time than a symbolic elimination for all."""
+_FEW, _MANY = 60, 1500
+"""DOFs up to which matrices are eliminated symbolically however full they are, and beyond which they never are."""
+_CHAIN = 16
+"""Entries in a row, at most, of a chain of elements, which is eliminated symbolically between the two."""
 
 
 def boundary_dynamic_stiffness(
@@ -47,13 +49,13 @@ def boundary_dynamic_stiffness(
 
     Notes
     -----
-    Small matrices are eliminated symbolically, all frequencies at once. Sparse or large ones are factorised at every
-    frequency, unless the substructure states a tolerance: then a reduced basis serves all frequencies.
+    Small matrices and chains of elements are eliminated symbolically, all frequencies at once. Others are factorised
+    at every frequency, unless the substructure states a tolerance: then a reduced basis serves all frequencies.
     """
     matrices = substructure_matrices(substructure)
     if matrices is None:
         return inverted_receptance(substructure, dofs, frequency)
-    if isinstance(matrices, StructuralMatrices) and matrices.size < _MANY:
+    if isinstance(matrices, StructuralMatrices) and _is_quickly_eliminated(matrices):
         return _eliminated(matrices, dofs, frequency)
     if isinstance(matrices, StructuralMatrices):
         matrices = SparseMatrices(matrices.M, matrices.K, matrices.C, matrices.D)
@@ -61,6 +63,12 @@ def boundary_dynamic_stiffness(
     if substructure.condensation_tolerance > 0:
         return condense_on_basis(partition, frequency, substructure.condensation_tolerance).stiffness
     return partition.condensed(frequency)
+
+
+def _is_quickly_eliminated(matrices: StructuralMatrices) -> bool:
+    if matrices.size <= _FEW or matrices.size > _MANY:
+        return matrices.size <= _FEW
+    return int(np.count_nonzero(matrices.K)) <= _CHAIN * matrices.size
 
 
 def _eliminated(

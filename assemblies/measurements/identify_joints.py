@@ -1,0 +1,110 @@
+"""Identify the bolted lap, the shaft in its hub and the spindle from their measurements: errors and intervals.
+
+    python assemblies/measurements/identify_joints.py [NAME ...] [--mesh TIMES]
+
+Prints, as Markdown, each parameter beside the truth, its error, and the half-width of its 95 % interval (Gauss-Newton
+covariance at the fit). Prints also the time of an FRF and its difference from the direct solve of the whole assembly.
+With ``--mesh 4`` the identifying model has the mesh of the structure that was measured, so that noise alone is left;
+the direct solve, which takes minutes there, is left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+from make_joints import finer
+
+import dovetail
+from dovetail.report import read_truth
+from dovetail.synthesis import direct_receptance
+
+HERE = Path(__file__).resolve().parent
+NAMES = ("bolted_lap_beam", "shaft_hub", "spindle_bt40_er32")
+TWO_SIDED = 1.96
+"""Standard deviations on either side that hold 95 % of a normal distribution."""
+
+
+def identified(name: str, mesh: int) -> tuple[dovetail.Assembly, dovetail.Identification, np.ndarray, np.ndarray]:
+    """Return the assembly, the result, the true values and the standard deviations in fractions of the ranges."""
+    assembly = dovetail.load(HERE.parent / f"{name}.yaml")
+    if mesh > 1:
+        assembly = dovetail.load(finer(json.loads(assembly.description.text), mesh))
+    result = dovetail.identify(assembly, dovetail.read_frf(HERE / f"{name}.uff"))
+    assert result.fit is not None
+    known = read_truth(HERE / f"{name}.truth.json", assembly.parameters)
+    truth = np.array([known.parameters[parameter.name] for parameter in assembly.parameters])
+    deviation = np.sqrt(np.diag(np.linalg.inv(result.fit.information)))
+    return assembly, result, truth, deviation
+
+
+def half_widths(assembly: dovetail.Assembly, result: dovetail.Identification, deviation: np.ndarray) -> np.ndarray:
+    """Return the half-widths of the 95 % intervals, over the identified values."""
+    widths = []
+    for parameter, value, own in zip(assembly.parameters, result.theta, deviation, strict=True):
+        log = parameter.scale == "log"
+        span = np.log(parameter.upper / parameter.lower) if log else (parameter.upper - parameter.lower) / value
+        widths.append(TWO_SIDED * own * span)
+    return np.array(widths)
+
+
+def off_direct_solve(assembly: dovetail.Assembly, theta: np.ndarray) -> float:
+    """Return the largest relative difference of the receptance from the direct solve, over all lines."""
+    part, dof = assembly.drive_point
+    number = [int(assembly.graph.substructure_dofs(part)[dof])]
+    by_joint = {name: values[0] for name, values in assembly._by_joint(theta[np.newaxis]).items()}
+    direct = direct_receptance(assembly.graph, assembly.frequency, by_joint, number, number)[:, 0, 0]
+    found = assembly.frf(theta) / -((2 * np.pi * assembly.frequency) ** 2)
+    return float(np.max(np.abs(found - direct) / np.abs(direct)))
+
+
+def time_of_frf(assembly: dovetail.Assembly, batch: int = 64) -> float:
+    """Return seconds for one FRF of a batch on one thread."""
+    assembly.engine.threads = 1
+    theta = assembly.from_unit(np.random.default_rng(0).random((batch, len(assembly.parameters))))
+    assembly.frf(theta)
+    begin = time.perf_counter()
+    assembly.frf(theta)
+    return (time.perf_counter() - begin) / batch
+
+
+def show(name: str, mesh: int) -> None:
+    """Print one assembly's table and figures."""
+    begin = time.perf_counter()
+    assembly, result, truth, deviation = identified(name, mesh)
+    seconds = time.perf_counter() - begin
+    widths = half_widths(assembly, result, deviation)
+    errors = result.theta / truth - 1.0
+    print(f"\n## {name}\n")
+    print("| parameter | unit | truth | identified | error | 95 % interval | inside |")
+    print("|---|---|---|---|---|---|---|")
+    for parameter, true, value, error, width in zip(
+        assembly.parameters, truth, result.theta, errors, widths, strict=True
+    ):
+        inside = "yes" if abs(error) <= width else "no"
+        print(
+            f"| `{parameter.name}` | {parameter.unit} | {true:.4g} | {value:.4g} | {error:+.2%} | ± {width:.2%} "
+            f"| {inside} |"
+        )
+    fit = result.fit
+    assert fit is not None
+    print(
+        f"\nchi-squared {fit.chi_squared:.3f}, the model's own error {fit.discrepancy:.2%} of a line, mean coherence "
+        f"{result.mean_coherence:.5f}, {seconds:.1f} s."
+    )
+    lines, milliseconds = len(assembly.frequency), 1e3 * time_of_frf(assembly)
+    print(f"One FRF of {lines} lines takes {milliseconds:.2f} ms on one thread.")
+    if mesh == 1:
+        print(f"It is off the direct solve by {off_direct_solve(assembly, truth):.1e} at most.")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", default=NAMES)
+    parser.add_argument("--mesh", type=int, default=1, help="elements of the identifying model, times")
+    given = parser.parse_args()
+    for chosen in given.names:
+        show(chosen, given.mesh)
