@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 
@@ -61,3 +62,13 @@ def test_an_assembly_without_parameters_is_told_from_one_whose_parameters_are_kn
 
 
 ENDS = "a: {to: mass, at: 0}, b: {to: base, at: 0}"
+
+
+def test_nodes_that_share_a_position_are_shown_by_their_labels(run, tmp_path):
+    np.savez(tmp_path / "part.npz", M=np.eye(2), K=1e6 * np.eye(2), nodes=["tip", "root"], directions=["x", "x"])
+    file = tmp_path / "part.yaml"
+    file.write_text(
+        "dovetail: 1\nname: part\nfrequency: {start: 1, stop: 300, step: 1}\n"
+        "substructures: {part: {model: matrices, file: part.npz}}\nresponse: {at: part, position: tip}\n"
+    )
+    assert "part           by label: tip, root" in run("check", file).stdout.splitlines()

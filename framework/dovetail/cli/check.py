@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
 from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
 from dovetail.cli.terminal import heading, print_json, range_text, say, table, title
+from dovetail.errors import listing
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -117,8 +118,10 @@ def _print_dofs(summary: dict[str, Any]) -> None:
 
 
 def _positions(part: dict[str, Any]) -> str:
-    """Write positions [mm], each run of even steps as ``first to last by step``."""
+    """Write positions [mm], each run of even steps as ``first to last by step``; labels where positions repeat."""
     positions = [node["position"] * 1e3 for node in part["nodes"]]
+    if len(set(positions)) < len(positions):
+        return f"by label: {listing(node['label'] for node in part['nodes'])}"
     runs: list[list[float]] = []
     for position in positions:
         run = runs[-1] if runs else []
