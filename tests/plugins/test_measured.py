@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -156,3 +158,152 @@ def test_lines_beyond_the_measured_ones_are_one_clear_error(tmp_path):
     part = written(tmp_path, receptance()[20:], FREQUENCY[20:])
     with pytest.raises(dovetail.DovetailError, match="it covers 250 to 3000 Hz, and 50 to 3000 Hz are wanted"):
         coupled(part).frf()
+
+
+TIP, MIDDLE, END = 0.0, 0.06, 0.2
+PLACES = {"tip": TIP, "middle": MIDDLE, "end": END}
+
+
+def translations():
+    """Of the beam at three places, (n_freq, 3, 3)."""
+    alone = dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "beam",
+            "frequency": lines(),
+            "substructures": {"beam": beam()},
+            "response": {"at": "beam", "position": 0.0},
+        }
+    )
+    points = [("beam", place, "x") for place in PLACES.values()]
+    return alone.receptance(None, points, points)
+
+
+def on_pins(part, places):
+    """The part on two springs that act on displacements alone, struck at its tip."""
+    springs = {
+        f"spring{index}": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "part", "at": place}, "b": {"to": "base", "at": 0}},
+            "parameters": {"k": 1e7, "c": 20},
+        }
+        for index, place in enumerate(places[1:])
+    }
+    return dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "pins",
+            "frequency": lines(),
+            "substructures": {"part": part, "base": {"model": "ground"}},
+            "joints": springs,
+            "response": {"at": "part", "position": places[0]},
+        }
+    )
+
+
+def sets(folder, pairs):
+    """Write FRFs between places of the beam into one UFF file, and return the section that reads them."""
+    file, H, frfs = folder / "tests.uff", translations(), []
+    content = b""
+    for number, (out, into) in enumerate(pairs, start=1):
+        values = H[:, list(PLACES).index(out), list(PLACES).index(into)]
+        one = folder / "one.uff"
+        frf = dovetail.Frf(FREQUENCY, values, "receptance").to("accelerance")
+        dovetail.write_frf(frf, one, overwrite=True)
+        content += one.read_bytes()
+        frfs.append({"set": number, "response": out, "force": into})
+    file.write_bytes(content)
+    return {"model": "measured", "file": str(file), "nodes": PLACES, "frfs": frfs}
+
+
+PAIRS = [("tip", "tip"), ("tip", "middle"), ("tip", "end"), ("middle", "middle"), ("end", "middle"), ("end", "end")]
+
+
+def test_displacements_between_several_points_from_uff_sets(tmp_path):
+    found = on_pins(sets(tmp_path, PAIRS), list(PLACES))
+    np.testing.assert_allclose(found.frf(), on_pins(beam(), list(PLACES.values())).frf(), rtol=1e-3)
+    model = found.description.substructures["part"]
+    assert model.absent_dofs == {1, 3, 5}
+
+
+def test_displacements_between_several_points_from_an_archive(tmp_path):
+    """In another order than the table's."""
+    order = [2, 0, 1]
+    file = tmp_path / "part.npz"
+    np.savez(
+        file,
+        frequency=FREQUENCY,
+        receptance=translations()[:, order][:, :, order],
+        nodes=list(PLACES),
+        directions=["x"] * 3,
+        positions=list(PLACES.values()),
+        rows=[2, 3, 1],
+    )
+    found = on_pins({"model": "measured", "file": str(file)}, [TIP, "middle", END])
+    np.testing.assert_allclose(found.frf(), on_pins(beam(), list(PLACES.values())).frf(), rtol=1e-5)
+
+
+def test_some_rows_of_a_receptance(tmp_path):
+    """Two of three points, the third of which is neither struck nor held."""
+    file, places = tmp_path / "part.npz", ["tip", "end"]
+    table = {"nodes": places, "directions": ["x"] * 2, "rows": [1, 3]}
+    np.savez(file, frequency=FREQUENCY, receptance=translations(), **table)
+    found = on_pins({"model": "measured", "file": str(file)}, places)
+    np.testing.assert_allclose(found.frf(), on_pins(beam(), [TIP, END]).frf(), rtol=1e-5)
+
+
+def test_a_response_that_was_not_measured_is_one_clear_error(tmp_path):
+    description = json.loads(on_pins(sets(tmp_path, PAIRS), list(PLACES)).description.text)
+    description["response"]["direction"] = "rz"
+    with pytest.raises(dovetail.DovetailError, match="0 mm rz of 'part' does not move"):
+        dovetail.load(description).frf()
+
+
+def without(key):
+    return {"frequency": FREQUENCY, "receptance": translations(), "nodes": list(PLACES), "directions": ["x"] * 3} | key
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ({"directions": ["x", "y", "x"]}, "'y' is not a direction"),
+        ({"nodes": ["a", "a", "b"]}, "x of node 'a' is already DOF 1"),
+        ({"nodes": ["a", "b"], "directions": ["x", "x"]}, "the table has 2 DOFs, the matrices have 3 rows"),
+        ({"receptance": np.ones((len(FREQUENCY), 3), complex)}, "'receptance' has the shape (296, 3)"),
+        ({"receptance": np.ones((len(FREQUENCY), 3, 2), complex)}, "does not fit"),
+        ({"frequency": FREQUENCY[::-1]}, "must be positive and increase"),
+        ({"frequency": FREQUENCY.astype(str)}, "'frequency' has the shape (296,) and the type"),
+    ],
+)
+def test_hostile_tables_are_refused_with_their_file(key, said, tmp_path):
+    file = tmp_path / "part.npz"
+    np.savez(file, **without(key))
+    with pytest.raises(DescriptionError) as caught:
+        on_pins({"model": "measured", "file": str(file)}, list(PLACES))
+    assert said in str(caught.value)
+    assert str(file) in str(caught.value)
+
+
+def test_hostile_sets_are_refused(tmp_path):
+    section = sets(tmp_path, PAIRS)
+    cases = {
+        "no set is between 'middle' and 'end'": {"frfs": [frf for frf in section["frfs"] if frf["set"] != 5]},
+        "set 7": {"frfs": [*section["frfs"], {"set": 7, "response": "tip", "force": "tip"}]},
+        "set 1 is at 'back', which is none of the nodes": {"frfs": [{"set": 1, "response": "back", "force": "tip"}]},
+        "'nodes' and 'frfs' belong together": {"nodes": {}},
+    }
+    for said, change in cases.items():
+        with pytest.raises(DescriptionError) as caught:
+            on_pins(section | change, list(PLACES))
+        assert said in str(caught.value)
+    no_sets = {"model": "measured", "file": section["file"]}
+    with pytest.raises(DescriptionError, match="Say with 'nodes' and 'frfs' which sets of a UFF file"):
+        on_pins(no_sets, list(PLACES))
+
+
+def test_a_matrix_of_three_dofs_needs_a_table(tmp_path):
+    file = tmp_path / "part.npz"
+    np.savez(file, frequency=FREQUENCY, receptance=translations())
+    with pytest.raises(DescriptionError, match="it is between 3 DOFs, and no table names them"):
+        on_pins({"model": "measured", "file": str(file)}, list(PLACES))

@@ -1,4 +1,4 @@
-"""The receptance of a part at one point in x and rz, and its file."""
+"""The receptance of a part between some of its DOFs, and the file of one at one point in x and rz."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _NAMES = ("frequency", "receptance")
 
 @dataclass(frozen=True, eq=False)
 class ReceptanceMatrix:
-    """Receptance over x and rz of one point.
+    """Receptance between n DOFs, such as x and rz of one point.
 
     Parameters
     ----------
     frequency : (n_freq,) array
         Hz, positive and increasing.
-    values : (n_freq, 2, 2) complex array
+    values : (n_freq, n, n) complex array
         m or rad per N or N m.
     note : str
         Where it comes from.
@@ -43,7 +43,8 @@ class ReceptanceMatrix:
     note: str = ""
 
     def __post_init__(self) -> None:
-        if self.frequency.ndim != 1 or self.values.shape != (self.frequency.size, 2, 2):
+        square = self.values.ndim == 3 and self.values.shape[1] == self.values.shape[2] > 0
+        if self.frequency.ndim != 1 or not square or len(self.values) != self.frequency.size:
             raise MeasurementError(
                 f"a receptance matrix of the shape {self.values.shape} does not fit {self.frequency.shape} frequencies."
             )
@@ -94,12 +95,12 @@ def write_receptance(matrix: ReceptanceMatrix, path: str | os.PathLike[str]) -> 
 
 
 def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
-    """Read a receptance matrix that `write_receptance` or ``dovetail spindle`` wrote.
+    """Read a receptance matrix over x and rz of one point, as `write_receptance` or ``dovetail spindle`` wrote it.
 
     Raises
     ------
     MeasurementError
-        The file is missing, too large, or holds no receptance matrix.
+        The file is missing, too large, or holds no such receptance matrix.
     """
     file = Path(path)
     try:
@@ -116,6 +117,10 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
             Fault(str(file), "this is no receptance matrix.", "an archive (.npz) as 'dovetail spindle' writes it")
         ) from None
     try:
-        return ReceptanceMatrix(frequency, values, note or file.name)
+        matrix = ReceptanceMatrix(frequency, values, note or file.name)
     except MeasurementError as error:
         raise MeasurementError(*(replace(fault, where=str(file)) for fault in error.faults)) from None
+    if matrix.values.shape[1] != 2:
+        found = f"it is between {matrix.values.shape[1]} DOFs, and no table names them."
+        raise MeasurementError(Fault(str(file), found, "x and rz of one point: 2 DOFs"))
+    return matrix

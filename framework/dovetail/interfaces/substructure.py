@@ -57,6 +57,14 @@ class SubstructureModel(Component):
         return None
 
     @property
+    def absent_dofs(self) -> frozenset[int]:
+        """DOFs of the nodes that a part known by its FRFs has no receptance at: no force acts there; none by default.
+
+        What a joint does there the part does not feel, as at a mass without rotary inertia.
+        """
+        return frozenset()
+
+    @property
     def condensation_tolerance(self) -> float:
         """Relative error up to which matrices may be condensed on a reduced basis; 0, the default, for exactly."""
         return 0.0

@@ -32,6 +32,7 @@ def inverted_receptance(
     Returns
     -------
     (n_freq, n, n) complex array
+        Zero at the DOFs that the part does not have.
 
     Raises
     ------
@@ -40,6 +41,17 @@ def inverted_receptance(
     DovetailError
         The receptance is singular at a frequency, or so badly conditioned that its inverse is rounding.
     """
+    places = [place for place, dof in enumerate(dofs) if dof not in substructure.absent_dofs]
+    whole = np.zeros((len(frequency), len(dofs), len(dofs)), dtype=np.complex128)
+    if places:
+        present = [int(dofs[place]) for place in places]
+        whole[:, np.array(places)[:, None], places] = _inverse(substructure, present, frequency)
+    return whole
+
+
+def _inverse(
+    substructure: SubstructureModel, dofs: Sequence[int], frequency: NDArray[np.float64]
+) -> NDArray[np.complex128]:
     where = f"substructure model '{substructure.name}'"
     receptance = np.asarray(substructure.receptance(frequency, dofs), dtype=np.complex128)
     wanted = (len(frequency), len(dofs), len(dofs))

@@ -3,42 +3,84 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
 from dovetail import (
     ComponentConfig,
     FileName,
+    InUnit,
     Node,
     ReceptanceMatrix,
     StructuralMatrices,
     SubstructureModel,
-    read_receptance,
     write_receptance,
 )
+from dovetail_plugins.substructures.receptance_files import KnownReceptance, from_archive, from_sets
 
-__all__ = ["Measured"]
+__all__ = ["Measured", "MeasuredFrf"]
+
+
+class MeasuredFrf(ComponentConfig):
+    """Which FRF of the file is between which nodes.
+
+    Attributes
+    ----------
+    set : int
+        Number of the set in the UFF file, from 1.
+    response : str
+        Node whose displacement was measured.
+    force : str
+        Node that was struck.
+    """
+
+    set: Annotated[int, Field(ge=1)]
+    response: str
+    force: str
 
 
 class Measured(SubstructureModel):
-    """One point with x and rz, such as the flange of a spindle that ``dovetail spindle`` has measured."""
+    """A part between whose nodes FRFs were measured, such as the flange of a spindle.
+
+    Without a table or `frfs`, the file holds x and rz of one point, as ``dovetail spindle`` writes it. Nodes without
+    a measured rotation have none: no moment acts on them.
+    """
 
     name = "measured"
-    summary = "Part known by its measured receptance at one point, in x and rz"
+    summary = "Part known by its measured receptance at one point or between several"
 
     class Config(ComponentConfig):
-        """The file with the receptance.
+        """The file with the receptance, and what it holds.
 
         Attributes
         ----------
         file : str
-            Written by ``dovetail spindle`` or `dovetail.write_receptance`; taken from the description's folder.
+            NPZ archive with 'frequency' and 'receptance' (n_freq, n, n) and, where it is not x and rz of one point,
+            'nodes', 'directions' ('x' or 'rz') and 'positions' of the n DOFs; or a UFF file.
+        nodes : mapping
+            Nodes of a UFF file and their positions.
+        frfs : list
+            FRFs of a UFF file, one for each pair of nodes at least; the mirrored ones follow by reciprocity.
         """
 
         file: Annotated[str, FileName()]
+        nodes: Annotated[dict[str, Annotated[float, InUnit("m")]], Field(default_factory=dict)]
+        frfs: tuple[MeasuredFrf, ...] = ()
+
+        @model_validator(mode="after")
+        def _nodes_of_frfs(self) -> Measured.Config:
+            if bool(self.nodes) != bool(self.frfs):
+                raise ValueError("'nodes' and 'frfs' belong together: both for a UFF file, none for an archive")
+            for frf in self.frfs:
+                for node in (frf.response, frf.force):
+                    if node not in self.nodes:
+                        raise ValueError(f"set {frf.set} is at '{node}', which is none of the nodes")
+            return self
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:
@@ -53,12 +95,21 @@ class Measured(SubstructureModel):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self._known = read_receptance(config.file)
+        self._known: KnownReceptance = (
+            from_sets(config.file, config.nodes, [(frf.set, frf.response, frf.force) for frf in config.frfs])
+            if config.frfs
+            else from_archive(config.file)
+        )
+
+    @cached_property
+    def nodes(self) -> tuple[Node, ...]:
+        """The measured points."""
+        return tuple(Node(label, position) for label, position in self._known.nodes.items())
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
-        """The one point, at position 0."""
-        return (Node("m1", 0.0),)
+    def absent_dofs(self) -> frozenset[int]:
+        """What was not measured."""
+        return frozenset(range(2 * len(self.nodes))) - set(self._known.dofs)
 
     def matrices(self) -> StructuralMatrices | None:
         """Return None: a measurement has no matrices."""
@@ -66,6 +117,6 @@ class Measured(SubstructureModel):
 
     def receptance(self, frequency: NDArray[np.float64], dofs: Sequence[int]) -> NDArray[np.complex128]:
         """Return the measured receptance between `dofs`, on other lines by interpolation."""
-        chosen = np.asarray(dofs, dtype=np.intp)
-        part: NDArray[np.complex128] = self._known.at(frequency)[:, chosen[:, None], chosen]
+        chosen = np.array([self._known.dofs.index(int(dof)) for dof in dofs], dtype=np.intp)
+        part: NDArray[np.complex128] = self._known.matrix.at(frequency)[:, chosen[:, None], chosen]
         return part

@@ -1,0 +1,125 @@
+"""Measured receptance matrices, from an archive or from the sets of a UFF file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail import DovetailError, Fault, ReceptanceMatrix, read_frf, read_receptance
+from dovetail_plugins.substructures.dof_table import table_in
+from dovetail_plugins.substructures.matrix_files import read_archive
+
+__all__ = ["KnownReceptance", "from_archive", "from_sets"]
+
+_DIRECTIONS = ("x", "rz")
+
+
+@dataclass(frozen=True, eq=False)
+class KnownReceptance:
+    """A receptance between some DOFs of some nodes.
+
+    Parameters
+    ----------
+    matrix : ReceptanceMatrix
+    nodes : mapping of str to float
+        Labels and positions [m].
+    dofs : tuple of int
+        The DOF of each row: 2 i for x of node i, 2 i + 1 for its rz.
+    """
+
+    matrix: ReceptanceMatrix
+    nodes: Mapping[str, float]
+    dofs: tuple[int, ...]
+
+
+def from_archive(file: str) -> KnownReceptance:
+    """Read an NPZ archive: x and rz of one point, or what its table of DOFs says.
+
+    Raises
+    ------
+    DovetailError
+        The file or its table cannot be used.
+    """
+    path = Path(file)
+    if path.suffix.lower() != ".npz":
+        remedy = "Say with 'nodes' and 'frfs' which sets of a UFF file are between which nodes."
+        raise DovetailError(Fault(file, f"'{path.suffix}' is not the ending of an archive.", ".npz", remedy))
+    try:
+        archive = read_archive(path)
+    except DovetailError:
+        archive = {}  # what is wrong with it, `read_receptance` says in its own words
+    if "nodes" not in archive and "directions" not in archive:
+        return KnownReceptance(read_receptance(path), {"m1": 0.0}, (0, 1))
+    missing = [name for name in ("frequency", "receptance") if name not in archive]
+    if missing:
+        raise DovetailError(Fault(file, f"there is no '{missing[0]}'; there is: {', '.join(sorted(archive)[:12])}."))
+    frequency, values = _numbers(archive["frequency"], "f", file), _numbers(archive["receptance"], "c", file)
+    whole = _matrix(frequency, values.astype(np.complex128), file)
+    table = table_in(archive, file, values.shape[1])
+    assert table is not None
+    if strange := [direction for direction in table.directions if direction not in _DIRECTIONS]:
+        raise DovetailError(Fault(file, f"'{strange[0]}' is not a direction.", ", ".join(_DIRECTIONS)))
+    nodes = dict.fromkeys(table.nodes, 0.0)
+    if table.positions is not None:
+        nodes = dict(zip(table.nodes, table.positions.tolist(), strict=True))
+    places = {label: index for index, label in enumerate(nodes)}
+    pairs = zip(table.nodes, table.directions, strict=True)
+    dofs = tuple(2 * places[node] + _DIRECTIONS.index(direction) for node, direction in pairs)
+    chosen = whole.values[:, table.rows[:, np.newaxis], table.rows]
+    return KnownReceptance(_matrix(whole.frequency, chosen, file), nodes, dofs)
+
+
+def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, str, str]]) -> KnownReceptance:
+    """Read the displacements at some nodes per force at some nodes from the sets of a UFF file.
+
+    Parameters
+    ----------
+    file : str
+    nodes : mapping of str to float
+        Labels and positions [m].
+    frfs : sequence of (int, str, str)
+        Number of the set, the node of the response and that of the force.
+
+    Raises
+    ------
+    DovetailError
+        A set cannot be read, has other frequencies than the first or no phase, or a pair of nodes has none.
+    """
+    place = {label: index for index, label in enumerate(nodes)}
+    read = [(read_frf(file, index=number).to("receptance"), number, out, into) for number, out, into in frfs]
+    frequency = read[0][0].frequency
+    values = np.full((len(frequency), len(nodes), len(nodes)), np.nan, dtype=np.complex128)
+    for frf, number, out, into in read:
+        where = f"{file}  set {number}"
+        if not np.array_equal(frf.frequency, frequency):
+            raise DovetailError(Fault(where, f"its frequencies are not those of set {read[0][1]}."))
+        if not frf.has_phase or frf.rotation:
+            raise DovetailError(Fault(where, "it is no complex FRF of a displacement per force."))
+        values[:, place[out], place[into]] = frf.values
+    mirrored = np.swapaxes(values, 1, 2)
+    values = np.where(np.isnan(values), mirrored, np.where(np.isnan(mirrored), values, 0.5 * (values + mirrored)))
+    for out, row in place.items():
+        for into, column in place.items():
+            if np.isnan(values[0, row, column]):
+                raise DovetailError(Fault(file, f"no set is between '{out}' and '{into}'."))
+    return KnownReceptance(_matrix(frequency, values, file), dict(nodes), tuple(2 * index for index in place.values()))
+
+
+def _numbers(array: NDArray[np.generic], kind: str, file: str) -> NDArray[np.generic]:
+    accepted = "fiu" if kind == "f" else "fiuc"
+    if array.dtype.kind not in accepted or array.ndim != (1 if kind == "f" else 3):
+        name = "frequency" if kind == "f" else "receptance"
+        found = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
+        raise DovetailError(Fault(file, found, "(n_freq,) real numbers" if kind == "f" else "(n_freq, n, n) numbers"))
+    return array
+
+
+def _matrix(frequency: NDArray[np.generic], values: NDArray[np.complex128], file: str) -> ReceptanceMatrix:
+    try:
+        return ReceptanceMatrix(frequency.astype(np.float64), values, Path(file).name)
+    except DovetailError as error:
+        raise DovetailError(Fault(file, error.faults[0].found)) from None
