@@ -15,6 +15,7 @@ import typer
 from dovetail.cli.check import check
 from dovetail.cli.check_plugin import check_plugin
 from dovetail.cli.commands import Commands, report_bug
+from dovetail.cli.compare import compare
 from dovetail.cli.components import describe, plugins
 from dovetail.cli.convert import convert
 from dovetail.cli.frf import frf
@@ -80,6 +81,7 @@ COMMANDS = (
     validate,
     spindle,
     robustness,
+    compare,
 )
 for command in COMMANDS:
     app.command()(command)

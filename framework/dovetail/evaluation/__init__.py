@@ -1,6 +1,7 @@
-"""Evaluation: robustness of trained models to noise, and models held against measurements."""
+"""Evaluation: methods side by side, robustness of models to noise, models held against measurements."""
 
 from dovetail.evaluation.cases import Case, Cases, read_cases
+from dovetail.evaluation.comparison import Compared, Comparison, compare, read_truths
 from dovetail.evaluation.robustness import LEVELS, RobustnessRow, robustness
 from dovetail.evaluation.validation import PeakRow, ValidatedCase, Validation, validate
 
@@ -8,11 +9,15 @@ __all__ = [
     "LEVELS",
     "Case",
     "Cases",
+    "Compared",
+    "Comparison",
     "PeakRow",
     "RobustnessRow",
     "ValidatedCase",
     "Validation",
+    "compare",
     "read_cases",
+    "read_truths",
     "robustness",
     "validate",
 ]

@@ -25,6 +25,8 @@ __all__ = [
     "MEASURED",
     "RECONSTRUCTED",
     "WIDTH",
+    "draw_amplitude",
+    "draw_phase",
     "frf_figure",
     "robustness_figure",
     "save_png",
@@ -86,12 +88,12 @@ def frf_figure(
     )
     amplitude = next(remaining)
     for frf, style in curves:
-        _draw_amplitude(amplitude, frf, style)
+        draw_amplitude(amplitude, frf, style)
     amplitude.legend(loc="lower right", ncols=2, fontsize=9.5)
     if with_phase:
         phase = next(remaining)
         for frf, style in curves:
-            _draw_phase(phase, frf, style)
+            draw_phase(phase, frf, style)
     if coherence is not None:
         _draw_coherence(next(remaining), reconstructed.frequency, np.asarray(coherence, dtype=np.float64))
     _finish_frequency_axis(panels, reconstructed.frequency)
@@ -114,9 +116,9 @@ def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Fig
     """
     figure, panels = _stacked([2.6] + [1.5] * frf.has_phase)
     style = {"color": RECONSTRUCTED, "linewidth": 1.4}
-    _draw_amplitude(panels[0], frf, style)
+    draw_amplitude(panels[0], frf, style)
     if frf.has_phase:
-        _draw_phase(panels[1], frf, style)
+        draw_phase(panels[1], frf, style)
     _finish_frequency_axis(panels, frf.frequency)
     _mark_frequencies(panels, natural_frequencies)
     figure.suptitle(frf.label, fontsize=11, color=INK, parse_math=False)
@@ -212,13 +214,15 @@ def style_axes(axes: Axes) -> None:
         label.set(color=INK, fontsize=9.5)
 
 
-def _draw_amplitude(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
+def draw_amplitude(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
+    """Draw the amplitude of an FRF on a logarithmic scale."""
     axes.set_yscale("log", nonpositive="mask")
     axes.plot(frf.frequency, np.where(frf.amplitude > 0, frf.amplitude, np.nan), **style)
     axes.set_ylabel(f"{frf.quantity.capitalize()} [{unit_text(frf.unit)}]")
 
 
-def _draw_phase(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
+def draw_phase(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
+    """Draw the phase of an FRF in degrees, cut where a passive drive point never is."""
     centre = _PHASE_CENTRE[frf.quantity]
     phase = (np.rad2deg(frf.phase) - centre + 180.0) % 360.0 - 180.0 + centre
     axes.plot(*_broken_at_jumps(frf.frequency, phase), **style)

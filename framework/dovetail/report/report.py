@@ -21,7 +21,7 @@ from dovetail.report.wording import number
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["write_report"]
+__all__ = ["environment", "write_report"]
 
 
 def write_report(result: Identification, path: str | Path, *, truth: Truth | None = None) -> Path:
@@ -46,12 +46,13 @@ def write_report(result: Identification, path: str | Path, *, truth: Truth | Non
     DovetailError
         The file cannot be written.
     """
-    page = _environment().get_template("report.html.jinja").render(_context(result, truth))
+    page = environment().get_template("report.html.jinja").render(_context(result, truth))
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Return where the templates are, escaping whatever is set in them."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     return Environment(

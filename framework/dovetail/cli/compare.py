@@ -1,0 +1,115 @@
+"""``dovetail compare``: methods of identification side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dovetail.cli.options import AsJson, PluginFiles
+from dovetail.cli.terminal import heading, note, print_json, progress_bars, table, title
+
+if TYPE_CHECKING:
+    from dovetail.evaluation import Comparison
+
+__all__ = ["compare"]
+
+_FILES = ("comparison.html", "parameters.csv", "coherence.csv", "frequencies.csv", "times.csv")
+_HEADINGS = {
+    "coherence": "Mean coherence",
+    "frequencies": "Resonances: errors in per cent",
+    "times": "Time [s]",
+}
+_PARAMETERS = [
+    "case", "value", "method", "parameter", "unit", "identified", "estimate", "lower", "upper", "verdict", "truth",
+]  # fmt: skip
+
+
+def compare(
+    cases: Annotated[Path, typer.Argument(metavar="CASES", help="Measurements of one assembly's joint (YAML).")],
+    methods: Annotated[
+        str | None,
+        typer.Option(metavar="NAMES", help="With commas: refined, posterior, multistart, rigid; umap, pca+robust, ..."),
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="FRFs to train networks on.", show_default=False)
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", metavar="FOLDER", help="A dataset to train networks on.")
+    ] = None,
+    truth: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="JSON with the true values of synthetic measurements.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and the tables.")
+    ] = None,
+    plugin: PluginFiles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare methods of identification.
+
+    Each identifies the joint from each measurement. Shown are the agreement of the reconstructed FRFs with the
+    measured ones, resonances, parameters and times. Files of an earlier run in the output folder are replaced.
+    """
+    from dovetail.cli.result_files import prepare_folder
+    from dovetail.evaluation import compare as run
+    from dovetail.evaluation import read_cases, read_truths
+    from dovetail.evaluation.comparison import DEFAULT_METHODS
+
+    read = read_cases(cases)
+    known = None if truth is None else read_truths(truth)
+    chosen = DEFAULT_METHODS if methods is None else tuple(name.strip() for name in methods.split(","))
+    if output is not None:
+        prepare_folder(output, _FILES, _FILES[0])
+    with progress_bars() as progress:
+        done = run(read, chosen, samples=samples, data=data, truth=known, plugins=plugin or (), progress=progress)
+    if output is not None:
+        _write(done, output)
+    if as_json:
+        print_json(_plain(done))
+    else:
+        _print(done)
+    if output is not None:
+        note(f"Written to {output}: {', '.join(_FILES)}")
+
+
+def _tables(done: Comparison) -> dict[str, tuple[list[str], list[list[object]]]]:
+    from dovetail.report.comparison import coherence_rows, frequency_rows, parameter_value_rows, time_rows
+
+    names = [case.name for case in done.cases]
+    return {
+        "coherence": (["method", *names], list(coherence_rows(done))),
+        "frequencies": (["case", "mode", "measured_Hz", *done.methods], list(frequency_rows(done))),
+        "times": (["method", "training_s", "identification_s"], list(time_rows(done))),
+        "parameters": (_PARAMETERS, list(parameter_value_rows(done))),
+    }
+
+
+def _plain(done: Comparison) -> dict[str, list[dict[str, object]]]:
+    return {
+        name: [dict(zip(header, row, strict=True)) for row in rows] for name, (header, rows) in _tables(done).items()
+    }
+
+
+def _print(done: Comparison) -> None:
+    title(done.title)
+    tables = _tables(done)
+    for name, words in (
+        ("coherence", "Mean coherence"),
+        ("frequencies", "Resonances: errors in per cent"),
+        ("times", "Time [s]"),
+    ):
+        heading(words)
+        header, rows = tables[name]
+        table(header, [[str(cell) for cell in row] for row in rows], numbers=header[1:])
+
+
+def _write(done: Comparison, folder: Path) -> None:
+    from dovetail.cli.result_files import csv_text
+    from dovetail.measurement.disk import write_whole
+    from dovetail.report.comparison import write_comparison
+
+    for name, (header, rows) in _tables(done).items():
+        write_whole(folder / f"{name}.csv", csv_text(header, rows).encode("utf-8"), overwrite=True)
+    write_comparison(done, folder / _FILES[0])

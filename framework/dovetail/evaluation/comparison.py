@@ -1,0 +1,251 @@
+"""Methods of identification side by side, on the same measurements (the reference method's section 4.6)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from pydantic import BaseModel, ValidationError
+
+from dovetail.assembly import Assembly, components, load
+from dovetail.dataset import Dataset, generate
+from dovetail.errors import DovetailError, Fault, ParameterError
+from dovetail.evaluation.cases import Case, Cases
+from dovetail.evaluation.robustness import variant
+from dovetail.evaluation.validation import PROMINENCE
+from dovetail.frf import Frf, coherence_spectrum
+from dovetail.identification import Identification, Identifier, identify, train
+from dovetail.identification.methods import METHODS
+from dovetail.identification.modes import counterpart, resonance_peaks
+from dovetail.interfaces import Progress, silent
+from dovetail.measurement import on_grid
+from dovetail.measurement.disk import read_bounded
+
+__all__ = ["DEFAULT_METHODS", "RIGID", "Compared", "Comparison", "compare", "read_truths"]
+
+RIGID = "rigid"
+"""The joint's contacts rigid and its other parameters in the middle of their ranges: nothing is identified."""
+_FITS = tuple(name for name in METHODS if name != "network")
+DEFAULT_METHODS = ("umap", "pca", "none", "pca+robust", "multistart", "refined", "posterior", RIGID)
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """One method on one measurement.
+
+    Parameters
+    ----------
+    case : Case
+    method : str
+    measured : Frf
+        Without the accelerometer, on the assembly's frequencies.
+    frf : Frf
+        As the method reconstructs it.
+    identification : Identification or None
+        None for the rigid joint.
+    peaks : tuple of (float, float or None)
+        Hz; each resonance of the measurement, and of the reconstruction.
+    seconds : float
+        For the identification, training not included.
+    """
+
+    case: Case
+    method: str
+    measured: Frf
+    frf: Frf
+    identification: Identification | None
+    peaks: tuple[tuple[float, float | None], ...]
+    seconds: float
+
+    @property
+    def mean_coherence(self) -> float:
+        """Mean agreement of reconstruction and measurement (Eq. 15)."""
+        return float(coherence_spectrum(self.measured.values, self.frf.values).mean())
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """All methods on all measurements.
+
+    Parameters
+    ----------
+    title, series : str
+        As in the file of cases.
+    methods : tuple of str
+    rows : tuple of Compared
+        Case by case, method by method.
+    training : mapping of str to float
+        Seconds that each network's training took; the dataset not included.
+    dataset : float
+        Seconds for the dataset that all networks share; 0 if it was there.
+    truth : mapping of str to mapping
+        True values of the parameters [SI] by the case's name, where they are known.
+    """
+
+    title: str
+    series: str
+    methods: tuple[str, ...]
+    rows: tuple[Compared, ...]
+    training: Mapping[str, float]
+    dataset: float
+    truth: Mapping[str, Mapping[str, float]]
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """The measurements, in order."""
+        return tuple(dict.fromkeys(row.case for row in self.rows))
+
+    def of(self, case: Case) -> dict[str, Compared]:
+        """Return what each method made of one measurement."""
+        return {row.method: row for row in self.rows if row.case == case}
+
+
+def compare(
+    cases: Cases,
+    methods: Sequence[str] = DEFAULT_METHODS,
+    *,
+    samples: int | None = None,
+    data: str | PathLike[str] | None = None,
+    truth: Mapping[str, Mapping[str, float]] | None = None,
+    plugins: Iterable[str | PathLike[str]] = (),
+    progress: Progress = silent,
+) -> Comparison:
+    """Identify the joint of every case by every method.
+
+    Parameters
+    ----------
+    cases : Cases
+        Each with the assembly and the measurement that its joint comes from; one assembly for all.
+    methods : sequence of str
+        ``"refined"``, ``"posterior"``, ``"multistart"``, ``"rigid"``; or a network by its reducer, as ``"umap"`` or,
+        with robust training, ``"pca+robust"``.
+    samples : int, optional
+        FRFs to train on; as many as the description says by default.
+    data : path, optional
+        A dataset of the assembly to train on.
+    truth : mapping, optional
+        Of `read_truths`.
+    plugins : iterable of paths
+    progress : callable
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    DovetailError
+        A case or a method cannot be used.
+    """
+    source = _one_assembly(cases)
+    files = tuple(plugins)
+    assembly, registry = load(source, plugins=files), components(files)
+    networks = [method for method in methods if method not in (*_FITS, RIGID)]
+    variants = {name: variant(assembly, name, registry) for name in networks}
+    measured = {case.name: _measurement(case, assembly) for case in cases.cases}
+    models, training, seconds = _trained(assembly, variants, samples, data, progress)
+    rows = []
+    for index, case in enumerate(cases.cases):
+        progress("cases", index, len(cases.cases))
+        rows += [_compared(case, method, assembly, models.get(method), measured[case.name]) for method in methods]
+    progress("cases", len(cases.cases), len(cases.cases))
+    known = {case.name: truth[stem] for case in cases.cases if truth and (stem := _stem(case)) in truth}
+    return Comparison(cases.title, cases.series, tuple(methods), tuple(rows), training, seconds, known)
+
+
+def _one_assembly(cases: Cases) -> Path:
+    sources = {case.joint.assembly if case.joint is not None else None for case in cases.cases}
+    source = sources.pop()
+    if sources or source is None:
+        found = "the cases do not all identify the joint of one and the same assembly."
+        remedy = "Give each case 'joint: {assembly: ..., measured: ...}' with one assembly."
+        raise ParameterError(Fault(cases.title, found, remedy=remedy))
+    return source
+
+
+def _measurement(case: Case, assembly: Assembly) -> Frf:
+    assert case.joint is not None
+    assert case.joint.measured is not None
+    bare = on_grid(case.joint.measured.read(compensated=True), assembly.frequency)
+    return bare.to(assembly.description.response.quantity)
+
+
+def _stem(case: Case) -> str:
+    return "" if case.joint is None or case.joint.measured is None else case.joint.measured.file.stem
+
+
+def _trained(
+    assembly: Assembly,
+    variants: Mapping[str, Assembly],
+    samples: int | None,
+    data: str | PathLike[str] | None,
+    progress: Progress,
+) -> tuple[dict[str, Identifier], dict[str, float], float]:
+    """Train each network on one dataset; return them, the seconds each took, and those for the dataset."""
+    if not variants:
+        return {}, {}, 0.0
+    with TemporaryDirectory(prefix="dovetail-") as folder:
+        began = time.perf_counter()
+        if data is None:
+            dataset = generate(assembly, Path(folder) / "dataset.zarr", samples=samples, progress=progress)
+        else:
+            dataset = Dataset(data)
+        seconds = time.perf_counter() - began if data is None else 0.0
+        models, training = {}, {}
+        for name, one in variants.items():
+            began = time.perf_counter()
+            models[name] = train(one, dataset, progress=progress)
+            training[name] = time.perf_counter() - began
+    return models, training, seconds
+
+
+def _compared(case: Case, method: str, assembly: Assembly, model: Identifier | None, measured: Frf) -> Compared:
+    began = time.perf_counter()
+    if method == RIGID:
+        result, values = None, assembly.rigid().frf()
+        frf = Frf(assembly.frequency, values, measured.quantity, label="rigid joint", rotation=measured.rotation)
+    else:
+        result = identify(assembly, measured, method) if model is None else model.identify(measured)
+        frf = result.frf
+    seconds = time.perf_counter() - began
+    ours, theirs = resonance_peaks(measured, PROMINENCE), resonance_peaks(frf, PROMINENCE)
+    peaks = tuple((float(peak), counterpart(peak, ours, theirs)) for peak in ours)
+    return Compared(case, method, measured, frf, result, peaks, seconds)
+
+
+class _Test(BaseModel):
+    parameters: dict[str, float] = {}
+
+
+class _Truths(BaseModel):
+    tests: dict[str, _Test]
+
+
+def read_truths(path: str | PathLike[str]) -> dict[str, dict[str, float]]:
+    """Read the true parameters of synthetic measurements.
+
+    Parameters
+    ----------
+    path : path
+        JSON: under ``tests``, by the measured file's name without its suffix, ``parameters`` in SI.
+
+    Returns
+    -------
+    dict
+        Values by parameter, by file; files without parameters are left out.
+
+    Raises
+    ------
+    DovetailError
+        The file cannot be read, or is no such file.
+    """
+    try:
+        read = _Truths.model_validate_json(read_bounded(Path(path)))
+    except ValidationError as error:
+        found = f"this is no file of true parameters: {error.errors()[0]['msg']}."
+        raise DovetailError(Fault(str(path), found, "JSON with 'tests', each with 'parameters'")) from None
+    return {name: test.parameters for name, test in read.tests.items() if test.parameters}

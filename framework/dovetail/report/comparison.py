@@ -1,0 +1,127 @@
+"""The report of a comparison: one HTML file with the reference method's figures 11 and 12 and its tables 4 and 5."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from dovetail import __version__
+from dovetail.evaluation import Comparison
+from dovetail.measurement.disk import write_whole
+from dovetail.report.comparison_figures import frf_comparison, parameter_comparison
+from dovetail.report.report import environment
+from dovetail.report.svg import inline_svg
+from dovetail.report.wording import ABSENT, display_unit, fixed, number
+
+__all__ = ["coherence_rows", "frequency_rows", "parameter_value_rows", "time_rows", "write_comparison"]
+
+Row = list[Any]
+
+
+def write_comparison(comparison: Comparison, path: str | Path) -> Path:
+    """Write a comparison as one self-contained HTML file: no script, nothing loaded from anywhere.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    path : str or Path
+        A file that is there is replaced; it is written whole or not at all.
+
+    Returns
+    -------
+    Path
+    """
+    from markupsafe import Markup
+
+    figures = [
+        (case.name, Markup(inline_svg(frf_comparison(comparison, case), f"frf{index}", f"FRFs of {case.name}")))
+        for index, case in enumerate(comparison.cases)
+    ]
+    page = (
+        environment()
+        .get_template("comparison.html.jinja")
+        .render(
+            title=comparison.title,
+            series=comparison.series,
+            cases=[case.name for case in comparison.cases],
+            methods=comparison.methods,
+            coherence=list(coherence_rows(comparison)),
+            frequencies=list(frequency_rows(comparison)),
+            times=list(time_rows(comparison)),
+            verdicts=_verdicts(comparison),
+            parameters=Markup(inline_svg(parameter_comparison(comparison), "parameters", "Identified parameters")),
+            figures=figures,
+            truth=bool(comparison.truth),
+            version=__version__,
+            written=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        )
+    )
+    write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
+    return Path(path)
+
+
+def coherence_rows(comparison: Comparison) -> Iterator[Row]:
+    """Yield method and mean coherence of each case (Table 4)."""
+    for method in comparison.methods:
+        yield [method, *(f"{comparison.of(case)[method].mean_coherence:.4f}" for case in comparison.cases)]
+
+
+def frequency_rows(comparison: Comparison) -> Iterator[Row]:
+    """Yield case, number and frequency of each resonance, then each method's error in per cent (Table 5)."""
+    for case in comparison.cases:
+        found = comparison.of(case)
+        for index, (measured, _) in enumerate(next(iter(found.values())).peaks):
+            errors = [_error(found[method].peaks[index]) for method in comparison.methods]
+            yield [case.name, index + 1, f"{measured:.1f}", *errors]
+
+
+def _error(peak: tuple[float, float | None]) -> str:
+    measured, reconstructed = peak
+    return ABSENT if reconstructed is None else fixed(100.0 * (reconstructed / measured - 1.0), 2, signed=True)
+
+
+def time_rows(comparison: Comparison) -> Iterator[Row]:
+    """Yield method, seconds of training, and median seconds of one identification."""
+    for method in comparison.methods:
+        times = sorted(row.seconds for row in comparison.rows if row.method == method)
+        training = comparison.training.get(method)
+        yield [method, ABSENT if training is None else f"{training:.0f}", f"{times[len(times) // 2]:.3f}"]
+
+
+def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
+    """Yield case, value of the series, method, parameter, unit, value, estimate, interval, verdict and truth, in SI."""
+    for row in comparison.rows:
+        if row.identification is None:
+            continue
+        posterior, intervals = row.identification.posterior, row.identification.interval or {}
+        for index, (name, parameter) in enumerate(row.identification.parameters.items()):
+            low, high = intervals.get(name, ("", ""))
+            estimate = "" if posterior is None else float(posterior.estimate[index])
+            verdict = "" if posterior is None else posterior.verdicts[name].word
+            true = comparison.truth.get(row.case.name, {}).get(name, "")
+            yield [
+                row.case.name, row.case.value, row.method, name, parameter.unit, parameter.value,
+                estimate, low, high, verdict, true,
+            ]  # fmt: skip
+
+
+def _verdicts(comparison: Comparison) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
+    """Return for each parameter its unit, and for each case estimate, interval and verdict, where they are told."""
+    results = [(row.case.name, row.identification) for row in comparison.rows if row.identification is not None]
+    told = [(name, result, result.posterior) for name, result in results if result.posterior is not None]
+    if not told:
+        return []
+    table = []
+    for index, (name, parameter) in enumerate(told[0][1].parameters.items()):
+        shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
+        cells: list[tuple[str, str, str]] = []
+        for case, _, posterior in told:
+            low, high = posterior.interval()[name]
+            texts = [number(value * shown.factor) for value in (float(posterior.estimate[index]), low, high)]
+            true = comparison.truth.get(case, {}).get(name)
+            inside = "" if true is None else ("✓" if low <= true <= high else "✗")
+            cells.append((texts[0], f"{texts[1]} to {texts[2]} {inside}".strip(), posterior.verdicts[name].word))
+        table.append((name, shown.text, cells))
+    return table

@@ -1,0 +1,134 @@
+"""Figures of a comparison: parameters over the series, and each measurement with all reconstructions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dovetail.evaluation import Compared, Comparison
+from dovetail.evaluation.cases import Case
+from dovetail.frf import Frf, coherence_spectrum
+from dovetail.report.figures import INK, LINES, MARKERS, MEASURED, WIDTH, draw_amplitude, draw_phase, style_axes
+from dovetail.report.wording import display_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["frf_comparison", "parameter_comparison"]
+
+_COLUMNS = 3
+
+
+def _style(methods: Sequence[str], method: str) -> dict[str, Any]:
+    index = methods.index(method)
+    return {"color": LINES[index % len(LINES)], "marker": MARKERS[index % len(MARKERS)]}
+
+
+def parameter_comparison(comparison: Comparison) -> Figure:
+    """Draw each parameter over the series, a curve a method, with intervals where a method gives them.
+
+    Parameters
+    ----------
+    comparison : Comparison
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The upper and lower edge of each panel are the ends of the range; values beyond are drawn at the edge.
+    """
+    from matplotlib.figure import Figure
+
+    first = next(row.identification for row in comparison.rows if row.identification is not None)
+    names = list(first.parameters)
+    rows = -(-len(names) // _COLUMNS)
+    figure = Figure(figsize=(WIDTH, 1.0 + 2.2 * rows), layout="constrained", facecolor="white")
+    panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
+    for axes, name in zip(panels, names, strict=False):
+        _draw_parameter(axes, comparison, name)
+    for axes in panels[len(names) :]:
+        axes.set_visible(False)
+    for axes in panels[max(0, len(names) - _COLUMNS) : len(names)]:
+        axes.set_xlabel(comparison.series or "case")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=8.5)
+    return figure
+
+
+def _draw_parameter(axes: Axes, comparison: Comparison, name: str) -> None:
+    style_axes(axes)
+    places = [case.value if case.value is not None else index for index, case in enumerate(comparison.cases)]
+    parameter = next(r.identification.parameters[name] for r in comparison.rows if r.identification is not None)
+    shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
+    low, high = parameter.lower * shown.factor, parameter.upper * shown.factor
+    if parameter.scale == "log":
+        axes.set_yscale("log")
+    for method in comparison.methods:
+        found = [comparison.of(case)[method].identification for case in comparison.cases]
+        results = [one for one in found if one is not None]
+        if len(results) < len(found):
+            continue
+        style = _style(comparison.methods, method)
+        values = np.clip([_value(one, name) * shown.factor for one in results], low, high)
+        axes.plot(places, values, **style, markersize=3.5, linewidth=1, label=method)
+        ends = [one.interval[name] for one in results if one.interval is not None]
+        if ends:
+            axes.fill_between(places, *(np.array(ends).T * shown.factor), color=style["color"], alpha=0.15, linewidth=0)
+    truth = [comparison.truth.get(case.name, {}).get(name, np.nan) * shown.factor for case in comparison.cases]
+    if np.isfinite(truth).any():
+        axes.plot(places, truth, color=INK, linestyle=(0, (2, 2)), linewidth=1.6, label="true")
+    axes.set_ylim(low, high)
+    axes.set_title(f"{name} [{shown.text}]", fontsize=9, color=INK, loc="left", parse_math=False)
+
+
+def _value(result: Any, name: str) -> float:
+    """Return what a method says of one parameter by itself: its estimate where there is one."""
+    if result.posterior is not None:
+        return float(result.posterior.estimate[result.posterior.names.index(name)])
+    return float(result.parameters[name].value)
+
+
+def frf_comparison(comparison: Comparison, case: Case) -> Figure:
+    """Draw amplitude, phase and coherence of one measurement and all reconstructions.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    case : Case
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    from matplotlib.figure import Figure
+
+    found = comparison.of(case)
+    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained", facecolor="white")
+    panels = figure.subplots(3, 1, sharex=True, height_ratios=[2.4, 1.4, 1.4])
+    for axes in panels:
+        style_axes(axes)
+    measured = next(iter(found.values())).measured
+    _draw(panels, measured, {"color": MEASURED, "linewidth": 2.6, "label": "measured"})
+    for method, row in found.items():
+        _draw(panels, row.frf, {"color": _style(comparison.methods, method)["color"], "linewidth": 1, "label": method})
+        _draw_agreement(panels[2], row, _style(comparison.methods, method)["color"])
+    panels[2].set_ylabel("Coherence [-]")
+    panels[2].set_xlabel("Frequency [Hz]")
+    panels[2].set_xlim(float(measured.frequency[0]), float(measured.frequency[-1]))
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=8.5)
+    figure.align_ylabels(panels)
+    return figure
+
+
+def _draw(panels: Sequence[Axes], frf: Frf, style: dict[str, Any]) -> None:
+    draw_amplitude(panels[0], frf, style)
+    if frf.has_phase:
+        draw_phase(panels[1], frf, {key: value for key, value in style.items() if key != "label"})
+
+
+def _draw_agreement(axes: Axes, row: Compared, colour: str) -> None:
+    axes.plot(row.frf.frequency, coherence_spectrum(row.measured.values, row.frf.values), color=colour, linewidth=1)
+    axes.set_ylim(0.0, 1.03)
