@@ -13,10 +13,10 @@ from dovetail.dataset import latin_hypercube
 from dovetail.synthesis import direct_receptance
 
 CLOSE = {
-    "bolted_lap_beam": {"kt": 0.006, "kr": 0.008, "cr": 0.04},
-    "shaft_hub": {"k": 0.005, "kr": 0.005, "c": 0.08, "cr": 0.01},
+    "bolted_lap_beam": {"kt": 0.01, "kr": 0.012, "cr": 0.04},
+    "shaft_hub": {"k": 0.01, "kr": 0.008, "c": 0.08, "cr": 0.01},
     "spindle_bt40_er32": {
-        "taper.k": 0.015, "taper.kr": 0.015, "taper.cr": 0.04, "collet.kt_tc": 0.1, "collet.kr_tc": 0.1,
+        "taper.k": 0.03, "taper.kr": 0.02, "taper.cr": 0.04, "collet.kt_tc": 0.1, "collet.kr_tc": 0.1,
         "collet.cr_tc": 0.1,
     },
 }  # fmt: skip
@@ -49,15 +49,21 @@ def test_the_frf_is_that_of_the_direct_solve(name, assemblies):
 
 
 @pytest.mark.parametrize("name", CLOSE)
-def test_the_joints_are_found_again_beside_their_intervals(name, scripts):
-    """Errors within some intervals, or within the per cent that the coarser mesh costs."""
-    assembly, result, truth, deviation = scripts[1].identified(name, 1)
+def test_the_joints_are_found_again(name, scripts):
+    """What one FRF determines, within the few per cent that the coarser mesh costs."""
+    _, result, truth, _ = scripts[1].identified(name, 1)
     errors = dict(zip(result.parameters, np.abs(result.theta / truth - 1.0), strict=True))
-    widths = dict(zip(result.parameters, scripts[1].half_widths(assembly, result, deviation), strict=True))
     for parameter, limit in CLOSE[name].items():
         assert errors[parameter] < limit
-    assert all(errors[parameter] < max(2.5 * widths[parameter], 0.01) for parameter in errors)
     assert result.mean_coherence > 0.9999
+
+
+@pytest.mark.parametrize("name", CLOSE)
+def test_on_the_mesh_of_the_structure_every_parameter_lies_within_its_interval(name, scripts):
+    """Of 24 intervals of 95 % one or two may miss; none does by half its width more."""
+    assembly, result, truth, deviation = scripts[1].identified(name, 4)
+    widths = scripts[1].half_widths(assembly, result, deviation)
+    assert np.all(np.abs(result.theta / truth - 1.0) < 1.5 * widths)
 
 
 def test_the_two_joints_of_the_spindle_are_identified_together(assemblies):
