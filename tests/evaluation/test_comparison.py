@@ -1,0 +1,92 @@
+"""Methods of identification side by side."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.errors import DovetailError, ParameterError
+from dovetail.evaluation import compare, read_cases, read_truths
+
+CASES = """\
+dovetail_cases: 1
+title: Two springs (synthetic)
+series: stiffness [N/m]
+cases:
+  soft: {assembly: sdof.yaml, measured: soft.csv, joint: {assembly: sdof.yaml, measured: soft.csv}, value: 1}
+  stiff: {assembly: sdof.yaml, measured: stiff.csv, joint: {assembly: sdof.yaml, measured: stiff.csv}, value: 2}
+"""
+
+
+@pytest.fixture
+def cases(tmp_path, assemblies, sdof):
+    (tmp_path / "sdof.yaml").write_bytes((assemblies / "sdof.yaml").read_bytes())
+    truth = {}
+    for seed, (name, k) in enumerate((("soft", 1e6), ("stiff", 4e6))):
+        values = sdof.frf({"k": k, "c": 20.0})
+        noise = 1e-3 * values.std() * np.random.default_rng(seed).standard_normal((2, len(values)))
+        frf = dovetail.Frf(sdof.frequency, values + noise[0] + 1j * noise[1], "accelerance")
+        dovetail.write_frf(frf, tmp_path / f"{name}.csv")
+        truth[name] = {"parameters": {"k": k, "c": 20.0}}
+    (tmp_path / "truth.json").write_text(json.dumps({"tests": truth}))
+    (tmp_path / "cases.yaml").write_text(CASES)
+    return tmp_path
+
+
+def test_every_method_meets_every_measurement(cases):
+    done = compare(read_cases(cases / "cases.yaml"), ("refined", "posterior", "pca"), samples=300)
+    assert [(row.case.name, row.method) for row in done.rows] == [
+        (case, method) for case in ("soft", "stiff") for method in ("refined", "posterior", "pca")
+    ]
+    for row in done.rows:
+        assert row.peaks[0][0] == pytest.approx(np.sqrt(1e6 if row.case.name == "soft" else 4e6) / 2 / np.pi, rel=0.01)
+    refined, posterior, network = (done.of(done.cases[0])[name] for name in done.methods)
+    assert refined.mean_coherence > 0.999
+    assert refined.mean_coherence > network.mean_coherence
+    assert posterior.identification.interval is not None
+    assert set(done.training) == {"pca"}
+
+
+def test_the_command_writes_report_and_tables(cases, run):
+    done = run(
+        "compare",
+        cases / "cases.yaml",
+        "--methods",
+        "refined,posterior",
+        "--truth",
+        cases / "truth.json",
+        "-o",
+        cases / "out",
+    )
+    assert done.returncode == 0, done.stderr
+    with (cases / "out" / "parameters.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 2 * 2 * 2
+    stiff = next(row for row in rows if (row["case"], row["method"], row["parameter"]) == ("stiff", "posterior", "k"))
+    assert float(stiff["lower"]) < 4e6 < float(stiff["upper"])
+    assert float(stiff["truth"]) == 4e6
+    assert stiff["verdict"] == "identified"
+    page = (cases / "out" / "comparison.html").read_text(encoding="utf-8")
+    for words in ("Mean coherence", "Resonances", "What each measurement tells", "amplitude, phase and coherence", "✓"):
+        assert words in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+
+
+def test_what_cannot_be_compared(cases):
+    read = read_cases(cases / "cases.yaml")
+    with pytest.raises(DovetailError, match="refind"):
+        compare(read, ("refind",))
+    (cases / "other.yaml").write_bytes((cases / "sdof.yaml").read_bytes())
+    mixed = CASES.replace(
+        "joint: {assembly: sdof.yaml, measured: stiff", "joint: {assembly: other.yaml, measured: stiff"
+    )
+    (cases / "cases.yaml").write_text(mixed)
+    with pytest.raises(ParameterError, match="one and the same assembly"):
+        compare(read_cases(cases / "cases.yaml"), ("refined",))
+    (cases / "truth.json").write_text("[]")
+    with pytest.raises(DovetailError, match="no file of true parameters"):
+        read_truths(cases / "truth.json")

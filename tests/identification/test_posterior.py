@@ -1,0 +1,178 @@
+"""Samples of the parameters given the measurement, against independent routes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.errors import ParameterError
+from dovetail.identification.fitting import refine
+from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
+from dovetail.identification.posterior import Posterior, model_errors, quantiles, sample_posterior
+from dovetail.identification.posterior.coordinates import PriorAndData, quantile_of
+from dovetail.identification.posterior.optimised import Chart
+from dovetail.identification.posterior.reduced import ReducedMisfit, squares_with_errors
+
+
+def noisy(assembly, theta, level, seed, *, has_phase=True):
+    values = assembly.frf(theta)
+    deviation = level * values.std()
+    normal = np.random.default_rng(seed).standard_normal((2, len(values)))
+    shown = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
+    variance = np.full(len(values), deviation**2)
+    quantity = assembly.description.response.quantity
+    shown = shown if has_phase else np.abs(shown)
+    return dovetail.Frf(assembly.frequency, shown, quantity, has_phase=has_phase, variance=variance)
+
+
+def on_a_grid(assembly, frf, errors=None, points=300):
+    """Mean and standard deviation of two parameters, in fractions of their ranges, by brute force."""
+    residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
+    misfit = FrfMisfit(assembly, residual)
+    centre = assembly.to_unit(refine(assembly, frf).theta)
+    low, high = np.clip(centre - 0.12, 0, 1), np.clip(centre + 0.12, 0, 1)
+    axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    errors = (
+        np.zeros((0, 2 * len(frf.frequency) if frf.has_phase else len(frf.frequency))) if errors is None else errors
+    )
+    squares = np.concatenate(
+        [squares_with_errors(misfit.residuals(part), errors) for part in np.array_split(places, 60)]
+    )
+    weight = np.exp(-(squares - squares.min()) / 2)
+    weight /= weight.sum()
+    mean = weight @ places
+    return mean, np.sqrt(weight @ (places - mean) ** 2)
+
+
+@pytest.mark.parametrize("has_phase", [True, False])
+def test_the_samples_are_those_of_the_posterior_on_a_grid(sdof, has_phase):
+    frf = noisy(sdof, sdof.from_unit(np.array([0.4, 0.5])), 0.2, 1, has_phase=has_phase)
+    mean, deviation = on_a_grid(sdof, frf)
+    found = sample_posterior(sdof, frf, refine(sdof, frf), samples=2000, model_error=0.0)
+    ours = found.weight @ found.fraction
+    assert found.reached > 0.99
+    np.testing.assert_allclose(ours, mean, atol=0.12 * deviation.max())
+    np.testing.assert_allclose(np.sqrt(found.weight @ (found.fraction - ours) ** 2), deviation, rtol=0.1)
+
+
+def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof):
+    frf = noisy(sdof, sdof.from_unit(np.array([0.4, 0.5])), 0.05, 1)
+    fit = refine(sdof, frf)
+    residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
+    values = sdof.frf(fit.theta)
+    errors = residual.slopes(values[None], model_errors(sdof.frequency, values, 2e-3)[None])[0]
+    mean, deviation = on_a_grid(sdof, frf, errors)
+    without = sample_posterior(sdof, frf, fit, samples=2000, model_error=0.0)
+    found = sample_posterior(sdof, frf, fit, samples=2000, model_error=2e-3)
+    spread = [np.sqrt(p.weight @ (p.fraction - p.weight @ p.fraction) ** 2) for p in (without, found)]
+    assert spread[1][0] > 3 * spread[0][0]  # the stiffness, which the natural frequency tells
+    np.testing.assert_allclose(spread[1], deviation, rtol=0.1)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say(sdof):
+    rng = np.random.default_rng(5)
+    inside = []
+    for seed in range(60):
+        fraction = rng.random(2)
+        frf = noisy(sdof, sdof.from_unit(fraction), 0.1, seed)
+        found = sample_posterior(sdof, frf, refine(sdof, frf), samples=200, model_error=0.0, seed=seed)
+        low, high = quantiles(found.fraction, found.weight, [0.05, 0.95])
+        inside.append((low < fraction) & (fraction < high))
+    assert 0.82 <= np.mean(inside) <= 0.97  # 120 draws at 0.9: three standard deviations
+
+
+def test_a_few_lines_stand_for_all(collet, torque_100):
+    frf = noisy(collet, torque_100, 0.01, 2)
+    residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
+    exact = FrfMisfit(collet, residual)
+    centre = collet.to_unit(torque_100)
+    near = np.clip(centre + 0.01 * np.random.default_rng(1).standard_normal((300, 12)), 0.01, 0.99)
+    vectors = exact.residuals(near)
+    none = np.zeros((0, vectors.shape[1]))
+    reduced = ReducedMisfit(collet, residual, vectors[:250], vectors[0], none, 1e-3)
+    assert len(reduced.lines) < 150
+    inside = reduced.residuals(near[250:])
+    whole = np.einsum("nm,nm->n", vectors[250:], vectors[250:])
+    np.testing.assert_allclose(np.einsum("nk,nk->n", inside, inside) + reduced.outside, whole, rtol=1e-5)
+    linear = reduced.linear(near[250:252])
+    step = 1e-5 * np.eye(12)[4]
+    difference = (reduced.residuals(near[250:252] + step) - reduced.residuals(near[250:252] - step)) / 2e-5
+    np.testing.assert_allclose(linear.slopes[:, 4], difference, atol=1e-4 * np.abs(difference).max())
+
+
+def test_each_search_reaches_the_components_that_were_drawn(sdof):
+    frf = noisy(sdof, sdof.from_unit(np.array([0.4, 0.5])), 0.1, 3)
+    residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
+    problem = PriorAndData(FrfMisfit(sdof, residual))
+    at = quantile_of(np.array([0.4, 0.5]))
+    chart = Chart(problem, at)
+    target = chart.components(at[None]) + np.random.default_rng(0).standard_normal((20, 2))
+    found = chart.solve(target, np.broadcast_to(at, (20, 2)), 100)
+    assert found.reached.all()
+    np.testing.assert_allclose(chart.components(found.z), target, atol=0.02)
+
+
+def test_the_shipped_measurement_says_what_it_tells(collet, assemblies):
+    frf = dovetail.read_frf(assemblies / "measurements" / "h0_j_t0_60Nm.uff")
+    result = dovetail.identify(collet, frf, "posterior")
+    words = {name: verdict.word for name, verdict in result.posterior.verdicts.items()}
+    assert {words["kr_tc"], words["cr_tc"]} == {"identified"}
+    assert {words["dc"], words["ct_tc"], words["ct_hc"]} == {"not identifiable"}
+    assert "trades with" in result.posterior.verdicts["dc"].reason
+    low, high = result.interval["kr_tc"]
+    assert low < result.posterior.estimate[5] < high
+    plain = result.to_dict()
+    assert plain["posterior"]["parameters"]["kr_tc"]["interval"] == [low, high]
+
+
+def test_a_parameter_at_the_end_of_its_range_says_so():
+    fraction = np.stack([np.full(100, 0.01), np.linspace(0.45, 0.55, 100)], axis=1)
+    posterior = Posterior(
+        names=("a", "b"),
+        theta=fraction,
+        fraction=fraction,
+        weight=np.full(100, 0.01),
+        estimate=fraction.mean(axis=0),
+        model_error=0.0,
+        drawn=100,
+        lines=10,
+        seconds=0.0,
+    )
+    assert "lower end of its range" in posterior.verdicts["a"].reason
+    assert posterior.verdicts["b"].reason == "The measurement fixes it."
+    assert posterior.effective == pytest.approx(100)
+
+
+def test_weighted_quantiles_are_those_of_repeated_values():
+    rng = np.random.default_rng(0)
+    values, weight = rng.random((400, 1)), rng.random(400)
+    repeated = np.repeat(values, np.round(1000 * weight).astype(int), axis=0)
+    for level in (0.05, 0.5, 0.95):
+        (ours,) = quantiles(values, weight / weight.sum(), [level])
+        assert ours[0] == pytest.approx(np.quantile(repeated, level), abs=0.005)
+
+
+def test_the_band_of_another_tool_holds_what_was_measured_there(collet, assemblies):
+    folder = assemblies / "campaign"
+    joint = dovetail.read_frf(folder / "measurements" / "h0_j40_t0.uff", accelerometer_mass=1.2e-3)
+    result = dovetail.identify(collet, joint, "posterior", samples=200)
+    other = dovetail.load(folder / "h0_t2.yaml")
+    band = dovetail.predict_band(other, result)
+    measured = dovetail.read_frf(folder / "measurements" / "h0_j40_t2.uff", accelerometer_mass=1.2e-3)
+    amplitude = np.interp(other.frequency, measured.frequency, measured.to("accelerance").amplitude)
+    inside = (band.lower <= amplitude) & (amplitude <= band.upper)
+    assert inside.mean() >= 0.9
+    assert np.median(band.upper / band.lower) < 1.2
+
+
+def test_no_band_without_a_posterior_and_no_samples_at_all(sdof):
+    frf = noisy(sdof, None, 0.1, 1)
+    refined = dovetail.identify(sdof, frf)
+    assert refined.interval is None
+    with pytest.raises(ParameterError, match="does not say how sure it is"):
+        dovetail.predict_band(sdof, refined)
+    for options, message in (({"samples": 0}, "none"), ({"model_error": -1.0}, "no relative error")):
+        with pytest.raises(ParameterError, match=message):
+            dovetail.identify(sdof, frf, "posterior", **options)
