@@ -26,12 +26,13 @@ def noisy(assembly, theta, level, seed, *, has_phase=True):
     return dovetail.Frf(assembly.frequency, shown, quantity, has_phase=has_phase, variance=variance)
 
 
-def on_a_grid(assembly, frf, errors=None, points=300):
+def on_a_grid(assembly, frf, errors=None, widening=1.0, points=200):
     """Mean and standard deviation of two parameters, in fractions of their ranges, by brute force."""
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     misfit = FrfMisfit(assembly, residual)
-    centre = assembly.to_unit(refine(assembly, frf).theta)
-    low, high = np.clip(centre - 0.12, 0, 1), np.clip(centre + 0.12, 0, 1)
+    fit = refine(assembly, frf)
+    centre, reach = assembly.to_unit(fit.theta), widening * 6 / np.sqrt(np.diag(fit.information))
+    low, high = np.clip(centre - reach, 0, 1), np.clip(centre + reach, 0, 1)
     axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     errors = (
@@ -63,7 +64,7 @@ def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof):
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     values = sdof.frf(fit.theta)
     errors = residual.slopes(values[None], model_errors(sdof.frequency, values, 2e-3)[None])[0]
-    mean, deviation = on_a_grid(sdof, frf, errors)
+    _, deviation = on_a_grid(sdof, frf, errors, widening=15.0)
     without = sample_posterior(sdof, frf, fit, samples=2000, model_error=0.0)
     found = sample_posterior(sdof, frf, fit, samples=2000, model_error=2e-3)
     spread = [np.sqrt(p.weight @ (p.fraction - p.weight @ p.fraction) ** 2) for p in (without, found)]
