@@ -48,3 +48,17 @@ def test_the_study_of_interpolation_prints_errors_and_times_by_number_of_lines(t
     assert errors[13] > 1e3 * errors[33] > 0
     assert float(rows[-1][8].split()[0]) > 0
     assert "<svg" in (tmp_path / "interpolation.svg").read_text()
+
+
+def test_the_noise_floor_is_reached_in_a_few_cases():
+    rows = cells(run("noise_floor.py", "--cases", 3))[2:]
+    assert [row[2] for row in rows[:3]] == ["refined", "multistart, frf", "multistart, weighted"]
+    assert len(rows) == 12
+    assert all(row[3] == "3 of 3" for row in rows if row[1:3] == ["complex", "refined"])
+
+
+def test_the_study_of_intervals_has_a_row_for_each_parameter():
+    rows = cells(run("interval_coverage.py", "--cases", 2, "--finer-mesh", 2, "--model-error", 0.0005))[2:]
+    assert len(rows) == 13
+    assert rows[-1][0] == "all"
+    assert all(float(row[1].rstrip("%")) in (0.0, 50.0, 100.0) for row in rows[:-1])

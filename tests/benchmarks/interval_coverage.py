@@ -1,6 +1,6 @@
 """Do the intervals hold the truth as often as they say? Random joints of the collet assembly with 1 % noise.
 
-    python tests/benchmarks/coverage.py [--cases 200] [--finer-mesh 4] [--model-error 0.0005]
+    python tests/benchmarks/interval_coverage.py [--cases 200] [--finer-mesh 4] [--model-error 0.0005]
 
 The noise is complex, in every line one per cent of the standard deviation of the FRF. With a finer mesh the measurement
 comes from a model with each element in four, the identification from the model that ships.
