@@ -71,6 +71,6 @@ def test_help_lists_every_command(shell):
     listed = [line.split()[0] for line in done.stdout.partition("Commands:\n")[2].splitlines() if line.strip()]
     assert listed == [
         "plugins", "describe", "schema", "new-plugin", "check-plugin", "check", "simulate", "frf", "convert",
-        "generate", "train", "identify", "predict", "validate", "spindle", "robustness", "compare",
+        "generate", "train", "identify", "predict", "validate", "spindle", "robustness", "compare", "plan",
     ]  # fmt: skip
     assert max(len(line) for line in done.stdout.splitlines()) <= 80

@@ -23,6 +23,7 @@ from dovetail.cli.generate import generate
 from dovetail.cli.identify import identify
 from dovetail.cli.new_plugin import new_plugin
 from dovetail.cli.options import PluginFiles
+from dovetail.cli.plan import plan
 from dovetail.cli.predict import predict
 from dovetail.cli.robustness import robustness
 from dovetail.cli.schema import schema
@@ -82,6 +83,7 @@ COMMANDS = (
     spindle,
     robustness,
     compare,
+    plan,
 )
 for command in COMMANDS:
     app.command()(command)

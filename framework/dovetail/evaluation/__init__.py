@@ -2,6 +2,7 @@
 
 from dovetail.evaluation.cases import Case, Cases, read_cases
 from dovetail.evaluation.comparison import Compared, Comparison, compare, read_truths
+from dovetail.evaluation.planning import Plan, PlannedPoint, plan
 from dovetail.evaluation.robustness import LEVELS, RobustnessRow, robustness
 from dovetail.evaluation.validation import PeakRow, ValidatedCase, Validation, validate
 
@@ -12,10 +13,13 @@ __all__ = [
     "Compared",
     "Comparison",
     "PeakRow",
+    "Plan",
+    "PlannedPoint",
     "RobustnessRow",
     "ValidatedCase",
     "Validation",
     "compare",
+    "plan",
     "read_cases",
     "read_truths",
     "robustness",
