@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import dovetail
+from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
@@ -13,6 +18,9 @@ from dovetail.identification.posterior import Posterior, model_errors, quantiles
 from dovetail.identification.posterior.coordinates import PriorAndData, quantile_of
 from dovetail.identification.posterior.optimised import Chart
 from dovetail.identification.posterior.reduced import ReducedMisfit, squares_with_errors
+from dovetail.identification.stored import read_identification
+
+ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 
 
 def noisy(assembly, theta, level, seed, *, has_phase=True):
@@ -178,3 +186,25 @@ def test_no_band_without_a_posterior_and_no_samples_at_all(sdof):
     for options, message in (({"samples": 0}, "none"), ({"model_error": -1.0}, "no relative error")):
         with pytest.raises(ParameterError, match=message):
             dovetail.identify(sdof, frf, "posterior", **options)
+
+
+def test_a_stored_result_gives_the_same_band(sdof, tmp_path):
+    result = dovetail.identify(sdof, noisy(sdof, None, 0.1, 1), "posterior", samples=100)
+    (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
+    again = read_identification(tmp_path)
+    for name, ends in result.interval.items():
+        assert again.interval[name] == pytest.approx(ends)
+        assert again.posterior.verdicts[name].word == result.posterior.verdicts[name].word
+    ours, theirs = dovetail.predict_band(sdof, again), dovetail.predict_band(sdof, result)
+    np.testing.assert_allclose(ours.upper, theirs.upper, rtol=1e-12)
+    done = CliRunner().invoke(
+        app, ["predict", str(ASSEMBLIES / "sdof.yaml"), str(tmp_path), "--band", str(tmp_path / "band.csv")]
+    )
+    assert done.exit_code == 0, done.output
+    band = np.loadtxt(tmp_path / "band.csv", delimiter=",", skiprows=2)
+    np.testing.assert_allclose(band[:, 3], ours.upper)
+    spoilt = result.to_dict()
+    spoilt["posterior"]["samples"]["weight"] = [1.0]
+    (tmp_path / "result.json").write_text(json.dumps(spoilt))
+    with pytest.raises(dovetail.DovetailError, match="do not fit its parameters"):
+        read_identification(tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -11,7 +12,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from dovetail.errors import DovetailError, Fault
 from dovetail.frf import Frf, Quantity
+from dovetail.identification.posterior import Posterior
 from dovetail.identification.result import Identification, IdentifiedParameter, Mode
+from dovetail.interfaces import Parameter
 from dovetail.measurement.disk import read_bounded
 
 __all__ = ["RESULT_FILE", "read_identification"]
@@ -31,6 +34,23 @@ class _StoredFrf(BaseModel):
     imag: list[float]
 
 
+class _StoredSamples(BaseModel):
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    theta: list[list[float]]
+    weight: list[float]
+
+
+class _StoredPosterior(BaseModel):
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    samples: _StoredSamples
+    reached: float
+    model_error: float
+    lines: int
+    seconds: float
+
+
 class _Stored(BaseModel):
     """The entries that are needed; what a later version adds is passed over."""
 
@@ -46,6 +66,7 @@ class _Stored(BaseModel):
     quantity: Quantity
     frf: _StoredFrf
     measured: _StoredFrf
+    posterior: _StoredPosterior | None = None
 
 
 def read_identification(path: str | Path) -> Identification:
@@ -86,6 +107,30 @@ def read_identification(path: str | Path) -> Identification:
         modes=stored.modes,
         warnings=stored.warnings,
         provenance=MappingProxyType(stored.provenance),
+        posterior=None if stored.posterior is None else _posterior(file, stored.parameters, stored.posterior),
+    )
+
+
+def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored: _StoredPosterior) -> Posterior:
+    """Return the posterior with its samples; what follows from them is computed anew."""
+    weight = np.array(stored.samples.weight)
+    theta = np.array(stored.samples.theta, dtype=np.float64)
+    total = float(weight.sum())
+    if theta.shape != (len(weight), len(parameters)) or not len(weight) or not total > 0 or not 0 < stored.reached <= 1:
+        raise DovetailError(Fault(str(file), "the samples of its posterior do not fit its parameters."))
+    ranges = [Parameter(name, p.unit, p.lower, p.upper, p.scale) for name, p in parameters.items()]
+    fraction = np.stack([one.to_unit(theta[:, index]) for index, one in enumerate(ranges)], axis=1)
+    mean = (weight / total) @ fraction
+    return Posterior(
+        names=tuple(parameters),
+        theta=theta,
+        fraction=fraction,
+        weight=weight / total,
+        estimate=np.array([one.from_unit(mean[index]) for index, one in enumerate(ranges)]),
+        model_error=stored.model_error,
+        drawn=round(len(weight) / stored.reached),
+        lines=stored.lines,
+        seconds=stored.seconds,
     )
 
 

@@ -46,6 +46,9 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 _PHASE_CENTRE = {"receptance": -90.0, "mobility": 0.0, "accelerance": 90.0}
 """Degrees; the phase of a passive drive point stays within 90 of it, so that is where it is not cut."""
 
+_WORST_R2, _WORST_RMSE = -0.6, 0.45
+"""Where the figures of robustness end; a guess of the middle of the range has 0 and 0.29."""
+
 _LABEL_WIDTH = 0.07
 """Part of the frequency axis that the label of a natural frequency takes."""
 
@@ -136,6 +139,7 @@ def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
+        What is far worse than a guess of the middle of the range leaves the figure.
     """
     from matplotlib.figure import Figure
 
@@ -157,6 +161,8 @@ def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
         style_axes(axes)
         axes.set_xlabel("Noise level, part of the data's standard deviation [-]")
         axes.set_ylabel(quantity)
+    left.set_ylim(bottom=max(left.get_ylim()[0], _WORST_R2))
+    right.set_ylim(top=min(right.get_ylim()[1], _WORST_RMSE))
     if table:
         for text in left.legend(loc="best", fontsize=9.5).get_texts():
             text.set_parse_math(False)
