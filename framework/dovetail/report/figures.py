@@ -161,8 +161,10 @@ def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
         style_axes(axes)
         axes.set_xlabel("Noise level, part of the data's standard deviation [-]")
         axes.set_ylabel(quantity)
-    left.set_ylim(bottom=max(left.get_ylim()[0], _WORST_R2))
-    right.set_ylim(top=min(right.get_ylim()[1], _WORST_RMSE))
+    if left.get_ylim()[0] < _WORST_R2:
+        left.set_ylim(_WORST_R2, 1.05)
+    if right.get_ylim()[1] > _WORST_RMSE:
+        right.set_ylim(0.0, _WORST_RMSE)
     if table:
         for text in left.legend(loc="best", fontsize=9.5).get_texts():
             text.set_parse_math(False)
