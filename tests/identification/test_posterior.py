@@ -16,6 +16,7 @@ from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
 from dovetail.identification.posterior import Posterior, model_errors, quantiles, sample_posterior
 from dovetail.identification.posterior.coordinates import PriorAndData, quantile_of
+from dovetail.identification.posterior.model_error import correlation_length
 from dovetail.identification.posterior.optimised import Chart
 from dovetail.identification.posterior.reduced import ReducedMisfit, squares_with_errors
 from dovetail.identification.stored import read_identification
@@ -152,6 +153,27 @@ def test_a_parameter_at_the_end_of_its_range_says_so():
     assert "lower end of its range" in posterior.verdicts["a"].reason
     assert posterior.verdicts["b"].reason == "The measurement fixes it."
     assert posterior.effective == pytest.approx(100)
+
+
+def test_neighbours_that_are_off_alike_count_as_one():
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal(20000) + 1j * rng.standard_normal(20000)
+    assert correlation_length(noise) == pytest.approx(1.0, abs=0.2)
+    smooth = np.convolve(noise, np.ones(20) / 20, mode="same")
+    assert correlation_length(smooth) == pytest.approx(20.0, rel=0.1)
+
+
+def test_at_five_torques_the_intervals_hold_what_a_finer_mesh_hides(collet, assemblies):
+    folder = assemblies / "campaign" / "measurements"
+    truth = json.loads((folder / "truth.json").read_text())["tests"]
+    held = 0
+    for torque in (20, 60, 100):
+        frf = dovetail.read_frf(folder / f"h0_j{torque}_t0.uff", accelerometer_mass=1.2e-3)
+        interval = dovetail.identify(collet, frf, "posterior", samples=200).interval
+        held += sum(
+            low <= truth[f"h0_j{torque}_t0"]["parameters"][name] <= high for name, (low, high) in interval.items()
+        )
+    assert held >= 30  # of 36, at 0.9
 
 
 def test_weighted_quantiles_are_those_of_repeated_values():

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MODEL_ERROR", "model_errors"]
+__all__ = ["MODEL_ERROR", "correlation_length", "model_errors"]
 
 MODEL_ERROR = 5e-4
 """Standard deviation of the relative error of natural frequencies that a model is allowed by default."""
 
+_UNCORRELATED = 0.05
 _KNOTS = 6
 _MAGNITUDE = 2.0
 """Relative error of magnitude and phase over that of natural frequencies."""
@@ -43,3 +46,24 @@ def model_errors(
     return np.concatenate(
         [hats * stretched, hats * (_MAGNITUDE * level) * values, hats * (1j * _MAGNITUDE * level) * values]
     )
+
+
+def correlation_length(residuals: NDArray[Any]) -> float:
+    """Return how many neighbouring lines are off alike: 1 for noise.
+
+    Parameters
+    ----------
+    residuals : (n_freq,) array
+        Complex, or real where there is no phase, over their standard deviation.
+
+    Returns
+    -------
+    float
+        Integrated correlation, 1 + 2 sum of the autocorrelation up to where it has died away.
+    """
+    padded = np.fft.fft(residuals, 2 * len(residuals))
+    correlation = np.fft.ifft(np.abs(padded) ** 2).real[: len(residuals)]
+    correlation /= max(correlation[0], np.finfo(float).tiny)
+    gone = np.flatnonzero(correlation < _UNCORRELATED)
+    last = int(gone[0]) if len(gone) else len(correlation)
+    return float(1.0 + 2.0 * np.sum(correlation[1:last]))

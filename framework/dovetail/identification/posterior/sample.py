@@ -9,7 +9,7 @@ from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.misfit import Weighted
-from dovetail.identification.posterior.model_error import MODEL_ERROR, model_errors
+from dovetail.identification.posterior.model_error import MODEL_ERROR, correlation_length, model_errors
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.identification.posterior.sampling import draw
 
@@ -35,7 +35,7 @@ def sample_posterior(
         On the assembly's frequencies.
     fit : Fit
         Of the same measurement. Its random error and the lines it left out are taken over, and so is the part of the
-        FRF by which it found the model to be off.
+        FRF by which it found the model to be off: neighbouring lines are off alike, so many of them count as one.
     samples : int
         Searches, each of which gives one sample.
     model_error : float
@@ -60,7 +60,11 @@ def sample_posterior(
     target = measured.to(assembly.description.response.quantity)
     values = assembly.frf(fit.theta)
     used = ~np.isin(target.frequency, fit.ignored)
-    residual = Weighted.against(target, fit.variance + (fit.discrepancy * np.abs(values)) ** 2, used)
+    off = (fit.discrepancy * np.abs(values)) ** 2
+    if fit.discrepancy:
+        missed = values - target.values if target.has_phase else np.abs(values) - target.amplitude
+        off *= correlation_length(missed / np.sqrt(fit.variance + off))
+    residual = Weighted.against(target, fit.variance + off, used)
     errors = model_errors(assembly.frequency, values, model_error)
     with_errors = residual.slopes(values[np.newaxis], errors[np.newaxis])[0]
     best = assembly.to_unit(fit.theta)
