@@ -136,6 +136,14 @@ def test_a_hundred_vectors_equal_the_direct_solve_with_resonances_and_dips(name)
     assert largest_error(assembly, theta, lambda vector, found: spread(found, generator)) < 1e-8
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in shipped() if load(name).graph.size > LARGE])
+def test_a_hundred_vectors_of_the_large_ones_too(name):
+    assembly, generator = load(name), np.random.default_rng(1)
+    theta = latin_hypercube(assembly, 100, seed=11)
+    assert largest_error(assembly, theta, lambda vector, found: spread(found, generator, lines=3, extremes=4)) < 1e-8
+
+
 @pytest.mark.parametrize("name", [name for name in shipped() if load(name).parameters])
 def test_interpolated_frfs_equal_the_direct_solve_as_well(name):
     assembly, generator = load(name).interpolated(1e-9), np.random.default_rng(2)
