@@ -17,7 +17,7 @@ myst_heading_anchors = 3
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
-exclude_patterns = ["_build", "campaign/*/*.md", "speed/*.md", "examples"]
+exclude_patterns = ["_build", "campaign/*/*.md", "speed/*.md", "joints/*.md", "examples"]
 
 html_theme = "furo"
 html_title = f"Dovetail {release}"

@@ -2,10 +2,10 @@
 
     python assemblies/measurements/identify_joints.py [NAME ...] [--mesh TIMES]
 
-Prints, as Markdown, each parameter beside the truth, its error, and the half-width of its 95 % interval (Gauss-Newton
-covariance at the fit). Prints also the time of an FRF and its difference from the direct solve of the whole assembly.
-With ``--mesh 4`` the identifying model has the mesh of the structure that was measured, so that noise alone is left;
-the direct solve, which takes minutes there, is left out.
+Prints, as Markdown, each parameter's estimate beside the truth, its error and its 90 % interval. Prints also the time
+of an FRF and its difference from the direct solve of the whole assembly. With ``--mesh 4`` the identifying model has
+the mesh of the structure that was measured and is allowed no error, so that noise alone is left; the direct solve,
+which takes minutes there, is left out.
 """
 
 from __future__ import annotations
@@ -24,31 +24,19 @@ from dovetail.synthesis import direct_receptance
 
 HERE = Path(__file__).resolve().parent
 NAMES = ("bolted_lap_beam", "shaft_hub", "spindle_bt40_er32")
-TWO_SIDED = 1.96
-"""Standard deviations on either side that hold 95 % of a normal distribution."""
 
 
-def identified(name: str, mesh: int) -> tuple[dovetail.Assembly, dovetail.Identification, np.ndarray, np.ndarray]:
-    """Return the assembly, the result, the true values and the standard deviations in fractions of the ranges."""
+def identified(name: str, mesh: int) -> tuple[dovetail.Assembly, dovetail.Identification, np.ndarray]:
+    """Return the assembly, the result and the true values."""
     assembly = dovetail.load(HERE.parent / f"{name}.yaml")
+    options = {}
     if mesh > 1:
         assembly = dovetail.load(finer(json.loads(assembly.description.text), mesh))
-    result = dovetail.identify(assembly, dovetail.read_frf(HERE / f"{name}.uff"))
-    assert result.fit is not None
+        options = {"model_error": 0.0}
+    result = dovetail.identify(assembly, dovetail.read_frf(HERE / f"{name}.uff"), "posterior", **options)
     known = read_truth(HERE / f"{name}.truth.json", assembly.parameters)
     truth = np.array([known.parameters[parameter.name] for parameter in assembly.parameters])
-    deviation = np.sqrt(np.diag(np.linalg.inv(result.fit.information)))
-    return assembly, result, truth, deviation
-
-
-def half_widths(assembly: dovetail.Assembly, result: dovetail.Identification, deviation: np.ndarray) -> np.ndarray:
-    """Return the half-widths of the 95 % intervals, over the identified values."""
-    widths = []
-    for parameter, value, own in zip(assembly.parameters, result.theta, deviation, strict=True):
-        log = parameter.scale == "log"
-        span = np.log(parameter.upper / parameter.lower) if log else (parameter.upper - parameter.lower) / value
-        widths.append(TWO_SIDED * own * span)
-    return np.array(widths)
+    return assembly, result, truth
 
 
 def off_direct_solve(assembly: dovetail.Assembly, theta: np.ndarray) -> float:
@@ -74,26 +62,24 @@ def time_of_frf(assembly: dovetail.Assembly, batch: int = 64) -> float:
 def show(name: str, mesh: int) -> None:
     """Print one assembly's table and figures."""
     begin = time.perf_counter()
-    assembly, result, truth, deviation = identified(name, mesh)
+    assembly, result, truth = identified(name, mesh)
     seconds = time.perf_counter() - begin
-    widths = half_widths(assembly, result, deviation)
-    errors = result.theta / truth - 1.0
-    print(f"\n## {name}\n")
-    print("| parameter | unit | truth | identified | error | 95 % interval | inside |")
-    print("|---|---|---|---|---|---|---|")
-    for parameter, true, value, error, width in zip(
-        assembly.parameters, truth, result.theta, errors, widths, strict=True
-    ):
-        inside = "yes" if abs(error) <= width else "no"
+    posterior = result.posterior
+    assert posterior is not None
+    print("| parameter | unit | truth | estimate | error | 90 % interval | inside | verdict |")
+    print("|---|---|---|---|---|---|---|---|")
+    for parameter, true, value in zip(assembly.parameters, truth, posterior.estimate, strict=True):
+        lower, upper = posterior.interval()[parameter.name]
+        inside = "yes" if lower <= true <= upper else "no"
         print(
-            f"| `{parameter.name}` | {parameter.unit} | {true:.4g} | {value:.4g} | {error:+.2%} | ± {width:.2%} "
-            f"| {inside} |"
+            f"| `{parameter.name}` | {parameter.unit} | {true:.4g} | {value:.4g} | {value / true - 1.0:+.2%} "
+            f"| {lower:.4g} to {upper:.4g} | {inside} | {posterior.verdicts[parameter.name].word} |"
         )
     fit = result.fit
     assert fit is not None
     print(
-        f"\nchi-squared {fit.chi_squared:.3f}, the model's own error {fit.discrepancy:.2%} of a line, mean coherence "
-        f"{result.mean_coherence:.5f}, {seconds:.1f} s."
+        f"\nChi-squared {fit.chi_squared:.3f}, mean coherence {result.mean_coherence:.5f}; the fit took {fit.seconds:.1f} s, "
+        f"all of it {seconds:.1f} s."
     )
     lines, milliseconds = len(assembly.frequency), 1e3 * time_of_frf(assembly)
     print(f"One FRF of {lines} lines takes {milliseconds:.2f} ms on one thread.")
@@ -107,4 +93,6 @@ if __name__ == "__main__":
     parser.add_argument("--mesh", type=int, default=1, help="elements of the identifying model, times")
     given = parser.parse_args()
     for chosen in given.names:
+        if len(given.names) > 1:
+            print(f"\n## {chosen}\n")
         show(chosen, given.mesh)
