@@ -78,8 +78,8 @@ def show(name: str, mesh: int) -> None:
     fit = result.fit
     assert fit is not None
     print(
-        f"\nChi-squared {fit.chi_squared:.3f}, mean coherence {result.mean_coherence:.5f}; the fit took {fit.seconds:.1f} s, "
-        f"all of it {seconds:.1f} s."
+        f"\nChi-squared {fit.chi_squared:.3f}, mean coherence {result.mean_coherence:.5f}; the fit took "
+        f"{fit.seconds:.1f} s, all of it {seconds:.1f} s."
     )
     lines, milliseconds = len(assembly.frequency), 1e3 * time_of_frf(assembly)
     print(f"One FRF of {lines} lines takes {milliseconds:.2f} ms on one thread.")

@@ -57,6 +57,16 @@ def parameter_comparison(comparison: Comparison) -> Figure:
     return figure
 
 
+def _logarithmic(axes: Axes) -> None:
+    """Make the ordinate logarithmic, with plain numbers at 1, 2 and 5 of each decade."""
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
 def _draw_parameter(axes: Axes, comparison: Comparison, name: str) -> None:
     style_axes(axes)
     places = [case.value if case.value is not None else index for index, case in enumerate(comparison.cases)]
@@ -64,7 +74,7 @@ def _draw_parameter(axes: Axes, comparison: Comparison, name: str) -> None:
     shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
     low, high = parameter.lower * shown.factor, parameter.upper * shown.factor
     if parameter.scale == "log":
-        axes.set_yscale("log")
+        _logarithmic(axes)
     for method in comparison.methods:
         found = [comparison.of(case)[method].identification for case in comparison.cases]
         results = [one for one in found if one is not None]
