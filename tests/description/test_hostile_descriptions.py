@@ -17,7 +17,7 @@ BILLION_LAUGHS = "a0: &a0 lol\n" + "".join(
     f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 10)}]\n" for level in range(1, 10)
 )
 LIMIT_S = 20
-"""Far above what any of these takes (a few seconds at most), far below what they could take."""
+"""Processor time, which other programs do not change: far above what any of these takes, far below what it could."""
 
 EXACT = {
     "empty": (b"", "test.yaml:1:1\n  the file is empty.\n  Accepted: a description, which begins with 'dovetail: 1'"),
@@ -65,9 +65,9 @@ EXACT = {
 @pytest.mark.parametrize("case", EXACT)
 def test_exact_message_in_bounded_time(case, message):
     data, expected = EXACT[case]
-    started = time.perf_counter()
+    started = time.process_time()
     assert message(data) == expected
-    assert time.perf_counter() - started < LIMIT_S
+    assert time.process_time() - started < LIMIT_S
 
 
 N = LARGEST_FILE - 100
@@ -88,9 +88,9 @@ SLOW = {
 
 @pytest.mark.parametrize("case", SLOW)
 def test_bounded_time(case, message):
-    started = time.perf_counter()
+    started = time.process_time()
     assert len(message(SLOW[case])) < 300_000
-    assert time.perf_counter() - started < LIMIT_S
+    assert time.process_time() - started < LIMIT_S
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")

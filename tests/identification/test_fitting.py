@@ -201,9 +201,9 @@ def test_many_local_searches_find_it_too(collet, torque_100, objective):
 
 
 def test_the_time_of_many_searches_is_bounded(collet, torque_100):
-    began = time.perf_counter()
+    began = time.process_time()
     fit = multistart(collet, measured_of(collet, torque_100), starts=2000, seconds=0.5)
-    assert time.perf_counter() - began < 5
+    assert time.process_time() - began < 5
     assert fit.starts < 2000
 
 
