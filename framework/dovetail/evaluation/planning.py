@@ -172,7 +172,7 @@ def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assemb
     if own.substructure not in chosen:
         chosen.append(own.substructure)
     return [
-        Assembly(replace(description, response=replace(own, substructure=name, node=node)))
+        Assembly(replace(description, responses=(replace(own, substructure=name, node=node),)))
         for name in chosen
         for node in range(len(parts[name].nodes))
         if not inside.intersection({(name, 2 * node), (name, 2 * node + 1)})
