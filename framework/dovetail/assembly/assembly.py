@@ -203,7 +203,7 @@ class Assembly:
         return (values[0], jacobian[0]) if single else (values, jacobian)
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
-        """Amplitude of the accelerance at the drive point, in single precision.
+        """Amplitude of the accelerance in single precision, all responses side by side.
 
         Parameters
         ----------
@@ -211,12 +211,13 @@ class Assembly:
 
         Returns
         -------
-        (n_freq,) or (n, n_freq) float32 array
-            m/(N s^2).
+        (n_responses n_freq,) or (n, n_responses n_freq) float32 array
+            m/(N s^2); the lines of a second response stand behind those of the first.
         """
         batch, single = self._space.batch(theta)
         factor = conversion(self.frequency, "receptance", "accelerance")
-        amplitude = self.engine.amplitude(self._by_joint(batch), factor)
+        parts = [one.engine.amplitude(self._by_joint(batch), factor) for one in self.each_response]
+        amplitude = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         return amplitude[0] if single else amplitude
 
     def receptance(
