@@ -33,7 +33,9 @@ def study(cases: int) -> None:
     both = at_both(described, first, second)
     theta = latin_hypercube(described, cases, seed=0)
     deviations = NOISE * described.frf(theta).std(axis=1)
-    found = [widths(both, one, deviation, case) for case, (one, deviation) in enumerate(zip(theta, deviations))]
+    found = [
+        widths(both, one, deviation, case) for case, (one, deviation) in enumerate(zip(theta, deviations, strict=True))
+    ]
     alone, together = np.mean(found, axis=0)
     achieved, predicted = together / alone, np.array(list(planned.narrowing.values()))
     points = " and ".join(f"{one.substructure}, {one.position * 1e3:g} mm" for one in (first, second))
@@ -42,7 +44,7 @@ def study(cases: int) -> None:
         "| parameter | first point alone [% of the range] | both | ratio | ratio as planned | achieved over planned |"
     )
     print("|---|---|---|---|---|---|")
-    for row in zip(described.parameters, 100 * alone, 100 * together, achieved, predicted):
+    for row in zip(described.parameters, 100 * alone, 100 * together, achieved, predicted, strict=True):
         parameter, one, two, ratio, promised = row
         print(f"| `{parameter.name}` | {one:.2f} | {two:.2f} | {ratio:.2f} | {promised:.2f} | {ratio / promised:.2f} |")
     print(f"\nLargest difference: {100 * np.max(np.abs(achieved / predicted - 1)):.0f} %.")
