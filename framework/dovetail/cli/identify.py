@@ -180,7 +180,7 @@ def _check_accelerometer(assembly: Assembly, mass: float) -> None:
 def _print(result: Identification, truth: Truth | None) -> None:
     from dovetail.report.content import fit_sentence, mode_rows, parameter_rows, warnings_of
 
-    measured = ", ".join(one.measured.label for one in result.responses)
+    measured = ", ".join(dict.fromkeys(one.measured.label for one in result.responses))
     title(f"{result.provenance['assembly']}: joint identified from {measured} ({result.method})")
     rows = []
     for row in parameter_rows(result, truth):

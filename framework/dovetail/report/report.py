@@ -97,7 +97,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
 
 def _measurements(result: Identification) -> str:
     first = str(result.provenance.get("measurement", result.measured.label))
-    return ", ".join([first, *(one.measured.label for one in result.further)])
+    return ", ".join(dict.fromkeys([first, *(one.measured.label for one in result.further)]))
 
 
 def _mean_coherence(result: Identification) -> str:
