@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dovetail.errors import DovetailError, Fault
     from dovetail.frf import Frf, coherence_spectrum
     from dovetail.identification import (
+        AtPoint,
         Band,
         Fit,
         Identification,
@@ -69,6 +70,7 @@ _HOMES = {
     "dovetail.errors": ("DovetailError", "Fault"),
     "dovetail.frf": ("Frf", "coherence_spectrum"),
     "dovetail.identification": (
+        "AtPoint",
         "Band",
         "Fit",
         "Identification",
@@ -118,6 +120,7 @@ _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Assembly",
+    "AtPoint",
     "Band",
     "Component",
     "ComponentConfig",

@@ -62,3 +62,11 @@ def test_the_study_of_intervals_has_a_row_for_each_parameter():
     assert len(rows) == 13
     assert rows[-1][0] == "all"
     assert all(float(row[1].rstrip("%")) in (0.0, 50.0, 100.0) for row in rows[:-1])
+
+
+def test_the_benchmark_of_a_second_point_prints_prediction_and_achievement():
+    table = cells(run("second_point.py", "--cases", 2))[2:]
+    assert len(table) == 12
+    for _, alone, both, ratio, planned, quotient in table:
+        assert 0 < float(both) < 2 * float(alone)
+        assert abs(float(ratio) / float(planned) - float(quotient)) < 0.1 * float(quotient) + 0.05

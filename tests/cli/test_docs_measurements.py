@@ -22,7 +22,7 @@ def test_the_commands_of_the_page_run(tmp_path):
     environment = {**os.environ, "PATH": path, "OMP_NUM_THREADS": "1"}
     text = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
     commands = "".join(re.findall(r"^```bash\n(.*?)^```", text, flags=re.S | re.M)).strip().splitlines()
-    assert len(commands) == 6
+    assert len(commands) == 7
     for command in commands:
         done = subprocess.run(command, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, f"{command}\n{done.stderr}"

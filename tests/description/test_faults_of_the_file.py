@@ -43,7 +43,7 @@ CASES = {
         "test.yaml:23:1  responce\n"
         "  'responce' is not a key of the description.\n"
         "  Did you mean 'response'?  Accepted: dovetail, name, frequency, substructures, joints, "
-        "response, identification",
+        "response, responses, identification",
     ),
     "section_missing": (
         {
@@ -130,7 +130,7 @@ CASES = {
         "test.yaml:3:1  units\n"
         "  'units' is not a key of the description.\n"
         "  Did you mean 'joints'?  Accepted: dovetail, name, frequency, substructures, joints, "
-        "response, identification",
+        "response, responses, identification",
     ),
 }
 

@@ -6,12 +6,14 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import truncnorm
 from typer.testing import CliRunner
 
 import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.evaluation import plan
+from dovetail.evaluation.within_ranges import left_over
 from dovetail.identification.fitting import refine
 from dovetail.identification.posterior import sample_posterior
 
@@ -50,6 +52,45 @@ def test_gains_are_those_that_a_measurement_achieves(sdof):
         achieved.append(12 * samples.weight @ (samples.fraction - mean) ** 2)
     left = [1 - gain for gain in found.points[0].gain.values()]
     np.testing.assert_allclose(np.sqrt(np.mean(achieved, axis=0) / left), 1.0, atol=0.6)
+
+
+def test_what_is_left_of_one_parameter_is_the_variance_of_a_normal_distribution_that_is_cut_off():
+    random, deviation = np.random.default_rng(1), np.array([0.02, 0.2, 1.0])
+    truth = random.random((300, 1))
+    found = left_over(np.broadcast_to(deviation[:, None, None, None] ** -2, (3, 300, 1, 1)), truth, seed=0)
+    for one, variance, mean in zip(deviation, found.variance, found.deviation, strict=True):
+        centre = truth[:, 0] + one * random.standard_normal((100, 300))
+        expected = truncnorm.var(-centre / one, (1 - centre) / one, loc=centre, scale=one)
+        assert variance == pytest.approx(expected.mean(), rel=0.03)
+        assert mean == pytest.approx(np.sqrt(expected).mean(), rel=0.03)
+
+
+def test_what_is_left_of_two_that_trade_is_what_a_grid_says():
+    """Only the difference is measured well: the ends of the ranges are what limits either."""
+    information = np.array([[400.0, -390.0], [-390.0, 400.0]])
+    random, truth = np.random.default_rng(2), np.random.default_rng(3).random((200, 2))
+    axis = (np.arange(120) + 0.5) / 120
+    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    root = np.linalg.cholesky(np.linalg.inv(information))
+    expected = []
+    for one in truth:
+        off = grid - one - root @ random.standard_normal(2)
+        weight = np.exp(-np.einsum("gi,ij,gj->g", off, information, off) / 2)
+        mean = weight @ grid / weight.sum()
+        expected.append(weight @ (grid - mean) ** 2 / weight.sum())
+    found = left_over(np.broadcast_to(information, (200, 2, 2)), truth, seed=0)
+    np.testing.assert_allclose(found.variance, np.mean(expected, axis=0), rtol=0.08)
+    normal_prior = np.diag(np.linalg.inv(information + 12 * np.eye(2)))
+    assert np.all(found.variance < 0.95 * normal_prior)
+
+
+def test_a_second_point_narrows_every_interval(collet):
+    found = plan(collet, ["tool"], samples=6)
+    pair = found.seconds[0]
+    assert all(share < 1.02 for share in found.narrowing.values())
+    assert found.narrowing["mn1"] < 0.5
+    assert pair.deviation["mn1"] == pytest.approx(found.narrowing["mn1"] * found.points[0].deviation["mn1"])
+    assert found.responses.count("- {at: tool, position: ") == 2
 
 
 def test_the_command_prints_the_ranking(assemblies):

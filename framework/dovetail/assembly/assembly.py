@@ -32,7 +32,9 @@ _TRIALS = 256
 
 
 class Assembly:
-    """Substructures, joints and a response point, made from a description.
+    """Substructures, joints and one or more response points, made from a description.
+
+    What gives a single FRF gives that of the first response; `frfs` gives those of all.
 
     Parameters
     ----------
@@ -80,6 +82,26 @@ class Assembly:
     def engine(self) -> Engine:
         """The synthesis engine of the response point."""
         return self._engine([self.drive_point], self._interpolation)
+
+    @cached_property
+    def _further(self) -> tuple[Assembly, ...]:
+        """The same assembly at each response but the first."""
+        return tuple(self.at(index) for index in range(1, len(self.description.responses)))
+
+    @property
+    def each_response(self) -> tuple[Assembly, ...]:
+        """For each response an assembly whose `frf` is that of this response; the first is this one itself."""
+        return self, *self._further
+
+    def at(self, index: int) -> Assembly:
+        """Return the same assembly with one of its responses alone.
+
+        Parameters
+        ----------
+        index : int
+            From 0, in the order of the description.
+        """
+        return Assembly(self.description.at(index), rigid=self._rigid, interpolation=self._interpolation)
 
     @property
     def drive_point(self) -> Point:
@@ -131,7 +153,7 @@ class Assembly:
         return vector
 
     def frf(self, theta: Theta = None) -> NDArray[np.complex128]:
-        """Drive-point FRF in the response's quantity.
+        """Drive-point FRF of the (first) response, in its quantity.
 
         Parameters
         ----------
@@ -149,6 +171,19 @@ class Assembly:
         batch, single = self._space.batch(theta)
         values = self.engine.drive_point(self._by_joint(batch), self._conversion)
         return values[0] if single else values
+
+    def frfs(self, theta: Theta = None) -> NDArray[np.complex128]:
+        """FRFs of all responses, each in its own quantity.
+
+        Parameters
+        ----------
+        theta : as in `frf`
+
+        Returns
+        -------
+        (n_responses, n_freq) or (n, n_responses, n_freq) complex array
+        """
+        return np.stack([one.frf(theta) for one in self.each_response], axis=-2)
 
     def frf_jacobian(self, theta: Theta = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Drive-point FRF and its derivatives by every parameter, by the adjoint.
@@ -168,7 +203,7 @@ class Assembly:
         return (values[0], jacobian[0]) if single else (values, jacobian)
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
-        """Amplitude of the accelerance at the drive point, in single precision.
+        """Amplitude of the accelerance in single precision, all responses side by side.
 
         Parameters
         ----------
@@ -176,12 +211,13 @@ class Assembly:
 
         Returns
         -------
-        (n_freq,) or (n, n_freq) float32 array
-            m/(N s^2).
+        (n_responses n_freq,) or (n, n_responses n_freq) float32 array
+            m/(N s^2); the lines of a second response stand behind those of the first.
         """
         batch, single = self._space.batch(theta)
         factor = conversion(self.frequency, "receptance", "accelerance")
-        amplitude = self.engine.amplitude(self._by_joint(batch), factor)
+        parts = [one.engine.amplitude(self._by_joint(batch), factor) for one in self.each_response]
+        amplitude = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         return amplitude[0] if single else amplitude
 
     def receptance(

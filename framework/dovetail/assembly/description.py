@@ -15,6 +15,7 @@ from dovetail.assembly.sections import AugmentationSection
 from dovetail.frf import Quantity
 from dovetail.interfaces import Parameter, Reducer, Regressor, SubstructureModel
 from dovetail.synthesis import Connection
+from dovetail.units import format_quantity
 
 __all__ = ["Description", "IdentificationSettings", "JointEntry", "Response"]
 
@@ -80,7 +81,8 @@ class Description:
         Hz.
     substructures : mapping of str to SubstructureModel
     joints : mapping of str to JointEntry
-    response : Response
+    responses : tuple of Response
+        Where force and response are measured; one of them or several.
     identification : IdentificationSettings
     """
 
@@ -90,14 +92,42 @@ class Description:
     frequency: NDArray[np.float64]
     substructures: Mapping[str, SubstructureModel]
     joints: Mapping[str, JointEntry]
-    response: Response
+    responses: tuple[Response, ...]
     identification: IdentificationSettings
 
     @property
+    def response(self) -> Response:
+        """The first of the responses: what shows a single FRF shows this one."""
+        return self.responses[0]
+
+    @property
+    def response_labels(self) -> tuple[str, ...]:
+        """Where each response is, for a reader: ``"tool, 10 mm"``."""
+        return tuple(self._label(response) for response in self.responses)
+
+    def _label(self, response: Response) -> str:
+        nodes = self.substructures[response.substructure].nodes
+        node = nodes[response.node]
+        unique = sum(other.position == node.position for other in nodes) == 1
+        place = format_quantity(node.position, "m") if unique else f"node {node.label}"
+        return f"{response.substructure}, {place}{', rz' if response.rotation else ''}"
+
+    def at(self, index: int) -> Description:
+        """Return the description with one of its responses alone, in its text too."""
+        whole = json.loads(self.text)
+        if "responses" in whole:
+            section = whole["responses"][index]
+            whole = {"response" if key == "responses" else key: value for key, value in whole.items()}
+            whole["response"] = section
+        return replace(self, text=_written(whole), responses=(self.responses[index],))
+
+    @property
     def fingerprint(self) -> str:
-        """SHA-256 of everything that the FRFs depend on: frequency, substructures, joints and response."""
+        """SHA-256 of everything that the FRFs depend on: frequency, substructures, joints and responses."""
         whole = json.loads(self.text)
         physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
+        if "responses" in whole:
+            physics["responses"] = whole["responses"]
         return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()
 
     def with_identification(self, section: Mapping[str, object], **settings: Any) -> Description:
@@ -112,5 +142,8 @@ class Description:
         """
         whole = json.loads(self.text)
         whole["identification"] = {**(whole.get("identification") or {}), **section}
-        text = json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
-        return replace(self, text=text, identification=replace(self.identification, **settings))
+        return replace(self, text=_written(whole), identification=replace(self.identification, **settings))
+
+
+def _written(whole: Mapping[str, Any]) -> str:
+    return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)

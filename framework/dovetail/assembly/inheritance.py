@@ -109,7 +109,9 @@ def _names_another_model(base: Item, over: Item) -> bool:
 def _displaced_keys(over: Item, path: Path) -> set[str]:
     """Return the keys of the base that exclude what `over` says."""
     displaced: set[str] = set()
-    if path == ("frequency",):
+    if path == ():
+        exclusive = [("response", "responses"), ("responses", "response")]
+    elif path == ("frequency",):
         exclusive = [("step", "lines"), ("lines", "step")]
     elif len(path) == 4 and path[0] == "joints" and path[2] == "parameters":
         exclusive = [("value", "range"), ("value", "scale"), ("range", "value"), ("scale", "value")]

@@ -84,15 +84,18 @@ def _description() -> Schema:
         "substructures": {"type": "object", "additionalProperties": {"$ref": "#/$defs/substructure"}},
         "joints": {"type": "object", "additionalProperties": {"$ref": "#/$defs/joint"}},
         "response": {"$ref": "#/$defs/response"},
+        "responses": {"type": "array", "items": {"$ref": "#/$defs/response"}, "minItems": 1},
         "identification": {"$ref": "#/$defs/identification"},
     }
     for name, entry in properties.items():
         entry.setdefault("description", schema["properties"].get(name, {}).get("description", ""))
-    required = [name for name in properties if name in schema["required"]]
+    required = [name for name in properties if name in schema["required"] and name != "response"]
     return {
         "type": "object",
         "properties": properties,
         "required": ["dovetail", *required],
+        "anyOf": [{"required": ["response"]}, {"required": ["responses"]}],
+        "dependentSchemas": {"response": {"properties": {"responses": False}}},
         "additionalProperties": False,
     }
 

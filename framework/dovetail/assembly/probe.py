@@ -24,7 +24,7 @@ def largest_difference(assembly: Assembly, theta: NDArray[np.float64], amplitude
     assembly : Assembly
     theta : (n, n_params) array
         SI.
-    amplitude : (n, n_freq) array
+    amplitude : (n, n_responses n_freq) array
         Of the accelerance for each of `theta`, as it was computed before, in m/(N s^2).
 
     Returns

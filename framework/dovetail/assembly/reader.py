@@ -10,16 +10,15 @@ from typing import Any
 
 from dovetail.assembly.component_sections import build, read_property
 from dovetail.assembly.connectivity import check_connected
-from dovetail.assembly.description import Description, IdentificationSettings, JointEntry, Response
+from dovetail.assembly.description import Description, IdentificationSettings, JointEntry
 from dovetail.assembly.findings import Findings
 from dovetail.assembly.frequencies import read_frequency
 from dovetail.assembly.inheritance import read_source
 from dovetail.assembly.joints import Substructures, read_joint
-from dovetail.assembly.nodes import find_node
-from dovetail.assembly.sections import FORMAT, DescriptionSection, IdentificationSection, ResponseSection
+from dovetail.assembly.responses import read_responses
+from dovetail.assembly.sections import FORMAT, DescriptionSection, DescriptionSectionOfSeveral, IdentificationSection
 from dovetail.assembly.tree import plain, shown
 from dovetail.assembly.validation import validate
-from dovetail.errors import did_you_mean, listing
 from dovetail.interfaces import SubstructureModel, node_faults, source_file
 from dovetail.registry import Registry
 
@@ -51,20 +50,20 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
     findings = Findings()
     name, findings.root = read_source(source, findings)
     _check_format(findings)
-    top = validate(DescriptionSection, (), findings, "the description")
+    several = findings.root.at(("responses",)) is not None
+    top = validate(DescriptionSectionOfSeveral if several else DescriptionSection, (), findings, "the description")
     frequency = read_frequency(findings)
     substructures = _read_substructures(findings, registry)
     joints = _read_joints(substructures, findings, registry)
-    response = _read_response(substructures, findings)
+    responses = read_responses(substructures, findings)
     identification = _read_identification(findings, registry)
     findings.raise_if_any()
     parts = {key: part for key, part in substructures.items() if part is not None}
     joined = {key: joint for key, joint in joints.items() if joint is not None}
     assert top is not None
     assert frequency is not None
-    assert response is not None
     assert identification is not None
-    check_connected(parts, joined, response.substructure, findings)
+    check_connected(parts, joined, responses[0].substructure, findings)
     findings.raise_if_any()
     return Description(
         name=top.name,
@@ -73,7 +72,7 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
         frequency=frequency,
         substructures=MappingProxyType(parts),
         joints=MappingProxyType(joined),
-        response=response,
+        responses=responses,
         identification=identification,
     )
 
@@ -128,30 +127,6 @@ def _read_substructure(name: str, findings: Findings, registry: Registry) -> Sub
 
 def _read_joints(substructures: Substructures, findings: Findings, registry: Registry) -> dict[str, JointEntry | None]:
     return {name: read_joint(name, substructures, findings, registry) for name in _names("joints", "joint", findings)}
-
-
-def _read_response(substructures: Substructures, findings: Findings) -> Response | None:
-    path = ("response",)
-    if findings.root.at(path) is None:
-        return None
-    section = validate(ResponseSection, path, findings, "'response'")
-    if section is None:
-        return None
-    if section.at not in substructures:
-        if substructures:
-            hint = did_you_mean(section.at, substructures)
-            findings.add((*path, "at"), f"there is no substructure {shown(section.at)}.", listing(substructures), hint)
-        return None
-    substructure = substructures[section.at]
-    if substructure is None:
-        return None
-    if substructure.grounded:
-        moving = listing(name for name, part in substructures.items() if part is not None and not part.grounded)
-        found = f"the response cannot be at '{section.at}', which does not move."
-        findings.add((*path, "at"), found, moving)
-        return None
-    node = find_node(section.at, substructure, section.position, (*path, "position"), findings)
-    return None if node is None else Response(section.at, node, section.direction, section.quantity)
 
 
 def _read_identification(findings: Findings, registry: Registry) -> IdentificationSettings | None:

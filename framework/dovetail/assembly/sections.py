@@ -16,6 +16,7 @@ __all__ = [
     "AttachmentSection",
     "AugmentationSection",
     "DescriptionSection",
+    "DescriptionSectionOfSeveral",
     "FrequencySection",
     "IdentificationSection",
     "ParameterSection",
@@ -216,6 +217,8 @@ class DescriptionSection(_Section):
         How they are connected, by names of your own.
     response : section
         The drive point and the quantity.
+    responses : sequence of sections
+        In place of `response`: several drive points, each of which is measured.
     identification : section
         How the network is trained.
     """
@@ -226,4 +229,12 @@ class DescriptionSection(_Section):
     substructures: dict[str, Any]
     joints: dict[str, Any] = Field(default={})
     response: Any
+    responses: Any = None
     identification: Any = None
+
+
+class DescriptionSectionOfSeveral(DescriptionSection):
+    """The keys of a description with several responses."""
+
+    response: Any = None
+    responses: Any

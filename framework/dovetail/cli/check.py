@@ -12,6 +12,7 @@ from dovetail.errors import listing
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
+    from dovetail.assembly.description import Response
 
 __all__ = ["check"]
 
@@ -34,7 +35,7 @@ def check(assembly: AssemblyFile, plugin: PluginFiles = None, as_json: AsJson = 
 
 def _summary(assembly: Assembly) -> dict[str, Any]:
     description, graph = assembly.description, assembly.graph
-    response, frequency = description.response, assembly.frequency
+    frequency = assembly.frequency
     natural, reason = natural_frequencies(assembly)
     substructures = [
         {
@@ -58,15 +59,20 @@ def _summary(assembly: Assembly) -> dict[str, Any]:
         "dofs": {"assembly": graph.size, "condensed": len(assembly.engine.program.order)},
         "parameters": [asdict(parameter) for parameter in assembly.parameters],
         "fixed": _fixed(assembly),
-        "response": {
-            "at": response.substructure,
-            "position": graph.substructures[response.substructure].nodes[response.node].position,
-            "direction": response.direction,
-            "quantity": response.quantity,
-        },
+        "response": _response(assembly, description.response),
+        "further_responses": [_response(assembly, response) for response in description.responses[1:]],
         "frequency": {"first": float(frequency[0]), "last": float(frequency[-1]), "lines": len(frequency)},
         "natural_frequencies": natural,
         "without_natural_frequencies": reason,
+    }
+
+
+def _response(assembly: Assembly, response: Response) -> dict[str, Any]:
+    return {
+        "at": response.substructure,
+        "position": assembly.graph.substructures[response.substructure].nodes[response.node].position,
+        "direction": response.direction,
+        "quantity": response.quantity,
     }
 
 
@@ -83,9 +89,10 @@ def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
     from dovetail.units import format_quantity
 
     title(f"{summary['name']}  ({summary['source']})")
-    response, frequency = summary["response"], summary["frequency"]
-    position = format_quantity(response["position"], "m")
-    say(f"Response   {response['quantity']} at {response['at']}, {position}, direction {response['direction']}")
+    frequency = summary["frequency"]
+    for index, response in enumerate((summary["response"], *summary["further_responses"])):
+        place = f"{response['at']}, {format_quantity(response['position'], 'm')}"
+        say(f"{'' if index else 'Response':9}  {response['quantity']} at {place}, direction {response['direction']}")
     say(f"Frequency  {frequency['first']:g} to {frequency['last']:g} Hz, {frequency['lines']} lines")
     _print_dofs(summary)
     heading("Nodes")

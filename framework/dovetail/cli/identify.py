@@ -1,4 +1,4 @@
-"""``dovetail identify``: joint parameters from one measured FRF."""
+"""``dovetail identify``: joint parameters from the measured FRF of each response."""
 
 from __future__ import annotations
 
@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.options import AsJson, PluginFiles, check_method, quantity_in
-from dovetail.cli.reading import ForceDof, Index, Names, QuantityOfFile, ResponseDof, UnitOfFile, names_of
+from dovetail.cli.reading import (
+    ForceDofs,
+    Indices,
+    Names,
+    QuantityOfFile,
+    ResponseDofs,
+    UnitOfFile,
+    names_of,
+    selections,
+)
 from dovetail.cli.terminal import heading, note, print_json, say, table, title
 
 if TYPE_CHECKING:
@@ -24,7 +33,10 @@ def identify(
     source: Annotated[
         Path, typer.Argument(metavar="MODEL_OR_ASSEMBLY", help="A folder that 'train' wrote, or a description (YAML).")
     ],
-    measured: Annotated[Path, typer.Argument(metavar="MEASURED", help="The measured FRF; docs, measured files.")],
+    measured: Annotated[
+        list[Path],
+        typer.Argument(metavar="MEASURED...", help="The measured FRF; one for each response, in their order."),
+    ],
     method: Annotated[
         str,
         typer.Option(
@@ -52,9 +64,9 @@ def identify(
     ] = None,
     quantity: QuantityOfFile = None,
     unit: UnitOfFile = None,
-    index: Index = None,
-    response: ResponseDof = None,
-    force: ForceDof = None,
+    index: Indices = None,
+    response: ResponseDofs = None,
+    force: ForceDofs = None,
     names: Names = None,
     accelerometer_mass: Annotated[
         float,
@@ -77,6 +89,9 @@ def identify(
 ) -> None:
     """Identify a joint from a measured FRF.
 
+    A description with several responses takes one FRF for each, in its order: several files, or one file with --index,
+    or --response and --force, once for each.
+
     Given a description, the method 'network' trains a network first; it is kept in the user's cache folder (or where
     DOVETAIL_CACHE_DIR says) and taken from there the next time. The other methods need none; given a trained model,
     'refined' starts from its answer too. Files of an earlier run in the output folder are replaced.
@@ -93,24 +108,27 @@ def identify(
     }
     options = {name: value for name, value in given.items() if value is not None}
     check_method(method, options)
-    frf = dovetail.read_frf(
-        measured,
-        quantity=quantity,
-        unit=unit,
-        accelerometer_mass=accelerometer_mass,
-        index=index,
-        response=response,
-        force=force,
-        names=names_of(names or []),
-    )
+    frfs = [
+        dovetail.read_frf(
+            file,
+            quantity=quantity,
+            unit=unit,
+            accelerometer_mass=accelerometer_mass,
+            index=number,
+            response=to,
+            force=from_,
+            names=names_of(names or []),
+        )
+        for file, number, to, from_ in selections(measured, index or [], response or [], force or [])
+    ]
     assembly, model = _read(source, plugin or [])
-    _check(assembly, frf, truth, output, accelerometer_mass)
+    _check(assembly, frfs, truth, output, accelerometer_mass)
     if model is None and method == "network":
         from dovetail.cli.model_cache import trained_model
 
         model = trained_model(assembly, plugin or [], retrain=retrain)
     known = None if truth is None else read_truth(truth, assembly.parameters)
-    result = dovetail.identify(assembly, frf, method, model=model, **options)
+    result = dovetail.identify(assembly, frfs, method, model=model, **options)
     if output is not None:
         from dovetail.cli.result_files import write_results
 
@@ -134,15 +152,17 @@ def _read(source: Path, plugins: list[Path]) -> tuple[Assembly, Identifier | Non
 
 
 def _check(
-    assembly: Assembly, measured: Frf, truth: Path | None, output: Path | None, accelerometer_mass: float
+    assembly: Assembly, measured: list[Frf], truth: Path | None, output: Path | None, accelerometer_mass: float
 ) -> None:
     """Look at everything that could be wrong before any work."""
     from dovetail.cli.result_files import prepare_folder
+    from dovetail.identification.fitting import one_for_each
     from dovetail.measurement import on_grid
     from dovetail.report import read_truth
 
     _check_accelerometer(assembly, accelerometer_mass)
-    on_grid(measured, assembly.frequency)
+    for frf in one_for_each(assembly, measured):
+        on_grid(frf, assembly.frequency)
     if truth is not None:
         read_truth(truth, assembly.parameters)
     if output is not None:
@@ -152,7 +172,7 @@ def _check(
 def _check_accelerometer(assembly: Assembly, mass: float) -> None:
     from dovetail.errors import Fault, MeasurementError
 
-    if mass and assembly.description.response.rotation:
+    if mass and any(response.rotation for response in assembly.description.responses):
         found = f"the response of '{assembly.name}' is a rotation per moment, from which no mass can be removed."
         raise MeasurementError(Fault("--accelerometer-mass", found, remedy="Leave it out."))
 
@@ -160,7 +180,8 @@ def _check_accelerometer(assembly: Assembly, mass: float) -> None:
 def _print(result: Identification, truth: Truth | None) -> None:
     from dovetail.report.content import fit_sentence, mode_rows, parameter_rows, warnings_of
 
-    title(f"{result.provenance['assembly']}: joint identified from {result.measured.label} ({result.method})")
+    measured = ", ".join(dict.fromkeys(one.measured.label for one in result.responses))
+    title(f"{result.provenance['assembly']}: joint identified from {measured} ({result.method})")
     rows = []
     for row in parameter_rows(result, truth):
         outside = "" if row.in_range else "outside"
@@ -189,7 +210,9 @@ def _print(result: Identification, truth: Truth | None) -> None:
     say()
     if result.fit is not None:
         say(fit_sentence(result.fit))
-    say(f"Mean coherence of measured and reconstructed FRF: {result.mean_coherence:.3f}")
+    for one in result.responses:
+        where = f" at {one.point}" if result.further else ""
+        say(f"Mean coherence of measured and reconstructed FRF{where}: {one.mean_coherence:.3f}")
     for warning in warnings_of(result, truth):
         say(f"Note: {warning}")
 

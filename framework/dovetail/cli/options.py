@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from dovetail.assembly import Assembly
 
 __all__ = [
     "AsJson",
     "AssemblyFile",
     "Overwrite",
     "PluginFiles",
+    "PointNumber",
+    "at_point",
     "check_method",
     "check_new_files",
     "quantity_in",
@@ -39,6 +44,25 @@ AssemblyFile = Annotated[Path, typer.Argument(metavar="ASSEMBLY", help="The asse
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for a program.")]
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that are there already.")]
+
+PointNumber = Annotated[
+    int, typer.Option("--point", metavar="N", min=1, help="Which response, from 1, if the description has several.")
+]
+
+
+def at_point(assembly: Assembly, number: int) -> Assembly:
+    """Return the assembly with one of its responses alone.
+
+    Raises
+    ------
+    typer.BadParameter
+        There are fewer.
+    """
+    labels = assembly.description.response_labels
+    if number > len(labels):
+        listed = "; ".join(f"{place}. {label}" for place, label in enumerate(labels, start=1))
+        raise typer.BadParameter(f"there is no response {number}: {listed}.", param_hint="--point")
+    return assembly if len(labels) == 1 else assembly.at(number - 1)
 
 
 def quantity_in(unit: str) -> Callable[[str], float]:

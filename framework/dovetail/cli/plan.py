@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
+
+if TYPE_CHECKING:
+    from dovetail.evaluation import Plan
 
 __all__ = ["plan"]
 
@@ -43,15 +47,35 @@ def plan(
     names = [parameter.name for parameter in loaded.parameters]
     headers = ["point", "position [mm]", "mean", *names, "modes not seen [Hz]"]
     title(f"{loaded.name}: part of the prior variance that one FRF takes away, noise {noise:g}")
-    shown = list(enumerate(found.points[:_SHOWN]))
-    if found.current >= _SHOWN:
-        shown.append((found.current, found.points[found.current]))
-    rows = [_row(point, "  (as described)" if place == found.current else "") for place, point in shown]
+    described = {(response.substructure, response.node) for response in loaded.description.responses}
+    nodes = {name: [node.position for node in part.nodes] for name, part in loaded.description.substructures.items()}
+    own = {(name, nodes[name][node]) for name, node in described}
+    shown = [
+        point
+        for place, point in enumerate(found.points)
+        if place < _SHOWN or (point.substructure, point.position) in own
+    ]
+    rows = [_row(point, "  (as described)" if (point.substructure, point.position) in own else "") for point in shown]
     table(headers, rows, numbers=headers[1:-1])
     heading(f"Together with the first, {found.points[0].substructure} at {found.points[0].position * 1e3:g} mm")
     table(headers, [_row(point, "") for point in found.seconds[:_SHOWN]], numbers=headers[1:-1])
     say()
     say("1: the measurement tells all; 0: it tells nothing that the range does not say.")
+    if found.responses:
+        _print_pair(found, assembly)
+
+
+def _print_pair(found: Plan, assembly: Path) -> None:
+    heading("The two points that tell most together")
+    table(
+        ["parameter", "interval, of that from the first alone"],
+        [(name, f"{share:.2f}") for name, share in found.narrowing.items()],
+        numbers=["interval, of that from the first alone"],
+    )
+    say()
+    say("To measure at both, write a description of these lines and give 'dovetail identify' one FRF for each:")
+    say()
+    say(f"dovetail: 1\nextends: {assembly.name}\n{found.responses}")
 
 
 def _row(point: object, note: str) -> list[str]:

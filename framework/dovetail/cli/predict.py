@@ -9,7 +9,7 @@ import typer
 
 from dovetail.cli.frf_files import FrfFiles, check_frf_files, write_frf_files
 from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
-from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, check_new_files
+from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, PointNumber, at_point, check_new_files
 from dovetail.cli.terminal import heading, note, print_json, quantity_text, table, title
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ def predict(
     result: Annotated[
         Path, typer.Argument(metavar="RESULT", help="The folder that 'identify' wrote, or its result.json.")
     ],
+    point: PointNumber = 1,
     output: FrfFiles = None,
     band: Annotated[
         Path | None,
@@ -48,7 +49,7 @@ def predict(
     check_frf_files(files, overwrite)
     if band is not None:
         check_new_files([band], [".csv"], overwrite)
-    loaded = dovetail.load(assembly, plugins=plugin or ())
+    loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
     identified = read_identification(result)
     values = joint_values(loaded, identified)
     frf = dovetail.predict(loaded, identified)

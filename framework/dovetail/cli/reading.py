@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, TypeVar
 
 import typer
 
-__all__ = ["ForceDof", "Index", "Names", "QuantityOfFile", "ResponseDof", "UnitOfFile", "names_of"]
+__all__ = [
+    "ForceDof",
+    "ForceDofs",
+    "Index",
+    "Indices",
+    "Names",
+    "QuantityOfFile",
+    "ResponseDof",
+    "ResponseDofs",
+    "UnitOfFile",
+    "names_of",
+    "selections",
+]
+
+_Given = TypeVar("_Given")
 
 QuantityOfFile = Annotated[
     str | None,
@@ -25,10 +40,54 @@ ResponseDof = Annotated[
 ForceDof = Annotated[
     str | None, typer.Option("--force", metavar="DOF", help="Force DOF of the FRF that is wanted, such as 1+x.")
 ]
+Indices = Annotated[
+    list[int] | None,
+    typer.Option(
+        "--index", metavar="N", min=1, help="Which FRF of a file with several, from 1; for each response in turn."
+    ),
+]
+ResponseDofs = Annotated[
+    list[str] | None,
+    typer.Option("--response", metavar="DOF", help="Response DOF of the FRF that is wanted, such as 5+x; as --index."),
+]
+ForceDofs = Annotated[
+    list[str] | None,
+    typer.Option("--force", metavar="DOF", help="Force DOF of the FRF that is wanted, such as 1+x; as --index."),
+]
 Names = Annotated[
     list[str] | None,
     typer.Option("--name", metavar="PART=NAME", help="What the file calls a part, as in values=H1. May be repeated."),
 ]
+
+
+def selections(
+    files: Sequence[Path], index: Sequence[int], response: Sequence[str], force: Sequence[str]
+) -> list[tuple[Path, int | None, str | None, str | None]]:
+    """Return file, index, response DOF and force DOF of each measured FRF.
+
+    Parameters
+    ----------
+    files : sequence of Path
+    index, response, force : sequences
+        What stands once goes for all FRFs; what stands several times, as the files do, for one after the other.
+
+    Raises
+    ------
+    typer.BadParameter
+        Two of them differ in number.
+    """
+    count = max(len(files), len(index), len(response), len(force))
+    for name, given in (("MEASURED", files), ("--index", index), ("--response", response), ("--force", force)):
+        if len(given) not in (0, 1, count):
+            raise typer.BadParameter(f"{name} is given {len(given)} times for {count} FRFs.", param_hint=name)
+    options = (_each(index, count), _each(response, count), _each(force, count))
+    return list(zip(list(files) * (count if len(files) == 1 else 1), *options, strict=True))
+
+
+def _each(given: Sequence[_Given], count: int) -> Sequence[_Given | None]:
+    if len(given) == count:
+        return given
+    return [given[0] if given else None] * count
 
 
 def names_of(texts: Sequence[str]) -> dict[str, str]:

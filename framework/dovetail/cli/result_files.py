@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dovetail.identification import Identification
+    from dovetail.identification import AtPoint, Identification
     from dovetail.report import Truth
 
 __all__ = ["csv_text", "prepare_folder", "write_results"]
@@ -48,7 +48,7 @@ def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RES
 
 
 def write_results(result: Identification, folder: Path, truth: Truth | None) -> tuple[Path, ...]:
-    """Write a report, the result as JSON, parameters and FRFs as CSV, and a figure.
+    """Write a report, the result as JSON, parameters and FRFs as CSV, and a figure of each FRF.
 
     Parameters
     ----------
@@ -70,12 +70,15 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
     texts = {
         _RESULT: json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         "parameters.csv": _parameters(result, truth),
-        "frf.csv": _frfs(result),
     }
     for name, text in texts.items():
         write_whole(paths[name], text.encode("utf-8"), overwrite=True)
     natural = [mode.natural_frequency for mode in result.modes]
-    save_png(frf_figure(result.measured, result.frf, result.coherence, natural), paths["frf.png"])
+    for number, one in enumerate(result.responses, start=1):
+        table, figure = (folder / name for name in _frf_files(number))
+        paths |= {table.name: table, figure.name: figure}
+        write_whole(table, _frfs(one).encode("utf-8"), overwrite=True)
+        save_png(frf_figure(one.measured, one.frf, one.coherence, natural), figure)
     write_report(result, paths["report.html"], truth=truth)
     return tuple(paths.values())
 
@@ -91,15 +94,21 @@ def _parameters(result: Identification, truth: Truth | None) -> str:
     )
 
 
-def _frfs(result: Identification) -> str:
-    measured, frf = result.measured, result.frf
+def _frf_files(number: int) -> tuple[str, str]:
+    """Return the names of the table and the figure of a response, counted from 1."""
+    stem = "frf" if number == 1 else f"frf_{number}"
+    return f"{stem}.csv", f"{stem}.png"
+
+
+def _frfs(at_point: AtPoint) -> str:
+    measured, frf = at_point.measured, at_point.frf
     columns = {"frequency_Hz": frf.frequency}
     if measured.has_phase:
         columns |= {"measured_real": measured.values.real, "measured_imag": measured.values.imag}
     else:
         columns["measured_amplitude"] = measured.amplitude
     columns |= {"reconstructed_real": frf.values.real, "reconstructed_imag": frf.values.imag}
-    columns["coherence"] = result.coherence
+    columns["coherence"] = at_point.coherence
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return f"# quantity: {frf.quantity}\n" + csv_text(list(columns), rows)
 

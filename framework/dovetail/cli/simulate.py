@@ -8,7 +8,7 @@ import typer
 
 from dovetail.cli.frf_files import FrfFiles, check_frf_files, write_frf_files
 from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
-from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles
+from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, PointNumber, at_point
 from dovetail.cli.terminal import heading, note, print_json, quantity_text, range_text, table, title
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ def simulate(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Value of a parameter, such as Dc=30mm. May be repeated."),
     ] = None,
+    point: PointNumber = 1,
     output: FrfFiles = None,
     overwrite: Overwrite = False,
     plugin: PluginFiles = None,
@@ -37,7 +38,7 @@ def simulate(
     files = output or []
     check_frf_files(files, overwrite)
     chosen = _settings(settings or [])
-    loaded = dovetail.load(assembly, plugins=plugin or ())
+    loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
     theta = _theta(loaded, chosen)
     response, label = loaded.description.response, f"{loaded.name}, simulated"
     values = loaded.frf(theta)

@@ -41,7 +41,8 @@ class Dataset:
     frequency : (n_freq,) array
         Hz.
     amplitude : StoredFrfs
-        (n_samples, n_freq) float32, of the accelerance [m/(N s^2)]; read as it is indexed, ``dataset.amplitude[:10]``.
+        (n_samples, n_responses n_freq) float32, of the accelerance [m/(N s^2)], the lines of a second response behind
+        those of the first; read as it is indexed, ``dataset.amplitude[:10]``.
     storage : "amplitude" or "complex"
         What is stored of each FRF.
     complete : bool
@@ -82,7 +83,7 @@ class Dataset:
 
     @property
     def accelerance(self) -> StoredFrfs:
-        """(n_samples, n_freq) complex64 accelerance [m/(N s^2)], where it is stored with its phase.
+        """(n_samples, n_responses n_freq) complex64 accelerance [m/(N s^2)], where it is stored with its phase.
 
         Raises
         ------

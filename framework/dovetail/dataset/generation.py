@@ -36,7 +36,7 @@ def generate(
     resume: bool = False,
     progress: Progress = silent,
 ) -> Dataset:
-    """Make a dataset: Latin hypercube samples and the accelerance of each.
+    """Make a dataset: Latin hypercube samples and the accelerance of each, at all responses side by side.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
     import zarr
     from zarr.codecs import Crc32cCodec
 
-    samples, lines = plan.samples, len(assembly.frequency)
+    samples, lines = plan.samples, len(assembly.description.responses) * len(assembly.frequency)
     array, dtype = ARRAYS[plan.storage]
     chunk = max(1, min(samples, int(_CHUNK_BYTES / (np.dtype(dtype).itemsize * lines))))
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.new")
@@ -141,6 +141,7 @@ def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
         "name": assembly.name,
         "description": assembly.description.text,
         "fingerprint": assembly.description.fingerprint,
+        "responses": list(assembly.description.response_labels),
         "parameter_names": [parameter.name for parameter in assembly.parameters],
         "quantity": "amplitude of the accelerance" if plan.storage == "amplitude" else "accelerance",
         "storage": plan.storage,
@@ -193,7 +194,7 @@ def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
 
 
 def complex_accelerance(assembly: Assembly, theta: NDArray[np.float64]) -> NDArray[np.complex64]:
-    """Return the accelerance at the drive point with its phase, in single precision.
+    """Return the accelerance with its phase in single precision, all responses side by side.
 
     Parameters
     ----------
@@ -203,8 +204,12 @@ def complex_accelerance(assembly: Assembly, theta: NDArray[np.float64]) -> NDArr
 
     Returns
     -------
-    (n, n_freq) complex64 array
+    (n, n_responses n_freq) complex64 array
         m/(N s^2).
     """
-    factor = conversion(assembly.frequency, assembly.description.response.quantity, "accelerance")
-    return (assembly.frf(theta) * factor).astype(np.complex64)
+    each = zip(assembly.each_response, assembly.description.responses, strict=True)
+    parts = [
+        (one.frf(theta) * conversion(assembly.frequency, response.quantity, "accelerance")).astype(np.complex64)
+        for one, response in each
+    ]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)

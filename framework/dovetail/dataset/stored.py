@@ -25,7 +25,7 @@ class StoredFrfs:
     folder : path
         The dataset's.
     array : zarr.Array
-        (n_samples, n_freq), one chunk a block of samples.
+        (n_samples, n_responses n_freq), one chunk a block of samples.
     written : (n_chunks,) bool array
         Which chunks the generation has finished.
     magnitude : bool

@@ -19,6 +19,7 @@ from dovetail.evaluation.robustness import variant
 from dovetail.evaluation.validation import PROMINENCE
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, Identifier, identify, train
+from dovetail.identification.fitting import one_for_each
 from dovetail.identification.methods import METHODS
 from dovetail.identification.modes import counterpart, resonance_peaks
 from dovetail.interfaces import Progress, silent
@@ -170,7 +171,8 @@ def _one_assembly(cases: Cases) -> Path:
 def _measurement(case: Case, assembly: Assembly) -> Frf:
     assert case.joint is not None
     assert case.joint.measured is not None
-    bare = on_grid(case.joint.measured.read(compensated=True), assembly.frequency)
+    (read,) = one_for_each(assembly, case.joint.measured.read(compensated=True))
+    bare = on_grid(read, assembly.frequency)
     return bare.to(assembly.description.response.quantity)
 
 

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.dataset import latin_hypercube
 from dovetail.errors import DovetailError, Fault, ParameterError
+from dovetail.evaluation.within_ranges import Left, left_over
 from dovetail.interfaces import Progress, silent
+from dovetail.units import format_quantity
 
 __all__ = ["NOISE", "Plan", "PlannedPoint", "plan"]
 
@@ -36,6 +38,9 @@ class PlannedPoint:
         m.
     gain : mapping of str to float
         Of each parameter: part of its prior variance that the FRF takes away, over the prior's mean.
+    deviation : mapping of str to float
+        Of each parameter: mean standard deviation that is left, in fractions of its range. The width of its interval
+        goes with it.
     hidden : tuple of float
         Hz; natural frequencies of the middle of the ranges that have a node of vibration near this point.
     """
@@ -43,6 +48,7 @@ class PlannedPoint:
     substructure: str
     position: float
     gain: dict[str, float]
+    deviation: dict[str, float]
     hidden: tuple[float, ...]
 
     @property
@@ -59,16 +65,27 @@ class Plan:
     ----------
     points : tuple of PlannedPoint
     current : int
-        Which of them the description's response is.
+        Which of them the description's (first) response is.
     seconds : tuple of PlannedPoint
         For each other point, the gain of its FRF and the best point's together, the most telling pair first.
     noise : float
+    responses : str
+        The description's section for the most telling pair, as YAML; empty where there is a single point.
     """
 
     points: tuple[PlannedPoint, ...]
     current: int
     seconds: tuple[PlannedPoint, ...]
     noise: float
+    responses: str
+
+    @property
+    def narrowing(self) -> dict[str, float]:
+        """Of each parameter: its interval from the most telling pair over that from the first point alone."""
+        if not self.seconds:
+            return {}
+        alone, pair = self.points[0].deviation, self.seconds[0].deviation
+        return {name: pair[name] / alone[name] for name in alone}
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON."""
@@ -77,6 +94,8 @@ class Plan:
             "points": [_plain(point) for point in self.points],
             "current": _plain(self.points[self.current]),
             "with_the_first": [_plain(point) for point in self.seconds],
+            "narrowing": self.narrowing,
+            "responses": self.responses,
         }
 
 
@@ -86,6 +105,7 @@ def _plain(point: PlannedPoint) -> dict[str, Any]:
         "position": point.position,
         "mean_gain": point.mean_gain,
         "gain": dict(point.gain),
+        "deviation": dict(point.deviation),
         "hidden_modes_Hz": list(point.hidden),
     }
 
@@ -125,9 +145,8 @@ def plan(
 
     Notes
     -----
-    The Fisher information of the complex FRF with the exact sensitivities, and the variance of a uniform prior: the
-    posterior's covariance is ``(F + 12)^-1`` in fractions of the ranges. It is linear, so it flatters
-    where the posterior is bent; the ranking is hardly touched by that.
+    The Fisher information of the complex FRF with the exact sensitivities, and a prior that ends at the ends of the
+    ranges (`left_over`). Several responses of a description count one by one; the first says direction and quantity.
     """
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to measure for."))
@@ -144,18 +163,19 @@ def plan(
         share.append(_share(one, natural))
     progress("points", len(candidates), len(candidates))
     hidden = np.array(share) < _HIDDEN * np.max(share, axis=0, initial=0.0)
-    points = [
-        _point(one, fisher, natural[rows]) for one, fisher, rows in zip(candidates, information, hidden, strict=True)
-    ]
+    known, truth = np.array(information), assembly.to_unit(theta)
+    points = _points(candidates, left_over(known, truth, seed), [natural[rows] for rows in hidden])
     order = sorted(range(len(points)), key=lambda index: -points[index].mean_gain)
-    first = order[0]
-    seconds = [
-        _point(candidates[index], information[first] + information[index], natural[hidden[index] & hidden[first]])
-        for index in order[1:]
-    ]
+    first, others = order[0], order[1:]
+    seconds = _points(
+        [candidates[index] for index in others],
+        left_over(known[first] + known[others], truth, seed),
+        [natural[hidden[index] & hidden[first]] for index in others],
+    )
     current = next(place for place, index in enumerate(order) if _is_current(assembly, candidates[index]))
     ranked = tuple(sorted(seconds, key=lambda point: -point.mean_gain))
-    return Plan(tuple(points[index] for index in order), current, ranked, noise)
+    pair = _section(assembly, points[first], ranked[0]) if ranked else ""
+    return Plan(tuple(points[index] for index in order), current, ranked, noise, pair)
 
 
 def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assembly]:
@@ -172,7 +192,7 @@ def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assemb
     if own.substructure not in chosen:
         chosen.append(own.substructure)
     return [
-        Assembly(replace(description, response=replace(own, substructure=name, node=node)))
+        Assembly(replace(description, responses=(replace(own, substructure=name, node=node),)))
         for name in chosen
         for node in range(len(parts[name].nodes))
         if not inside.intersection({(name, 2 * node), (name, 2 * node + 1)})
@@ -208,15 +228,35 @@ def _share(assembly: Assembly, natural: NDArray[np.float64]) -> NDArray[np.float
     return np.asarray(amplitude[nearest], dtype=np.float64)
 
 
-def _point(assembly: Assembly, information: NDArray[np.float64], hidden: NDArray[np.float64]) -> PlannedPoint:
-    covariance = np.linalg.inv(information + 12.0 * np.eye(information.shape[-1]))
-    gains = 1.0 - 12.0 * np.einsum("npp->np", covariance).mean(axis=0)
+def _points(candidates: list[Assembly], left: Left, hidden: list[NDArray[np.float64]]) -> list[PlannedPoint]:
+    rows = zip(candidates, left.variance, left.deviation, hidden, strict=True)
+    return [_point(one, *row) for one, *row in rows]
+
+
+def _point(
+    assembly: Assembly,
+    variance: NDArray[np.float64],
+    deviation: NDArray[np.float64],
+    hidden: NDArray[np.float64],
+) -> PlannedPoint:
     response = assembly.description.response
     position = assembly.description.substructures[response.substructure].nodes[response.node].position
-    names = (parameter.name for parameter in assembly.parameters)
+    names = [parameter.name for parameter in assembly.parameters]
     return PlannedPoint(
-        response.substructure, position, dict(zip(names, gains.tolist(), strict=True)), tuple(hidden.tolist())
+        substructure=response.substructure,
+        position=position,
+        gain=dict(zip(names, (1.0 - 12.0 * variance).tolist(), strict=True)),
+        deviation=dict(zip(names, deviation.tolist(), strict=True)),
+        hidden=tuple(hidden.tolist()),
     )
+
+
+def _section(assembly: Assembly, first: PlannedPoint, second: PlannedPoint) -> str:
+    """Return the section of a description that has both points, with the quantity of the described response."""
+    own = assembly.description.response
+    keys = f"direction: {own.direction}, quantity: {own.quantity}"
+    places = [f"at: {one.substructure}, position: {format_quantity(one.position, 'm', 8)}" for one in (first, second)]
+    return "responses:\n" + "".join(f"  - {{{place}, {keys}}}\n" for place in places)
 
 
 def _is_current(assembly: Assembly, candidate: Assembly) -> bool:

@@ -90,8 +90,8 @@ def robustness(
 
     Notes
     -----
-    Noise x + level * sigma * n is added to the amplitude of the accelerance; what becomes negative is taken as its
-    magnitude.
+    Noise x + level * sigma * n is added to the amplitude of the accelerance, sigma the standard deviation of all test
+    amplitudes of a response; what becomes negative is taken as its magnitude.
     """
     rows: list[RobustnessRow] = []
     for name in models:
@@ -144,9 +144,11 @@ def _evaluate(
     settings = assembly.description.identification
     is_test = np.flatnonzero(split(len(dataset), settings.test_fraction, settings.seed))
     clean, truth = np.asarray(dataset.amplitude[:])[is_test], dataset.parameters[is_test]
+    parts = np.split(clean, len(assembly.description.responses), axis=1)
     for index, level in enumerate(levels):
         progress(f"noise on {model}", index, len(levels))
-        noisy = np.abs(data_noise(clean, level, seed)).astype(np.float32)
+        random = np.random.default_rng(seed)
+        noisy = np.abs(np.concatenate([data_noise(part, level, random) for part in parts], axis=1)).astype(np.float32)
         predicted = identifier.predict_parameters(noisy)
         metrics = parameter_metrics(assembly.parameters, truth, predicted)
         r2 = {name: float("nan") if m.r2 is None else m.r2 for name, m in metrics.items()}

@@ -8,10 +8,11 @@ from dovetail.identification.identify import identify
 from dovetail.identification.metrics import Evaluation, ParameterMetrics
 from dovetail.identification.posterior import Posterior, Verdict
 from dovetail.identification.prediction import predict
-from dovetail.identification.result import Identification, IdentifiedParameter, Mode
+from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.identification.training import train
 
 __all__ = [
+    "AtPoint",
     "Band",
     "Evaluation",
     "Fit",

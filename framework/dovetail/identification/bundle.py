@@ -293,7 +293,7 @@ def _network(assembly: Assembly, states: Mapping[Part, Mapping[str, Any]]) -> Ne
 def _check(assembly: Assembly, network: Network, state: Mapping[str, Any]) -> NDArray[np.float64]:
     """Ask again what was answered when the model was saved; return the differences as parts of the ranges."""
     amplitude, theta = state["amplitude"], state["theta"]
-    shape = len(_CHECK_FRACTIONS), len(assembly.frequency)
+    shape = len(_CHECK_FRACTIONS), len(assembly.description.responses) * len(assembly.frequency)
     if amplitude.shape != shape or theta.shape != (len(amplitude), len(assembly.parameters)):
         raise ValueError(f"answers of the shape {theta.shape} to FRFs of the shape {amplitude.shape}")
     return np.abs(assembly.to_unit(network.predict(amplitude)) - assembly.to_unit(theta))

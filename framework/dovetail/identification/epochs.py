@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Self
 
@@ -34,26 +34,31 @@ class NoisyFeatures:
     ----------
     assembly : Assembly
         Its description's `augmentation` says how much of what, and its seed fixes every epoch.
-    clean : (n_samples, n_freq) float32 or complex64 array
-        Accelerance without noise, its amplitude or with its phase; what is drawn afresh has as many samples and
-        replaces them.
+    clean : (n_samples, n_responses n_freq) float32 or complex64 array
+        Accelerance without noise, its amplitude or with its phase, all responses side by side; what is drawn afresh has
+        as many samples and replaces them.
     theta : (n_samples, n_params) array
         SI.
-    augmentation : Augmentation
+    augmentations : sequence of Augmentation
+        Of each response: they err one by one.
     """
 
     def __init__(
-        self, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64], augmentation: Augmentation
+        self,
+        assembly: Assembly,
+        clean: NDArray[np.number],
+        theta: NDArray[np.float64],
+        augmentations: Sequence[Augmentation],
     ) -> None:
         self._assembly = assembly
         self._stored = clean
         self._theta = theta
-        self._augmentation = augmentation
+        self._augmentations = tuple(augmentations)
         self._seed = assembly.description.identification.seed
 
     @classmethod
     def of(cls, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64]) -> Self:
-        """Take the noise's unit, the standard deviation of all amplitudes, from the training samples.
+        """Take the noise's unit, the standard deviation of a response's amplitudes, from the training samples.
 
         Raises
         ------
@@ -62,8 +67,9 @@ class NoisyFeatures:
         """
         settings = assembly.description.identification.augmentation
         assert settings is not None
-        augmentation = Augmentation(settings, assembly.frequency, _deviation(clean))
-        if augmentation.needs_phase and not settings.fresh and not np.iscomplexobj(clean):
+        parts = np.split(clean, len(assembly.description.responses), axis=1)
+        augmentations = [Augmentation(settings, assembly.frequency, _deviation(part)) for part in parts]
+        if augmentations[0].needs_phase and not settings.fresh and not np.iscomplexobj(clean):
             found = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
             raise DatasetError(
                 Fault(
@@ -72,28 +78,30 @@ class NoisyFeatures:
                     remedy="Generate it with --storage complex, or set 'fresh: true', or 'mass: 0'.",
                 )
             )
-        return cls(assembly, clean, theta, augmentation)
+        return cls(assembly, clean, theta, augmentations)
 
     @property
     def fresh(self) -> bool:
         """Whether every epoch draws new samples from the engine."""
-        return self._augmentation.settings.fresh
+        return self._augmentations[0].settings.fresh
 
     @property
     def copies(self) -> int:
         """How many epochs are told apart where each is costly."""
-        return self._augmentation.settings.copies
+        return self._augmentations[0].settings.copies
 
     def __call__(self, epoch: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Return features (n_samples, n_freq) and parameters (n_samples, n_params)."""
+        """Return features (n_samples, n_responses n_freq) and parameters (n_samples, n_params)."""
         theta = self._theta
         if self.fresh:
             theta = latin_hypercube(self._assembly, len(theta), (self._seed, _SAMPLE_STREAM, epoch))
-        features = np.empty((len(theta), len(self._assembly.frequency)), dtype=np.float32)
+        features = np.empty((len(theta), self._stored.shape[1]), dtype=np.float32)
 
         def fill(block: int, clean: NDArray[np.number]) -> None:
             generator = np.random.default_rng([self._seed, _NOISE_STREAM, epoch, block])
-            noisy = self._augmentation(clean, generator)
+            parts = np.split(clean, len(self._augmentations), axis=1)
+            each = zip(self._augmentations, parts, strict=True)
+            noisy = np.concatenate([augmentation(part, generator) for augmentation, part in each], axis=1)
             log10p1(noisy, out=features[block * _ROWS : block * _ROWS + len(noisy)])
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -107,7 +115,7 @@ class NoisyFeatures:
             rows = slice(start, start + _ROWS)
             if not self.fresh:
                 yield self._stored[rows]
-            elif self._augmentation.needs_phase:
+            elif self._augmentations[0].needs_phase:
                 yield complex_accelerance(self._assembly, theta[rows])
             else:
                 yield self._assembly.accelerance_amplitude(theta[rows])

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["log10p1"]
+from dovetail.frf import Frf
+
+__all__ = ["accelerance_amplitudes", "log10p1"]
+
+
+def accelerance_amplitudes(measured: Sequence[Frf]) -> NDArray[np.float64]:
+    """Return the accelerance's amplitudes of all responses beside each other, as one row (1, n_responses n_freq)."""
+    return np.concatenate([frf.to("accelerance").amplitude for frf in measured])[np.newaxis]
 
 
 def log10p1(amplitude: NDArray[np.floating], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,13 +37,13 @@ class Identifier:
     network: Network
     evaluation: Evaluation
 
-    def identify(self, measured: Frf, method: str = "network", **options: Any) -> Identification:
-        """Identify the joint from a measured FRF of the assembly's response point.
+    def identify(self, measured: Frf | Sequence[Frf], method: str = "network", **options: Any) -> Identification:
+        """Identify the joint from the measured FRF of the assembly's response point, or of each of its points.
 
         Parameters
         ----------
-        measured : Frf
-            Of any quantity; it must cover the assembly's frequencies.
+        measured : Frf or sequence of Frf
+            One for each response, of any quantity; it must cover the assembly's frequencies.
         method : str
             ``"network"``: the trained network's answer as it is. ``"refined"``: a least-squares fit to the measured
             FRF that starts, among other points, there. ``"multistart"``: many local searches.
@@ -70,8 +71,8 @@ class Identifier:
 
         Parameters
         ----------
-        amplitude : (n_samples, n_freq) array
-            m/(N s^2).
+        amplitude : (n_samples, n_responses n_freq) array
+            m/(N s^2); the lines of a second response stand behind those of the first.
 
         Returns
         -------
@@ -84,7 +85,7 @@ class Identifier:
             The shape is another, or values are negative or not finite.
         """
         given = np.asarray(amplitude, dtype=np.float32)
-        lines = len(self.assembly.frequency)
+        lines = len(self.assembly.description.responses) * len(self.assembly.frequency)
         if given.ndim != 2 or given.shape[0] == 0 or given.shape[1] != lines:
             raise MeasurementError(
                 Fault("", f"the amplitudes have the shape {given.shape}.", f"(n_samples, {lines}), one row an FRF")

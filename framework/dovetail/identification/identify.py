@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
+from dovetail.identification.fitting import one_for_each
 from dovetail.identification.methods import METHODS
 from dovetail.identification.result import Identification
 from dovetail.measurement import on_grid
@@ -19,15 +21,21 @@ __all__ = ["identify", "method_options"]
 
 
 def identify(
-    assembly: Assembly, measured: Frf, method: str = "refined", *, model: Identifier | None = None, **options: Any
+    assembly: Assembly,
+    measured: Frf | Sequence[Frf],
+    method: str = "refined",
+    *,
+    model: Identifier | None = None,
+    **options: Any,
 ) -> Identification:
-    """Identify the joint of an assembly from one measured FRF of its response point.
+    """Identify the joint of an assembly from the measured FRF of its response point, or of each of its response points.
 
     Parameters
     ----------
     assembly : Assembly
-    measured : Frf
-        Of any quantity, without the accelerometer; it must cover the assembly's frequencies.
+    measured : Frf or sequence of Frf
+        One for each response of the description, in its order; of any quantity, without the accelerometer. Each must
+        cover the assembly's frequencies.
     method : str
         ``"refined"``: a least-squares fit, down to the measurement's random error. ``"multistart"``: many local
         searches from all over the ranges. ``"posterior"``: the refined fit, with intervals and verdicts for each
@@ -45,7 +53,8 @@ def identify(
     Raises
     ------
     MeasurementError
-        The measurement does not cover the assembly's frequencies, or the network has no finite answer.
+        There are more or fewer measurements than responses, one does not cover the assembly's frequencies, or the
+        network has no finite answer.
     ParameterError
         The assembly has nothing to identify, or the method has no such option or needs a model.
     ValueError
@@ -61,7 +70,8 @@ def identify(
         if name not in accepted_options:
             found = f"the method '{method}' has no option '{name}'."
             raise ParameterError(Fault("options", found, listing(accepted_options) or "none"))
-    return METHODS[method](assembly, on_grid(measured, assembly.frequency), model, **options)
+    frfs = tuple(on_grid(frf, assembly.frequency) for frf in one_for_each(assembly, measured))
+    return METHODS[method](assembly, frfs, model, **options)
 
 
 def method_options(method: str) -> tuple[str, ...]:

@@ -49,8 +49,8 @@ class Network:
 
         Parameters
         ----------
-        amplitude : (n_samples, n_freq) array
-            m/(N s^2).
+        amplitude : (n_samples, n_responses n_freq) array
+            m/(N s^2), all responses side by side.
 
         Returns
         -------

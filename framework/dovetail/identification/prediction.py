@@ -27,7 +27,8 @@ def predict(assembly: Assembly, result: Identification | Mapping[str, float]) ->
     Returns
     -------
     Frf
-        In the quantity and on the frequencies of `assembly`.
+        In the quantity and on the frequencies of `assembly`, at the first of its responses; ``assembly.at(1)`` in its
+        place gives the FRF at the second.
 
     Raises
     ------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import platform
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -51,15 +52,17 @@ def component_sources(assembly: Assembly) -> dict[str, str]:
     return {f"{component.kind} {component.name}": _source(component) for component in components}
 
 
-def provenance(assembly: Assembly, measured: Frf, evaluation: Evaluation | None) -> dict[str, Any]:
+def provenance(assembly: Assembly, measured: Sequence[Frf], evaluation: Evaluation | None) -> dict[str, Any]:
     """Return what is needed to make a result again, as plain values; no `evaluation` where no network took part."""
-    description = assembly.description
+    description, first = assembly.description, measured[0]
+    further = {"further_measurements": [frf.label for frf in measured[1:]]} if len(measured) > 1 else {}
     return {
         "assembly": description.name,
         "description_sha256": description_hash(description.text),
-        "measurement": measured.label,
-        "measurement_note": measured.note,
-        "measured_quantity": measured.quantity,
+        "measurement": first.label,
+        "measurement_note": first.note,
+        "measured_quantity": first.quantity,
+        **further,
         "seed": description.identification.seed if evaluation is None else evaluation.seed,
         "components": component_sources(assembly),
         "packages": package_versions(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
-from dovetail.identification.fitting import Fit
+from dovetail.identification.fitting import Fit, one_for_each
 from dovetail.identification.modes import paired_modes, resonance_peaks
-from dovetail.identification.result import Identification, IdentifiedParameter, Mode
+from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.units import format_quantity
 
 __all__ = ["reconstruct", "sought"]
@@ -48,7 +48,7 @@ def sought(assembly: Assembly) -> list[tuple[str, str]]:
 def reconstruct(
     assembly: Assembly,
     theta: NDArray[np.float64],
-    measured: Frf,
+    measured: Frf | Sequence[Frf],
     *,
     method: str,
     provenance: Mapping[str, Any],
@@ -61,8 +61,8 @@ def reconstruct(
     assembly : Assembly
     theta : (n_params,) array
         SI values.
-    measured : Frf
-        On the assembly's frequencies.
+    measured : Frf or sequence of Frf
+        One for each response, on the assembly's frequencies.
     method : str
     provenance : mapping
         Plain values.
@@ -73,21 +73,36 @@ def reconstruct(
     -------
     Identification
     """
-    response, label = assembly.description.response, f"{assembly.name}, {method}"
-    frf = Frf(assembly.frequency, assembly.frf(theta), response.quantity, label=label, rotation=response.rotation)
-    modes, without_modes = _modes(assembly, theta, frf, measured)
+    at_points = _at_points(assembly, theta, one_for_each(assembly, measured), f"{assembly.name}, {method}")
+    first = at_points[0]
+    modes, without_modes = _modes(assembly, theta, first.frf, first.measured)
     result = Identification(
         method=method,
         parameters=MappingProxyType(_identified(assembly, theta)),
         known=MappingProxyType(_known(assembly)),
-        frf=frf,
-        measured=replace(measured.to(response.quantity), rotation=response.rotation),
+        frf=first.frf,
+        measured=first.measured,
         modes=modes,
         warnings=(),
         provenance=MappingProxyType(dict(provenance)),
         fit=fit,
+        point=first.point,
+        further=at_points[1:],
     )
     return replace(result, warnings=_warnings(result, without_modes))
+
+
+def _at_points(
+    assembly: Assembly, theta: NDArray[np.float64], measured: Sequence[Frf], label: str
+) -> tuple[AtPoint, ...]:
+    """Return what was reconstructed and measured at each response."""
+    description, found = assembly.description, []
+    each = zip(description.responses, description.response_labels, assembly.each_response, measured, strict=True)
+    for response, point, one, frf in each:
+        name = label if len(measured) == 1 else f"{label}, {point}"
+        values = Frf(one.frequency, one.frf(theta), response.quantity, label=name, rotation=response.rotation)
+        found.append(AtPoint(point, values, replace(frf.to(response.quantity), rotation=response.rotation)))
+    return tuple(found)
 
 
 def _identified(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
@@ -144,16 +159,26 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
         )
     if result.fit is not None:
         warnings += _warnings_of_fit(result.fit)
-    if not result.measured.has_phase:
-        warnings.append("The measurement has no phase: the coherence compares amplitudes and cannot fall below 0.5.")
-    if result.mean_coherence < _LOW_COHERENCE:
-        warnings.append(
-            f"The mean coherence is {result.mean_coherence:.3f}: the reconstructed FRF does not follow the measured "
-            "one, so the parameters are not to be relied on."
-        )
+    for at_point in result.responses:
+        warnings += _warnings_at(at_point, f" at {at_point.point}" if result.further else "")
     if without_modes:
         warnings.append(without_modes)
     return tuple(warnings)
+
+
+def _warnings_at(at_point: AtPoint, where: str) -> list[str]:
+    """Return what a reader must know of the FRF at one response; `where` names it if there are several."""
+    warnings = []
+    if not at_point.measured.has_phase:
+        warnings.append(
+            f"The measurement{where} has no phase: the coherence compares amplitudes and cannot fall below 0.5."
+        )
+    if at_point.mean_coherence < _LOW_COHERENCE:
+        warnings.append(
+            f"The mean coherence{where} is {at_point.mean_coherence:.3f}: the reconstructed FRF does not follow the "
+            "measured one, so the parameters are not to be relied on."
+        )
+    return warnings
 
 
 def _warnings_of_fit(fit: Fit) -> list[str]:

@@ -16,7 +16,7 @@ from dovetail.identification.fitting.fit import Fit
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Scale
 
-__all__ = ["Identification", "IdentifiedParameter", "Mode"]
+__all__ = ["AtPoint", "Identification", "IdentifiedParameter", "Mode"]
 
 
 @dataclass(frozen=True)
@@ -71,52 +71,20 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
-    """The result of identifying a joint from one measured FRF.
+class AtPoint:
+    """What was measured at one response, and what the identified parameters give there.
 
     Parameters
     ----------
-    method : str
-    parameters : mapping of str to IdentifiedParameter
-        By name, in the order of ``assembly.parameters``.
-    known : mapping of str to float
-        SI values of the parameters that the description fixes, as ``joint.parameter``.
-    frf : Frf
-        Reconstructed from the parameters, on the assembly's frequencies, in the response's quantity.
-    measured : Frf
-        The measurement on the same frequencies, in the same quantity.
-    modes : tuple of Mode
-        Of the identified model, within the assembly's frequencies.
-    warnings : tuple of str
-        What a reader must know before believing the numbers.
-    provenance : mapping
-        Versions, description, measurement and seed; plain values.
-    fit : Fit or None
-        How good the fit is; None where nothing was fitted.
-    posterior : Posterior or None
-        Samples of the parameters, and how far each is known; with the method "posterior" only.
+    point : str
+        Where the response is: ``"tool, 10 mm"``.
+    frf, measured : Frf
+        As in `Identification`.
     """
 
-    method: str
-    parameters: Mapping[str, IdentifiedParameter]
-    known: Mapping[str, float]
+    point: str
     frf: Frf
     measured: Frf
-    modes: tuple[Mode, ...]
-    warnings: tuple[str, ...]
-    provenance: Mapping[str, Any]
-    fit: Fit | None = None
-    posterior: Posterior | None = None
-
-    @property
-    def theta(self) -> NDArray[np.float64]:
-        """(n_params,) SI values, in the order of ``assembly.parameters``."""
-        return np.array([parameter.value for parameter in self.parameters.values()])
-
-    @property
-    def interval(self) -> Mapping[str, tuple[float, float]] | None:
-        """The 90 % interval of each parameter [SI] by name; None with methods that do not tell."""
-        return None if self.posterior is None else self.posterior.interval()
 
     @property
     def coherence(self) -> NDArray[np.float64]:
@@ -133,6 +101,88 @@ class Identification:
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON."""
         return {
+            "point": self.point,
+            "mean_coherence": self.mean_coherence,
+            "quantity": self.frf.quantity,
+            "frf": _plain(self.frf),
+            "measured": _plain(self.measured),
+            "coherence": self.coherence.tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """The result of identifying a joint from one measured FRF, or from one for each response.
+
+    Parameters
+    ----------
+    method : str
+    parameters : mapping of str to IdentifiedParameter
+        By name, in the order of ``assembly.parameters``.
+    known : mapping of str to float
+        SI values of the parameters that the description fixes, as ``joint.parameter``.
+    frf : Frf
+        Reconstructed from the parameters, on the assembly's frequencies, in the response's quantity.
+    measured : Frf
+        The measurement on the same frequencies, in the same quantity. Where there are several responses, `frf` and
+        `measured` are those of the first; `responses` has all.
+    modes : tuple of Mode
+        Of the identified model, within the assembly's frequencies.
+    warnings : tuple of str
+        What a reader must know before believing the numbers.
+    provenance : mapping
+        Versions, description, measurement and seed; plain values.
+    fit : Fit or None
+        How good the fit is; None where nothing was fitted.
+    posterior : Posterior or None
+        Samples of the parameters, and how far each is known; with the method "posterior" only.
+    point : str
+        Where the first response is.
+    further : tuple of AtPoint
+        The other responses, where there are several.
+    """
+
+    method: str
+    parameters: Mapping[str, IdentifiedParameter]
+    known: Mapping[str, float]
+    frf: Frf
+    measured: Frf
+    modes: tuple[Mode, ...]
+    warnings: tuple[str, ...]
+    provenance: Mapping[str, Any]
+    fit: Fit | None = None
+    posterior: Posterior | None = None
+    point: str = ""
+    further: tuple[AtPoint, ...] = ()
+
+    @property
+    def responses(self) -> tuple[AtPoint, ...]:
+        """What was measured and reconstructed at each response, in the order of the description."""
+        return AtPoint(self.point, self.frf, self.measured), *self.further
+
+    @property
+    def theta(self) -> NDArray[np.float64]:
+        """(n_params,) SI values, in the order of ``assembly.parameters``."""
+        return np.array([parameter.value for parameter in self.parameters.values()])
+
+    @property
+    def interval(self) -> Mapping[str, tuple[float, float]] | None:
+        """The 90 % interval of each parameter [SI] by name; None with methods that do not tell."""
+        return None if self.posterior is None else self.posterior.interval()
+
+    @property
+    def coherence(self) -> NDArray[np.float64]:
+        """(n_freq,) agreement of reconstruction and measurement (Eq. 15) at the first response, as `AtPoint` has it."""
+        return self.responses[0].coherence
+
+    @property
+    def mean_coherence(self) -> float:
+        """Mean of `coherence` over the frequencies."""
+        return self.responses[0].mean_coherence
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, fit for JSON."""
+        return {
             "method": self.method,
             "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
             "known": dict(self.known),
@@ -144,10 +194,12 @@ class Identification:
             "fit": None if self.fit is None else self.fit.to_dict(),
             "provenance": dict(self.provenance),
             "frequency_Hz": self.frf.frequency.tolist(),
+            "point": self.point,
             "quantity": self.frf.quantity,
             "frf": _plain(self.frf),
             "measured": _plain(self.measured),
             "coherence": self.coherence.tolist(),
+            "further_responses": [one.to_dict() for one in self.further],
         }
 
     def report(self, path: str | Path) -> Path:

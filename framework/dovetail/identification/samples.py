@@ -30,9 +30,9 @@ def read_parts(
 
     Returns
     -------
-    training : (n, n_freq) array
+    training : (n, n_responses n_freq) array
         float32 amplitudes, or complex64 [m/(N s^2)].
-    test : (n, n_freq) float32 array
+    test : (n, n_responses n_freq) float32 array
         Amplitudes.
 
     Raises
@@ -40,7 +40,7 @@ def read_parts(
     DatasetError
         An FRF is not finite, a chunk is damaged, or phases are asked for and not stored.
     """
-    width = len(dataset.frequency)
+    width = dataset.amplitude.shape[1]
     stored, dtype = (dataset.accelerance, np.complex64) if phase else (dataset.amplitude, np.float32)
     training = np.empty((np.count_nonzero(~is_test), width), dtype=dtype)
     test = np.empty((np.count_nonzero(is_test), width), dtype=np.float32)

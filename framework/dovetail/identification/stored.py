@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from dovetail.errors import DovetailError, Fault
 from dovetail.frf import Frf, Quantity
 from dovetail.identification.posterior import Posterior
-from dovetail.identification.result import Identification, IdentifiedParameter, Mode
+from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.interfaces import Parameter
 from dovetail.measurement.disk import read_bounded
 
@@ -32,6 +32,15 @@ class _StoredFrf(BaseModel):
     has_phase: bool
     real: list[float]
     imag: list[float]
+
+
+class _StoredResponse(BaseModel):
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    point: str
+    quantity: Quantity
+    frf: _StoredFrf
+    measured: _StoredFrf
 
 
 class _StoredSamples(BaseModel):
@@ -67,6 +76,8 @@ class _Stored(BaseModel):
     frf: _StoredFrf
     measured: _StoredFrf
     posterior: _StoredPosterior | None = None
+    point: str = ""
+    further_responses: tuple[_StoredResponse, ...] = ()
 
 
 def read_identification(path: str | Path) -> Identification:
@@ -96,18 +107,22 @@ def read_identification(path: str | Path) -> Identification:
         stored = _Stored.model_validate_json(content)
     except ValidationError as error:
         raise DovetailError(*_faults(file, error)) from None
-    if not len(stored.frequency_Hz) == len(stored.frf.real) == len(stored.measured.real):
+    frfs = [stored.frf, stored.measured]
+    frfs += [frf for one in stored.further_responses for frf in (one.frf, one.measured)]
+    if any(len(frf.real) != len(stored.frequency_Hz) for frf in frfs):
         raise DovetailError(Fault(str(file), "its FRFs differ in length from its frequencies."))
     return Identification(
         method=stored.method,
         parameters=MappingProxyType(stored.parameters),
         known=MappingProxyType(stored.known),
-        frf=_frf(file, stored, stored.frf),
-        measured=_frf(file, stored, stored.measured),
+        frf=_frf(file, stored, stored.quantity, stored.frf),
+        measured=_frf(file, stored, stored.quantity, stored.measured),
         modes=stored.modes,
         warnings=stored.warnings,
         provenance=MappingProxyType(stored.provenance),
         posterior=None if stored.posterior is None else _posterior(file, stored.parameters, stored.posterior),
+        point=stored.point,
+        further=tuple(_at_point(file, stored, one) for one in stored.further_responses),
     )
 
 
@@ -134,11 +149,16 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
     )
 
 
-def _frf(file: Path, stored: _Stored, frf: _StoredFrf) -> Frf:
+def _at_point(file: Path, stored: _Stored, one: _StoredResponse) -> AtPoint:
+    frf, measured = (_frf(file, stored, one.quantity, values) for values in (one.frf, one.measured))
+    return AtPoint(one.point, frf, measured)
+
+
+def _frf(file: Path, stored: _Stored, quantity: Quantity, frf: _StoredFrf) -> Frf:
     if len(frf.real) != len(frf.imag):
         raise DovetailError(Fault(str(file), f"the FRF '{frf.label}' has real and imaginary parts of unlike length."))
     values = np.array(frf.real) + 1j * np.array(frf.imag)
-    return Frf(np.array(stored.frequency_Hz), values, stored.quantity, has_phase=frf.has_phase, label=frf.label)
+    return Frf(np.array(stored.frequency_Hz), values, quantity, has_phase=frf.has_phase, label=frf.label)
 
 
 def _faults(file: Path, error: ValidationError) -> list[Fault]:

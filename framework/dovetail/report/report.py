@@ -69,13 +69,14 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
     evaluation = result.provenance.get("evaluation")
     return {
         "assembly": str(result.provenance.get("assembly", result.frf.label)),
-        "measurement": str(result.provenance.get("measurement", result.measured.label)),
+        "measurement": _measurements(result),
+        "measurements": len(result.responses),
         "method": result.method,
         "quantity": result.frf.quantity,
         "has_phase": result.measured.has_phase,
         "band": f"{number(frequency[0], 5, padded=False)} to {number(frequency[-1], 5, padded=False)} Hz",
         "lines": frequency.size,
-        "mean_coherence": f"{result.mean_coherence:.3f}",
+        "mean_coherence": _mean_coherence(result),
         "fit": "" if result.fit is None else content.fit_sentence(result.fit),
         "joints": list(dict.fromkeys(parameter.joint for parameter in result.parameters.values())),
         "warnings": content.warnings_of(result, truth),
@@ -84,7 +85,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "parameters": content.parameter_rows(result, truth),
         "known": content.known_rows(result),
         "modes": content.mode_rows(result, truth),
-        "figure": _figure(result),
+        "figures": _figures(result),
         "evaluation": content.evaluation_rows(result),
         "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
         "provenance": content.provenance_rows(result.provenance),
@@ -94,13 +95,29 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
     }
 
 
-def _figure(result: Identification) -> Any:
-    """Return the figure of the FRFs as markup that the template sets as it stands."""
+def _measurements(result: Identification) -> str:
+    first = str(result.provenance.get("measurement", result.measured.label))
+    return ", ".join(dict.fromkeys([first, *(one.measured.label for one in result.further)]))
+
+
+def _mean_coherence(result: Identification) -> str:
+    if not result.further:
+        return f"{result.mean_coherence:.3f}"
+    return ", ".join(f"{one.mean_coherence:.3f} ({one.point})" for one in result.responses)
+
+
+def _figures(result: Identification) -> list[tuple[str, Any, bool]]:
+    """Return the point of each response, empty if there is one only, its figure as markup, and whether it has phase."""
     from markupsafe import Markup
 
     natural = [mode.natural_frequency for mode in result.modes if np.isfinite(mode.natural_frequency)]
-    figure = frf_figure(result.measured, result.frf, result.coherence, natural)
-    return Markup(inline_svg(figure, "frf", "Measured and reconstructed FRF and their coherence"))
+    figures = []
+    for place, one in enumerate(result.responses, start=1):
+        figure = frf_figure(one.measured, one.frf, one.coherence, natural)
+        name, which = ("frf", "") if place == 1 else (f"frf{place}", f", response {place}")
+        svg = inline_svg(figure, name, f"Measured and reconstructed FRF and their coherence{which}")
+        figures.append((one.point if result.further else "", Markup(svg), one.measured.has_phase))
+    return figures
 
 
 def _pretty(description: object) -> str | None:

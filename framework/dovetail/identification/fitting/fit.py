@@ -19,7 +19,7 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Parameters fitted to one measured FRF.
+    """Parameters fitted to one measured FRF, or to one for each response.
 
     Parameters
     ----------
@@ -31,14 +31,16 @@ class Fit:
         Sum of the squared residuals over their random variance, per degree of freedom: 1 where the model leaves
         nothing but noise. Lines that were left out do not count.
     degrees_of_freedom : int
-    variance : (n_freq,) array
-        E|random error|^2 of each line.
+    variance : (n_lines,) array
+        E|random error|^2 of each line; the lines of a second response stand behind those of the first.
     variance_known : bool
-        Whether the measurement told it, or it was taken from the scatter from line to line.
+        Whether the measurements told it, or it was taken from the scatter from line to line.
     discrepancy : float
         Part of each line's magnitude by which the model itself is off; 0 where the random error explains everything.
     ignored : (n,) array
         Frequencies [Hz] of the lines that were left out, since they stand alone.
+    used : (n_lines,) bool array
+        Which lines were not left out.
     at_bounds : mapping of str to "lower" or "upper"
         Parameters that ended at an end of their range.
     starts : int
@@ -59,6 +61,7 @@ class Fit:
     variance_known: bool
     discrepancy: float
     ignored: NDArray[np.float64]
+    used: NDArray[np.bool_]
     at_bounds: Mapping[str, str]
     starts: int
     agreeing: int

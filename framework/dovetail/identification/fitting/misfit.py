@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,10 @@ from scipy.special import ive
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
+from dovetail.identification.fitting.frfs import Frfs, parted
 from dovetail.identification.fitting.least_squares import Linear
 
-__all__ = ["FrfMisfit", "LogAmplitude", "Residual", "Weighted"]
+__all__ = ["FrfMisfit", "LogAmplitude", "Residual", "SideBySide", "Weighted"]
 
 _AT_ONCE = 32
 """Parameter vectors whose complex derivatives are in memory at the same time."""
@@ -37,19 +38,23 @@ class Residual(Protocol):
         ...
 
 
+_Each = TypeVar("_Each", "Weighted", "LogAmplitude")
+
+
 class FrfMisfit:
-    """Sums of squared residuals against one measured FRF.
+    """Sums of squared residuals against one measured FRF, or against one for each response.
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : Assembly or Frfs
         With parameters to seek.
     residual : Residual
-        Against the FRF of the assembly's response point, in the response's quantity.
+        Against the FRFs of the assembly's responses, in their quantities, one response behind the other.
     """
 
-    def __init__(self, assembly: Assembly, residual: Residual) -> None:
-        self._assembly = assembly
+    def __init__(self, assembly: Assembly | Frfs, residual: Residual) -> None:
+        self._frfs = Frfs.of(assembly) if isinstance(assembly, Assembly) else assembly
+        self._assembly = self._frfs.assemblies[0]
         self._residual = residual
 
     @cached_property
@@ -61,7 +66,7 @@ class FrfMisfit:
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m) at fractions (n, p) of the ranges."""
-        return self._residual.of(self._assembly.frf(self._assembly.from_unit(fraction)))
+        return self._residual.of(self._frfs.frf(self._assembly.from_unit(fraction)))
 
     def linear(self, fraction: NDArray[np.float64]) -> Linear:
         """Return residuals and their derivatives at fractions (n, p) of the ranges."""
@@ -76,7 +81,7 @@ class FrfMisfit:
     def frf(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, f) and their derivatives (n, p, f) in fractions of the ranges."""
         theta = self._assembly.from_unit(fraction)
-        values, jacobian = self._assembly.frf_jacobian(theta)
+        values, jacobian = self._frfs.frf_jacobian(theta)
         log, width = self._span
         return values, np.swapaxes(jacobian, 1, 2) * np.where(log, theta * width, width)[:, :, np.newaxis]
 
@@ -148,6 +153,14 @@ class Weighted:
         """Return the residuals of some lines."""
         return Weighted(self.measured[lines], self.variance[lines], self.weight[lines], self.has_phase)
 
+    def lines_of(self, residuals: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the lines that residuals belong to, both by their numbers; increasing, each once."""
+        return np.unique(residuals // self.parts)
+
+    def residuals_of(self, lines: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the residuals of lines, both by their numbers."""
+        return np.asarray((self.parts * lines[:, np.newaxis] + np.arange(self.parts)).ravel())
+
     def of(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return weighted differences, real and imaginary parts beside each other."""
         if self.has_phase:
@@ -169,6 +182,59 @@ class Weighted:
         amplitude = np.maximum(np.abs(values), np.finfo(float).tiny)
         _, slope = _rice_mean(amplitude, self.variance)
         return np.asarray(np.real(of_values * (np.conj(values) / amplitude * slope * self.weight)[:, np.newaxis]))
+
+
+@dataclass(frozen=True, eq=False)
+class SideBySide(Generic[_Each]):
+    """Residuals of several responses, those of one behind those of the other.
+
+    Parameters
+    ----------
+    each : tuple of Weighted or of LogAmplitude
+        Of each response.
+    counts : tuple of int
+        Lines of each response.
+    """
+
+    each: tuple[_Each, ...]
+    counts: tuple[int, ...]
+
+    def of(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals (n, m) of FRFs (n, f)."""
+        return np.concatenate([one.of(own) for one, own in self._parts(values)], axis=-1)
+
+    def slopes(self, values: NDArray[np.complex128], of_values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
+        parts = zip(self._parts(values), self._split(of_values), strict=True)
+        return np.concatenate([one.slopes(own, slopes) for (one, own), slopes in parts], axis=-1)
+
+    def size(self: SideBySide[Weighted], values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the size (f,) of each line's residual, as `Weighted.size`."""
+        return np.concatenate([one.size(own) for one, own in self._parts(values)])
+
+    def at(self: SideBySide[Weighted], lines: NDArray[np.intp]) -> SideBySide[Weighted]:
+        """Return the residuals of some lines (increasing numbers); a response without any of them is left out."""
+        kept = [(one, own) for one, own in zip(self.each, parted(lines, self.counts), strict=True) if len(own)]
+        return SideBySide(tuple(one.at(own) for one, own in kept), tuple(len(own) for _, own in kept))
+
+    def lines_of(self: SideBySide[Weighted], residuals: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the lines that residuals belong to, both by their numbers; increasing, each once."""
+        return np.unique(np.repeat(np.arange(sum(self.counts)), self._parts_of_lines)[residuals])
+
+    def residuals_of(self: SideBySide[Weighted], lines: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the residuals of lines, both by their numbers."""
+        owners = np.repeat(np.arange(sum(self.counts)), self._parts_of_lines)
+        return np.flatnonzero(np.isin(owners, lines))
+
+    @property
+    def _parts_of_lines(self: SideBySide[Weighted]) -> NDArray[np.intp]:
+        return np.repeat([one.parts for one in self.each], self.counts)
+
+    def _parts(self, values: NDArray[np.complex128]) -> list[tuple[_Each, NDArray[np.complex128]]]:
+        return list(zip(self.each, self._split(values), strict=True))
+
+    def _split(self, values: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
+        return np.split(values, np.cumsum(self.counts)[:-1], axis=-1)
 
 
 def _reals(values: NDArray[np.complex128]) -> NDArray[np.float64]:

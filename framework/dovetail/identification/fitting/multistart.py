@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -14,8 +15,8 @@ from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting.fit import Fit, agreeing, at_bounds
 from dovetail.identification.fitting.least_squares import minimise
-from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
-from dovetail.identification.fitting.variance import estimated_variance, known_variance
+from dovetail.identification.fitting.measured import Measured
+from dovetail.identification.fitting.misfit import FrfMisfit
 
 __all__ = ["Objective", "multistart"]
 
@@ -28,7 +29,7 @@ _TOLERANCE, _STEPS = 0.02, 150
 
 def multistart(
     assembly: Assembly,
-    measured: Frf,
+    measured: Frf | Sequence[Frf],
     *,
     starts: int = 64,
     seconds: float | None = None,
@@ -41,8 +42,8 @@ def multistart(
     ----------
     assembly : Assembly
         With parameters to seek.
-    measured : Frf
-        On the assembly's frequencies.
+    measured : Frf or sequence of Frf
+        One for each response, on the assembly's frequencies.
     starts : int
     seconds : float, optional
         Time after which no further step is taken.
@@ -62,12 +63,12 @@ def multistart(
     _check(starts, seconds, objective)
     began = time.monotonic()
     deadline = np.inf if seconds is None else began + seconds
-    target = measured.to(assembly.description.response.quantity)
-    known = known_variance(target)
-    variance = estimated_variance(target) if known is None else known
+    target = Measured.of(assembly, measured)
+    known = target.known_variances()
+    variance = target.variance(known)
     used = np.ones(len(variance), dtype=np.bool_)
-    level = variance if objective == "weighted" else np.full_like(variance, variance.mean())
-    problem = FrfMisfit(assembly, Weighted.against(target, level, used))
+    level = variance if objective == "weighted" else _levelled(target, variance)
+    problem = FrfMisfit(assembly, target.weighted(level, used))
     points = qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts)
     ends = []
     for first in range(0, starts, _AT_ONCE):
@@ -77,17 +78,18 @@ def multistart(
             break
     costs = np.concatenate([end.cost for end in ends])
     best = np.concatenate([end.position for end in ends])[np.argmin(costs)]
-    at_best = FrfMisfit(assembly, Weighted.against(target, variance, used)).linear(best[np.newaxis])
-    freedom = _freedom(target, best)
+    at_best = FrfMisfit(assembly, target.weighted(variance, used)).linear(best[np.newaxis])
+    freedom = max(1, target.residuals_of(used) - len(best))
     return Fit(
         theta=assembly.from_unit(best),
         information=at_best.curvature[0],
         chi_squared=float(at_best.cost[0]) / freedom,
         degrees_of_freedom=freedom,
         variance=variance,
-        variance_known=known is not None,
+        variance_known=all(one is not None for one in known),
         discrepancy=0.0,
         ignored=np.empty(0),
+        used=used,
         at_bounds=at_bounds(assembly, best),
         starts=len(costs),
         agreeing=agreeing(costs),
@@ -105,5 +107,6 @@ def _check(starts: int, seconds: float | None, objective: str) -> None:
         raise ParameterError(Fault("objective", f"'{objective}' is not an objective.", listing(get_args(Objective))))
 
 
-def _freedom(target: Frf, position: NDArray[np.float64]) -> int:
-    return max(1, (2 if target.has_phase else 1) * len(target.frequency) - len(position))
+def _levelled(target: Measured, variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean variance of each response at all its lines."""
+    return np.concatenate([np.full_like(own, own.mean()) for own in target.split(variance)])

@@ -13,11 +13,11 @@ from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.identification.fitting.bad_lines import isolated_lines
 from dovetail.identification.fitting.fit import Fit, agreeing, at_bounds
+from dovetail.identification.fitting.frfs import Frfs
 from dovetail.identification.fitting.least_squares import minimise
-from dovetail.identification.fitting.misfit import FrfMisfit, LogAmplitude, Weighted
-from dovetail.identification.fitting.variance import estimated_variance, known_variance
+from dovetail.identification.fitting.measured import Measured
+from dovetail.identification.fitting.misfit import FrfMisfit
 
 __all__ = ["refine"]
 
@@ -39,16 +39,18 @@ _DISCREPANCIES = (np.log(1e-6), np.log(1e3))
 """Between which the model's relative error is sought, as logarithms."""
 
 
-def refine(assembly: Assembly, measured: Frf, starts: Sequence[NDArray[np.float64]] = (), *, seed: int = 0) -> Fit:
-    """Fit the parameters to a measured FRF, weighted by its random error.
+def refine(
+    assembly: Assembly, measured: Frf | Sequence[Frf], starts: Sequence[NDArray[np.float64]] = (), *, seed: int = 0
+) -> Fit:
+    """Fit the parameters to a measured FRF, weighted by its random error, or to one for each response.
 
     Parameters
     ----------
     assembly : Assembly
         With parameters to seek.
-    measured : Frf
-        On the assembly's frequencies. Its random error is taken from its variance, or coherence and averages, or from
-        the scatter from line to line.
+    measured : Frf or sequence of Frf
+        One for each response, on the assembly's frequencies. Its random error is taken from its variance, or coherence
+        and averages, or from the scatter from line to line.
     starts : sequence of (n_params,) arrays
         SI; what lies outside the ranges is brought to their ends. The middle of the ranges and Latin hypercube points
         are tried beside them, more of them until a fit is as good as the random error allows.
@@ -66,7 +68,7 @@ def refine(assembly: Assembly, measured: Frf, starts: Sequence[NDArray[np.float6
     the model itself is off, and that part of each line's magnitude is found which makes chi-squared 1: it enters the
     weights, so that the lines with the least noise do not rule alone.
     """
-    return _Refinement(assembly, measured.to(assembly.description.response.quantity), seed).run(starts)
+    return _Refinement(assembly, Measured.of(assembly, measured), seed).run(starts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +92,14 @@ class _Ends:
 class _Refinement:
     """One refinement as it goes on: weights, lines that count, searches that ended."""
 
-    def __init__(self, assembly: Assembly, target: Frf, seed: int) -> None:
+    def __init__(self, assembly: Assembly, target: Measured, seed: int) -> None:
         self._assembly = assembly
+        self._frfs = Frfs.of(assembly)
         self._target = target
         self._hypercube = qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed))
-        known = known_variance(target)
-        self._told = known is not None
-        self._variance = estimated_variance(target) if known is None else known
+        self._known = target.known_variances()
+        self._told = all(known is not None for known in self._known)
+        self._variance = target.variance(self._known)
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
         self._steps = self._starts = 0
@@ -123,6 +126,7 @@ class _Refinement:
             variance_known=self._told,
             discrepancy=discrepancy,
             ignored=self._target.frequency[~self._used],
+            used=self._used,
             at_bounds=at_bounds(self._assembly, ends.position[0]),
             starts=self._starts,
             agreeing=agreeing(ends.cost),
@@ -140,7 +144,7 @@ class _Refinement:
 
     def _searched(self, batch: NDArray[np.float64], ends: _Ends | None) -> _Ends:
         """Search from each start; among the first starts, only from the most promising if that is enough."""
-        search = FrfMisfit(self._assembly, LogAmplitude(self._target, self._variance))
+        search = FrfMisfit(self._frfs, self._target.logarithms(self._variance))
         near = minimise(search, np.clip(batch, 0.0, 1.0), tolerance=_SEARCH_TOLERANCE, most_steps=_SEARCH_STEPS)
         self._steps += int(near.steps.sum())
         self._starts += len(batch)
@@ -151,8 +155,8 @@ class _Refinement:
         return best if self._is_noise(best) else best.with_others(self._fitted(promising[1:]))
 
     def _fitted(self, start: NDArray[np.float64]) -> _Ends:
-        residual = Weighted.against(self._target, self._variance + self._model_variance, self._used)
-        problem = FrfMisfit(self._assembly, residual)
+        residual = self._target.weighted(self._variance + self._model_variance, self._used)
+        problem = FrfMisfit(self._frfs, residual)
         found = minimise(problem, start, tolerance=_FIT_TOLERANCE, most_steps=_FIT_STEPS)
         self._steps += int(found.steps.sum())
         return _Ends.of(found.position, found.cost, found.curvature)
@@ -160,11 +164,8 @@ class _Refinement:
     def _reweighted(self, ends: _Ends) -> _Ends:
         """Tell the random error anew from what the best fit leaves, leave bad lines out, fit again if that matters."""
         if not self._told:
-            explained = self._values(ends)
-            self._variance = estimated_variance(
-                self._target, explained if self._target.has_phase else np.abs(explained)
-            )
-        bad = np.zeros_like(self._used) if self._is_noise(ends) else isolated_lines(self._sizes(ends))
+            self._variance = self._target.variance(self._known, self._values(ends))
+        bad = np.zeros_like(self._used) if self._is_noise(ends) else self._target.isolated(self._sizes(ends))
         if self._told and np.array_equal(bad, ~self._used):
             return ends
         self._used = ~bad
@@ -185,8 +186,7 @@ class _Refinement:
 
     def _unexplained(self, values: NDArray[np.complex128]) -> float:
         """Return the part of each line's magnitude that makes chi-squared 1."""
-        difference = values - self._target.values if self._target.has_phase else np.abs(values) - self._target.amplitude
-        squares = np.abs(difference[self._used]) ** 2 * (1.0 if self._target.has_phase else 2.0)
+        squares = self._target.squares(values)[self._used]
         magnitude, variance = np.abs(values[self._used]), self._variance[self._used]
 
         def excess(logarithm: float) -> float:
@@ -195,17 +195,16 @@ class _Refinement:
         return float(np.exp(brentq(excess, *_DISCREPANCIES))) if excess(_DISCREPANCIES[0]) > 0 else 0.0
 
     def _values(self, ends: _Ends) -> NDArray[np.complex128]:
-        return self._assembly.frf(self._assembly.from_unit(ends.position[0]))
+        return np.asarray(self._frfs.frf(self._assembly.from_unit(ends.position[:1]))[0])
 
     def _sizes(self, ends: _Ends) -> NDArray[np.float64]:
         """Return the size of each line's residual at the best fit, over its standard deviation."""
-        everything = Weighted.against(self._target, self._variance, np.ones_like(self._used))
+        everything = self._target.weighted(self._variance, np.ones_like(self._used))
         return everything.size(self._values(ends))
 
     @property
     def _freedom(self) -> int:
-        parts = 2 if self._target.has_phase else 1
-        return max(1, parts * int(np.count_nonzero(self._used)) - len(self._assembly.parameters))
+        return max(1, self._target.residuals_of(self._used) - len(self._assembly.parameters))
 
     def _chi_squared(self, ends: _Ends) -> float:
         return float(ends.cost[0]) / self._freedom

@@ -19,7 +19,7 @@ __all__ = ["identify"]
 
 def identify(
     assembly: Assembly,
-    measured: Frf,
+    measured: tuple[Frf, ...],
     _identifier: Identifier | None = None,
     *,
     starts: int = 64,
@@ -32,8 +32,8 @@ def identify(
     Parameters
     ----------
     assembly : Assembly
-    measured : Frf
-        On the assembly's frequencies.
+    measured : tuple of Frf
+        One for each response, on the assembly's frequencies.
     _identifier : Identifier, optional
         Not asked.
     starts : int

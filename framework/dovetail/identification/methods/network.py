@@ -9,6 +9,7 @@ import numpy as np
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError, ParameterError, listing
 from dovetail.frf import Frf
+from dovetail.identification.features import accelerance_amplitudes
 from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["identify"]
 
 
-def identify(assembly: Assembly, measured: Frf, identifier: Identifier | None = None) -> Identification:
+def identify(assembly: Assembly, measured: tuple[Frf, ...], identifier: Identifier | None = None) -> Identification:
     """Identify the joint from one measured FRF with the network alone.
 
     Raises
@@ -32,12 +33,12 @@ def identify(assembly: Assembly, measured: Frf, identifier: Identifier | None = 
     if identifier is None:
         found = "the method 'network' needs a trained model."
         raise ParameterError(Fault(assembly.name, found, remedy="Train one with dovetail.train, or use 'refined'."))
-    theta = identifier.predict_parameters(measured.to("accelerance").amplitude[np.newaxis])[0]
+    theta = identifier.predict_parameters(accelerance_amplitudes(measured))[0]
     if not np.isfinite(theta).all():
         lost = [p.name for p, value in zip(assembly.parameters, theta, strict=True) if not np.isfinite(value)]
         raise MeasurementError(
-            f"{measured.label}: the network has no finite value for {listing(lost)}: this FRF is far from all it was "
-            "trained on. Check its quantity and units."
+            f"{measured[0].label}: the network has no finite value for {listing(lost)}: this FRF is far from all it "
+            "was trained on. Check its quantity and units."
         )
     origin = provenance(assembly, measured, identifier.evaluation)
     return reconstruct(assembly, theta, measured, method="network", provenance=origin)

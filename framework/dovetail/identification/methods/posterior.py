@@ -19,7 +19,7 @@ __all__ = ["identify"]
 
 def identify(
     assembly: Assembly,
-    measured: Frf,
+    measured: tuple[Frf, ...],
     identifier: Identifier | None = None,
     *,
     samples: int = 400,
@@ -31,8 +31,8 @@ def identify(
     Parameters
     ----------
     assembly : Assembly
-    measured : Frf
-        On the assembly's frequencies.
+    measured : tuple of Frf
+        One for each response, on the assembly's frequencies.
     identifier : Identifier, optional
         Its answer is one more start of the fit.
     samples : int

@@ -8,6 +8,7 @@ import numpy as np
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
+from dovetail.identification.features import accelerance_amplitudes
 from dovetail.identification.fitting import refine
 from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import reconstruct
@@ -20,15 +21,15 @@ __all__ = ["identify"]
 
 
 def identify(
-    assembly: Assembly, measured: Frf, identifier: Identifier | None = None, *, seed: int | None = None
+    assembly: Assembly, measured: tuple[Frf, ...], identifier: Identifier | None = None, *, seed: int | None = None
 ) -> Identification:
     """Fit the joint to the measured FRF, from the ranges alone or from a network's answer as well.
 
     Parameters
     ----------
     assembly : Assembly
-    measured : Frf
-        On the assembly's frequencies.
+    measured : tuple of Frf
+        One for each response, on the assembly's frequencies.
     identifier : Identifier, optional
         Its answer is one more start.
     seed : int, optional
@@ -36,7 +37,7 @@ def identify(
     """
     starts = []
     if identifier is not None:
-        guess = identifier.predict_parameters(measured.to("accelerance").amplitude[np.newaxis])[0]
+        guess = identifier.predict_parameters(accelerance_amplitudes(measured))[0]
         starts = [guess] if np.isfinite(guess).all() else []
     settings = assembly.description.identification
     fit = refine(assembly, measured, starts, seed=settings.seed if seed is None else seed)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MODEL_ERROR", "correlation_length", "model_errors"]
+__all__ = ["MODEL_ERROR", "correlation_length", "joint_model_errors", "model_errors"]
 
 MODEL_ERROR = 5e-4
 """Standard deviation of the relative error of natural frequencies that a model is allowed by default."""
@@ -46,6 +47,34 @@ def model_errors(
     return np.concatenate(
         [hats * stretched, hats * (_MAGNITUDE * level) * values, hats * (1j * _MAGNITUDE * level) * values]
     )
+
+
+def joint_model_errors(
+    frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]], level: float
+) -> NDArray[np.complex128]:
+    """Return what one standard deviation of each error adds to the FRFs of several responses.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array
+        Hz.
+    values : sequence of (n_freq,) complex arrays
+        The FRF of each response.
+    level : float
+        As in `model_errors`.
+
+    Returns
+    -------
+    (n_errors, n_responses n_freq) complex array
+        The lines of each response behind those of the one before. Natural frequencies are those of the structure, so
+        that all responses are stretched alike; magnitude and phase err in each response on their own.
+    """
+    each = [model_errors(frequency, own, level) for own in values]
+    if len(each) == 1 or not len(each[0]):
+        return np.concatenate(each, axis=1)
+    own = [np.pad(one[_KNOTS:], ((0, 0), (k * len(frequency), (len(each) - k - 1) * len(frequency))))
+        for k, one in enumerate(each)]  # fmt: skip
+    return np.concatenate([np.concatenate([one[:_KNOTS] for one in each], axis=1), *own])
 
 
 def correlation_length(residuals: NDArray[Any]) -> float:

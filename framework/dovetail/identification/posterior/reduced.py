@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from dovetail.assembly import Assembly
+from dovetail.identification.fitting.frfs import Frfs
 from dovetail.identification.fitting.least_squares import Linear
-from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
+from dovetail.identification.fitting.misfit import FrfMisfit, SideBySide, Weighted
 
 __all__ = ["ReducedMisfit", "squares_with_errors"]
 
@@ -23,8 +24,8 @@ class ReducedMisfit:
     Parameters
     ----------
     assembly : Assembly
-    residual : Weighted
-        Of all lines.
+    residual : Weighted or SideBySide
+        Of all lines of all responses.
     snapshots : (n, m) array
         Residuals of the whole FRF at places all over the region of interest, and other vectors that must be
         represented.
@@ -47,7 +48,7 @@ class ReducedMisfit:
     def __init__(
         self,
         assembly: Assembly,
-        residual: Weighted,
+        residual: Weighted | SideBySide[Weighted],
         snapshots: NDArray[np.float64],
         origin: NDArray[np.float64],
         errors: NDArray[np.float64],
@@ -55,9 +56,9 @@ class ReducedMisfit:
     ) -> None:
         basis = _basis(np.concatenate([snapshots - origin, _SAFELY * errors]), tolerance)
         pivots = qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]]
-        lines = np.unique(pivots // residual.parts)
-        rows = (residual.parts * lines[:, np.newaxis] + np.arange(residual.parts)).ravel()
-        self._misfit = FrfMisfit(assembly.on(assembly.frequency[lines]), residual.at(lines))
+        lines = residual.lines_of(pivots)
+        rows = residual.residuals_of(lines)
+        self._misfit = FrfMisfit(Frfs.of(assembly).at(lines), residual.at(lines))
         scaled = _inverse_root(np.eye(basis.shape[1]) + (errors @ basis).T @ (errors @ basis))
         self._to_subspace = np.linalg.pinv(basis[rows]).T @ scaled
         self._at_origin = origin @ basis @ scaled

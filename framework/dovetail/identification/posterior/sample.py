@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.misfit import Weighted
-from dovetail.identification.posterior.model_error import MODEL_ERROR, correlation_length, model_errors
+from dovetail.identification.fitting.frfs import Frfs
+from dovetail.identification.fitting.measured import Measured, missed
+from dovetail.identification.posterior.model_error import MODEL_ERROR, correlation_length, joint_model_errors
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.identification.posterior.sampling import draw
 
@@ -18,21 +21,21 @@ __all__ = ["sample_posterior"]
 
 def sample_posterior(
     assembly: Assembly,
-    measured: Frf,
+    measured: Frf | Sequence[Frf],
     fit: Fit,
     *,
     samples: int = 400,
     model_error: float = MODEL_ERROR,
     seed: int = 0,
 ) -> Posterior:
-    """Draw samples of the parameters given a measured FRF.
+    """Draw samples of the parameters given a measured FRF, or one for each response.
 
     Parameters
     ----------
     assembly : Assembly
         Its ranges are the prior: uniform on the parameters' scales.
-    measured : Frf
-        On the assembly's frequencies.
+    measured : Frf or sequence of Frf
+        One for each response, on the assembly's frequencies.
     fit : Fit
         Of the same measurement. Its random error and the lines it left out are taken over, and so is the part of the
         FRF by which it found the model to be off: neighbouring lines are off alike, so many of them count as one.
@@ -57,15 +60,15 @@ def sample_posterior(
         raise ParameterError(Fault("samples", f"{samples} samples are none.", "1 or more"))
     if not (np.isfinite(model_error) and 0.0 <= model_error < 1.0):
         raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
-    target = measured.to(assembly.description.response.quantity)
-    values = assembly.frf(fit.theta)
-    used = ~np.isin(target.frequency, fit.ignored)
+    target = Measured.of(assembly, measured)
+    values = Frfs.of(assembly).frf(fit.theta[np.newaxis])[0]
     off = (fit.discrepancy * np.abs(values)) ** 2
     if fit.discrepancy:
-        missed = values - target.values if target.has_phase else np.abs(values) - target.amplitude
-        off *= correlation_length(missed / np.sqrt(fit.variance + off))
-    residual = Weighted.against(target, fit.variance + off, used)
-    errors = model_errors(assembly.frequency, values, model_error)
+        deviation = target.split(np.sqrt(fit.variance + off))
+        each = zip(target.frfs, target.split(values), deviation, target.split(off), strict=True)
+        off = np.concatenate([part * correlation_length(missed(frf, own) / size) for frf, own, size, part in each])
+    residual = target.weighted(fit.variance + off, fit.used)
+    errors = joint_model_errors(assembly.frequency, target.split(values), model_error)
     with_errors = residual.slopes(values[np.newaxis], errors[np.newaxis])[0]
     best = assembly.to_unit(fit.theta)
     drawn = draw(assembly, residual, best, fit.information, with_errors, count=samples, seed=seed)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.identification.fitting.least_squares import Linear, minimise
-from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
+from dovetail.identification.fitting.misfit import FrfMisfit, SideBySide, Weighted
 from dovetail.identification.posterior.coordinates import FURTHEST, PriorAndData, fraction_of, quantile_of
 from dovetail.identification.posterior.optimised import Chart
 from dovetail.identification.posterior.reduced import ReducedMisfit, squares_with_errors
@@ -62,7 +62,7 @@ class Samples:
 
 def draw(
     assembly: Assembly,
-    residual: Weighted,
+    residual: Weighted | SideBySide[Weighted],
     best: NDArray[np.float64],
     information: NDArray[np.float64],
     errors: NDArray[np.float64],
@@ -75,7 +75,7 @@ def draw(
     Parameters
     ----------
     assembly : Assembly
-    residual : Weighted
+    residual : Weighted or SideBySide
         Of all lines.
     best : (p,) array
         Fractions of the ranges at the best fit.
@@ -99,7 +99,11 @@ class _Drawing:
     """What one drawing of samples knows as it goes on."""
 
     def __init__(
-        self, assembly: Assembly, residual: Weighted, errors: NDArray[np.float64], random: np.random.Generator
+        self,
+        assembly: Assembly,
+        residual: Weighted | SideBySide[Weighted],
+        errors: NDArray[np.float64],
+        random: np.random.Generator,
     ) -> None:
         self._assembly = assembly
         self._residual = residual

@@ -1,0 +1,287 @@
+"""Two masses in a row, each measured: every method takes both FRFs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.assembly import AugmentationSection
+from dovetail.dataset import complex_accelerance
+from dovetail.errors import MeasurementError
+from dovetail.identification.augmentation import Augmentation
+from dovetail.identification.epochs import NoisyFeatures
+from dovetail.identification.features import log10p1
+from dovetail.identification.fitting import multistart, refine
+from dovetail.identification.fitting.frfs import Frfs
+from dovetail.identification.fitting.measured import Measured
+from dovetail.identification.fitting.misfit import FrfMisfit
+from dovetail.identification.posterior import sample_posterior
+from dovetail.identification.posterior.model_error import joint_model_errors, model_errors
+from dovetail.identification.stored import read_identification
+
+LINES = 300
+CHAIN = {
+    "dovetail": 1,
+    "name": "chain",
+    "frequency": {"start": "2 Hz", "stop": "600 Hz", "lines": LINES},
+    "substructures": {
+        "lower": {"model": "lumped", "masses": [{"mass": "2 kg"}]},
+        "upper": {"model": "lumped", "masses": [{"mass": "1 kg"}]},
+        "base": {"model": "ground"},
+    },
+    "joints": {
+        "foot": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "lower", "at": 0}, "b": {"to": "base", "at": 0}},
+            "parameters": {"k": {"range": [1e5, 1e7], "scale": "linear"}, "c": {"range": [1, 100]}},
+        },
+        "link": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "upper", "at": 0}, "b": {"to": "lower", "at": 0}},
+            "parameters": {"k": {"range": [1e5, 1e7], "scale": "linear"}, "c": {"range": [1, 100]}},
+        },
+    },
+    "responses": [{"at": "lower", "position": 0, "quantity": "receptance"}, {"at": "upper", "position": 0}],
+    "identification": {
+        "samples": 1200,
+        "reducer": {"model": "pca", "n_components": 20},
+        "regressor": {"model": "mlp", "hidden": [64, 32], "dropout": 0.0, "max_epochs": 150},
+    },
+}
+TRUTH = np.array([4e6, 60.0, 2e6, 20.0])
+
+
+@pytest.fixture(scope="module")
+def chain() -> dovetail.Assembly:
+    return dovetail.load(CHAIN)
+
+
+@pytest.fixture(scope="module")
+def clean(chain) -> list[dovetail.Frf]:
+    pairs = zip(chain.frfs(TRUTH), ("receptance", "accelerance"), ("lower.uff", "upper.uff"), strict=True)
+    return [dovetail.Frf(chain.frequency, values, quantity, label=label) for values, quantity, label in pairs]
+
+
+@pytest.fixture(scope="module")
+def noisy(clean) -> list[dovetail.Frf]:
+    return [with_noise(frf, 0.02, seed) for seed, frf in enumerate(clean)]
+
+
+def with_noise(frf: dovetail.Frf, level: float, seed: int, *, has_phase: bool = True) -> dovetail.Frf:
+    deviation = level * frf.values.std()
+    normal = np.random.default_rng(seed).standard_normal((len(frf.values), 2)) @ [1, 1j] / np.sqrt(2)
+    values = frf.values + deviation * normal
+    return dovetail.Frf(
+        frf.frequency,
+        values if has_phase else np.abs(values),
+        frf.quantity,
+        has_phase=has_phase,
+        variance=np.full(len(values), deviation**2),
+        label=frf.label,
+    )
+
+
+@pytest.fixture(scope="module")
+def dataset(chain, tmp_path_factory) -> dovetail.Dataset:
+    return dovetail.generate(chain, tmp_path_factory.mktemp("chain") / "chain.zarr")
+
+
+@pytest.fixture(scope="module")
+def model(chain, dataset) -> dovetail.Identifier:
+    return dovetail.train(chain, dataset)
+
+
+@pytest.mark.parametrize("method", ["refined", "multistart", "posterior"])
+def test_fits_find_the_joint_from_both(chain, noisy, method):
+    options = {"multistart": {"starts": 8, "objective": "weighted"}, "posterior": {"samples": 100, "model_error": 0.0}}
+    result = dovetail.identify(chain, noisy, method, **options.get(method, {}))
+    assert result.fit.chi_squared == pytest.approx(1.0, abs=0.1)
+    assert result.fit.degrees_of_freedom == 2 * 2 * LINES - 4
+    deviation = np.sqrt(np.diag(np.linalg.inv(result.fit.information)))
+    assert np.all(np.abs(chain.to_unit(result.theta) - chain.to_unit(TRUTH)) < 4 * deviation)
+    if result.posterior is not None:
+        assert result.posterior.fraction.std(axis=0) == pytest.approx(deviation, rel=0.3)
+
+
+def test_two_measurements_tell_as_much_as_both_say_together(chain, noisy):
+    both = refine(chain, noisy).information
+    alone = [refine(chain.at(index), frf).information for index, frf in enumerate(noisy)]
+    np.testing.assert_allclose(both, sum(alone), rtol=0.1, atol=1e-6 * np.max(both))
+
+
+def test_one_response_in_a_list_is_the_same_as_one(chain, noisy):
+    alone, listed = refine(chain.at(0), noisy[0], seed=3), refine(chain.at(0), noisy[:1], seed=3)
+    np.testing.assert_array_equal(alone.theta, listed.theta)
+    np.testing.assert_array_equal(alone.information, listed.information)
+
+
+def test_the_derivatives_are_those_of_the_residuals(chain, clean):
+    measured = Measured.of(chain, [clean[0], with_noise(clean[1], 0.02, 5, has_phase=False)])
+    variance = measured.variance(measured.known_variances())
+    residual = measured.weighted(variance, np.ones(2 * LINES, dtype=bool))
+    place, step = np.array([[0.3, 0.4, 0.6, 0.5]]), 1e-6
+    for part in (residual, measured.logarithms(variance)):
+        misfit = FrfMisfit(chain, part)
+        slopes = misfit.linear(place).slopes[0]
+        for index, one in enumerate(np.eye(4)):
+            ends = misfit.residuals(np.concatenate([place + step * one, place - step * one]))
+            expected = (ends[0] - ends[1]) / (2 * step)
+            np.testing.assert_allclose(slopes[index], expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_some_lines_of_the_misfit_are_lines_of_the_whole(chain, noisy):
+    measured = Measured.of(chain, [noisy[0], with_noise(noisy[1], 0.02, 5, has_phase=False)])
+    residual = measured.weighted(measured.variance(measured.known_variances()), np.ones(2 * LINES, dtype=bool))
+    place = np.array([[0.3, 0.4, 0.6, 0.5]])
+    whole = FrfMisfit(chain, residual).residuals(place)[0]
+    for lines in ([3, 250, LINES + 7, LINES + 8], [LINES + 30]):
+        few = np.array(lines)
+        rows = residual.residuals_of(few)
+        np.testing.assert_array_equal(residual.lines_of(rows), few)
+        some = FrfMisfit(Frfs.of(chain).at(few), residual.at(few)).residuals(place)[0]
+        np.testing.assert_allclose(some, whole[rows], rtol=1e-9)
+
+
+def test_each_has_its_own_noise_phase_and_bad_lines(chain, clean):
+    loud = with_noise(clean[1], 0.2, 2, has_phase=False)
+    values = with_noise(clean[0], 0.001, 1).values.copy()
+    values[120] *= 3.0
+    spiked = dovetail.Frf(chain.frequency, values, "receptance")
+    fit = refine(chain, [spiked, loud])
+    assert fit.ignored.tolist() == [chain.frequency[120]]
+    assert not fit.used[120]
+    assert fit.used[LINES:].all()
+    assert not fit.variance_known
+    np.testing.assert_allclose(fit.variance[LINES:], loud.variance)
+    assert np.abs(chain.to_unit(fit.theta) - chain.to_unit(TRUTH)).max() < 0.01
+
+
+def test_the_network_sees_all_responses(chain, dataset, model, clean):
+    assert dataset.amplitude.shape == (1200, 2 * LINES)
+    assert dataset.attributes["responses"] == ["lower, 0 mm", "upper, 0 mm"]
+    accelerances = [np.abs(one.frf(dataset.parameters[7])) for one in chain.each_response]
+    accelerances[0] *= (2 * np.pi * chain.frequency) ** 2
+    np.testing.assert_allclose(dataset.amplitude[7], np.concatenate(accelerances), rtol=1e-5)
+    told = {name: metrics.r2 for name, metrics in model.evaluation.parameters.items()}
+    assert min(told["foot.k"], told["link.k"]) > 0.9
+    result = model.identify(clean)
+    np.testing.assert_array_equal(result.theta, model.predict_parameters(dataset_row(chain))[0])
+    refined = model.identify(clean, "refined")
+    np.testing.assert_allclose(refined.theta, TRUTH, rtol=1e-3)
+
+
+def dataset_row(chain) -> np.ndarray:
+    return np.abs(chain.accelerance_amplitude(TRUTH))[np.newaxis]
+
+
+def test_the_bundle_and_the_dataset_keep_their_responses(chain, dataset, model, clean, tmp_path):
+    loaded = dovetail.load_model(model.save(tmp_path / "model"))
+    assert loaded.assembly.description.response_labels == chain.description.response_labels
+    np.testing.assert_array_equal(loaded.identify(clean).theta, model.identify(clean).theta)
+    phased = dovetail.generate(chain, tmp_path / "phased.zarr", samples=50, storage="complex")
+    np.testing.assert_allclose(phased.accelerance[:], complex_accelerance(chain, phased.parameters))
+    np.testing.assert_allclose(np.abs(phased.accelerance[:]), phased.amplitude[:])
+    with pytest.raises(dovetail.DovetailError, match="another description"):
+        dataset.require(chain.at(0))
+
+
+def test_noise_for_training_is_drawn_for_each_response(chain, dataset):
+    description = json.loads(chain.description.text)
+    description["identification"]["augmentation"] = {"additive": 0.0, "multiplicative": 0.0, "gain": 0.1}
+    noisy = NoisyFeatures.of(dovetail.load(description), np.asarray(dataset.amplitude[:50]), dataset.parameters[:50])
+    features, _ = noisy(0)
+    gains = (10.0**features - 1) / dataset.amplitude[:50]
+    each = [part[:, part.shape[1] // 2] for part in np.split(gains, 2, axis=1)]
+    for part, gain in zip(np.split(gains, 2, axis=1), each, strict=True):
+        np.testing.assert_allclose(part, np.broadcast_to(gain[:, None], part.shape), rtol=2e-2)
+    assert abs(np.corrcoef(each)[0, 1]) < 0.5
+    assert np.std(each, axis=1) == pytest.approx([0.1, 0.1], rel=0.3)
+
+
+def test_the_unit_of_the_noise_is_that_of_each_response(chain, dataset):
+    description = json.loads(chain.description.text)
+    description["identification"]["augmentation"] = {"additive": 0.1, "multiplicative": 0.0, "clean": 0.0}
+    clean = np.asarray(dataset.amplitude[:20]) * np.repeat([1.0, 1000.0], LINES).astype(np.float32)
+    features, _ = NoisyFeatures.of(dovetail.load(description), clean, dataset.parameters[:20])(0)
+    settings = AugmentationSection(additive=0.1, multiplicative=0.0, clean=0.0)
+    generator = np.random.default_rng([0, 2, 0, 0])
+    parts = [
+        Augmentation(settings, chain.frequency, float(np.std(part, dtype=np.float64)))(part, generator)
+        for part in np.split(clean, 2, axis=1)
+    ]
+    np.testing.assert_array_equal(features, log10p1(np.concatenate(parts, axis=1)))
+
+
+def test_the_result_has_every_response(chain, noisy, tmp_path):
+    result = dovetail.identify(chain, noisy)
+    assert [one.point for one in result.responses] == ["lower, 0 mm", "upper, 0 mm"]
+    assert [one.frf.quantity for one in result.responses] == ["receptance", "accelerance"]
+    np.testing.assert_array_equal(result.frf.values, result.responses[0].frf.values)
+    for one, values in zip(result.responses, chain.frfs(result.theta), strict=True):
+        np.testing.assert_allclose(one.frf.values, values, rtol=1e-9)
+        assert one.mean_coherence > 0.95
+    file = tmp_path / "result.json"
+    file.write_text(json.dumps(result.to_dict(), allow_nan=False))
+    stored = read_identification(file)
+    assert [one.point for one in stored.responses] == ["lower, 0 mm", "upper, 0 mm"]
+    np.testing.assert_array_equal(stored.responses[1].measured.values, result.responses[1].measured.values)
+    assert stored.responses[1].mean_coherence == pytest.approx(result.responses[1].mean_coherence)
+    page = result.report(tmp_path / "report.html").read_text()
+    assert page.count("<figure>") == 2
+    assert "<h3>upper, 0 mm</h3>" in page
+    assert "2 measured FRFs" in page
+
+
+def test_a_warning_names_the_response_that_is_missed(chain, clean):
+    wrong = dovetail.Frf(chain.frequency, -clean[1].values, "accelerance")
+    result = dovetail.identify(chain, [clean[0], wrong], "multistart", starts=4)
+    assert any(warning.startswith("The mean coherence at upper, 0 mm is 0.") for warning in result.warnings)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_a_wrong_number_of_measurements_is_one_clear_error(chain, clean, count):
+    with pytest.raises(MeasurementError) as raised:
+        dovetail.identify(chain, (clean * 2)[:count])
+    (fault,) = raised.value.faults
+    assert "'chain' has 2 responses" in fault.found
+    assert fault.accepted == "1. lower, 0 mm; 2. upper, 0 mm"
+    with pytest.raises(MeasurementError):
+        multistart(chain, (clean * 2)[:count])
+
+
+def test_the_model_errs_in_frequency_alike_and_in_magnitude_on_its_own(chain, clean):
+    values = [frf.values for frf in clean]
+    each = [model_errors(chain.frequency, one, 1e-3) for one in values]
+    joint = joint_model_errors(chain.frequency, values, 1e-3)
+    count = len(each[0]) // 3
+    assert joint.shape == (5 * count, 2 * LINES)
+    covariance = joint.T @ joint.conj()
+    for index, own in enumerate(each):
+        part = slice(index * LINES, (index + 1) * LINES)
+        expected = own.T @ own.conj()
+        np.testing.assert_allclose(covariance[part, part], expected, atol=1e-12 * np.abs(expected).max())
+    shared = each[0][:count].T @ each[1][:count].conj()
+    np.testing.assert_allclose(covariance[:LINES, LINES:], shared, atol=1e-12 * np.abs(shared).max())
+    np.testing.assert_array_equal(joint_model_errors(chain.frequency, values[:1], 1e-3), each[0])
+
+
+def test_model_error_widens_the_posterior_of_both(chain, noisy):
+    fit = refine(chain, noisy)
+    exact, allowed = (
+        sample_posterior(chain, noisy, fit, samples=100, model_error=level).fraction.std(axis=0)
+        for level in (0.0, 0.02)
+    )
+    assert np.all(allowed[[0, 2]] > 1.2 * exact[[0, 2]])
+
+
+def test_predictions_are_at_the_first_response_or_at_the_chosen_one(chain, clean):
+    result = dovetail.identify(chain, clean)
+    np.testing.assert_allclose(dovetail.predict(chain, result).values, result.frf.values, rtol=1e-9)
+    second = dovetail.predict(chain.at(1), result)
+    np.testing.assert_allclose(second.values, result.responses[1].frf.values, rtol=1e-9)
+    assert second.quantity == "accelerance"
