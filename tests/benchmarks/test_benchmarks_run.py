@@ -65,7 +65,7 @@ def test_the_study_of_intervals_has_a_row_for_each_parameter():
 
 
 def test_the_benchmark_of_a_second_point_prints_prediction_and_achievement():
-    table = cells(run("second_point.py", "--cases", 2))[2:]
+    table = cells(run("second_point.py", "--cases", 1))[2:]
     assert len(table) == 12
     for _, alone, both, ratio, planned, quotient in table:
         assert 0 < float(both) < 2 * float(alone)

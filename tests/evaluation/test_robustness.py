@@ -11,7 +11,8 @@ import dovetail
 from dovetail.assembly import components
 from dovetail.errors import PluginError
 from dovetail.evaluation import robustness
-from dovetail.evaluation.robustness import variant
+from dovetail.evaluation.robustness import variant, with_noise
+from dovetail.measurement import data_noise
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,16 @@ def test_noise_costs_accuracy(study):
         assert r2[0] > 0.7
         assert r2[0] > r2[1] > r2[2]
         assert rmse[0] < rmse[1] < rmse[2]
+
+
+def test_noise_has_the_size_of_each_response():
+    clean = np.random.default_rng(0).normal(100.0, 1.0, (400, 60)).astype(np.float32)
+    clean[:, 30:] *= 1000.0
+    one, other = np.split(with_noise(clean, 2, 0.1, 0) - clean, 2, axis=1)
+    assert one.std() == pytest.approx(0.1, rel=0.05)
+    assert other.std() == pytest.approx(100.0, rel=0.05)
+    assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.05
+    np.testing.assert_array_equal(with_noise(clean, 1, 0.1, 3), np.abs(data_noise(clean, 0.1, 3)).astype(np.float32))
 
 
 def test_umap_takes_part(study):

@@ -159,6 +159,12 @@ def test_each_has_its_own_noise_phase_and_bad_lines(chain, clean):
     assert not fit.variance_known
     np.testing.assert_allclose(fit.variance[LINES:], loud.variance)
     assert np.abs(chain.to_unit(fit.theta) - chain.to_unit(TRUTH)).max() < 0.01
+    lower, upper = (fit.at(index, 2) for index in (0, 1))
+    assert (lower.ignored.tolist(), upper.ignored.tolist()) == ([chain.frequency[120]], [])
+    np.testing.assert_array_equal(np.concatenate([lower.variance, upper.variance]), fit.variance)
+    warnings = dovetail.identify(chain, [spiked, loud]).warnings
+    assert any(warning.startswith("1 lines at lower, 0 mm stand alone") for warning in warnings)
+    assert not any("at upper, 0 mm stand alone" in warning for warning in warnings)
 
 
 def test_the_network_sees_all_responses(chain, dataset, model, clean):
@@ -220,6 +226,7 @@ def test_the_unit_of_the_noise_is_that_of_each_response(chain, dataset):
 def test_the_result_has_every_response(chain, noisy, tmp_path):
     result = dovetail.identify(chain, noisy)
     assert [one.point for one in result.responses] == ["lower, 0 mm", "upper, 0 mm"]
+    assert result.provenance["further_measurements"] == ["upper.uff"]
     assert [one.frf.quantity for one in result.responses] == ["receptance", "accelerance"]
     np.testing.assert_array_equal(result.frf.values, result.responses[0].frf.values)
     for one, values in zip(result.responses, chain.frfs(result.theta), strict=True):

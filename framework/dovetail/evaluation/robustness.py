@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, components
 from dovetail.assembly.reader import read_description
@@ -19,7 +20,7 @@ from dovetail.interfaces import Progress, silent
 from dovetail.measurement import data_noise
 from dovetail.registry import Registry
 
-__all__ = ["LEVELS", "RobustnessRow", "robustness", "variant"]
+__all__ = ["LEVELS", "RobustnessRow", "robustness", "variant", "with_noise"]
 
 _ROBUST = "robust"
 
@@ -137,6 +138,13 @@ def variant(assembly: Assembly, name: str, registry: Registry) -> Assembly:
     return Assembly(read_description({**description, "identification": section}, registry))
 
 
+def with_noise(amplitude: NDArray[np.float32], responses: int, level: float, seed: int) -> NDArray[np.float32]:
+    """Return amplitudes (n, n_responses n_freq) with noise, over the standard deviation of each response on its own."""
+    random = np.random.default_rng(seed)
+    parts = [data_noise(part, level, random) for part in np.split(amplitude, responses, axis=1)]
+    return np.abs(np.concatenate(parts, axis=1)).astype(np.float32)
+
+
 def _evaluate(
     model: str, identifier: Identifier, dataset: Dataset, levels: Sequence[float], seed: int, progress: Progress
 ) -> Iterator[RobustnessRow]:
@@ -144,11 +152,9 @@ def _evaluate(
     settings = assembly.description.identification
     is_test = np.flatnonzero(split(len(dataset), settings.test_fraction, settings.seed))
     clean, truth = np.asarray(dataset.amplitude[:])[is_test], dataset.parameters[is_test]
-    parts = np.split(clean, len(assembly.description.responses), axis=1)
     for index, level in enumerate(levels):
         progress(f"noise on {model}", index, len(levels))
-        random = np.random.default_rng(seed)
-        noisy = np.abs(np.concatenate([data_noise(part, level, random) for part in parts], axis=1)).astype(np.float32)
+        noisy = with_noise(clean, len(assembly.description.responses), level, seed)
         predicted = identifier.predict_parameters(noisy)
         metrics = parameter_metrics(assembly.parameters, truth, predicted)
         r2 = {name: float("nan") if m.r2 is None else m.r2 for name, m in metrics.items()}

@@ -159,8 +159,11 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
         )
     if result.fit is not None:
         warnings += _warnings_of_fit(result.fit)
-    for at_point in result.responses:
-        warnings += _warnings_at(at_point, f" at {at_point.point}" if result.further else "")
+    for index, at_point in enumerate(result.responses):
+        where = f" at {at_point.point}" if result.further else ""
+        if result.fit is not None:
+            warnings += _warnings_of_lines(result.fit.at(index, len(result.responses)), where)
+        warnings += _warnings_at(at_point, where)
     if without_modes:
         warnings.append(without_modes)
     return tuple(warnings)
@@ -192,8 +195,13 @@ def _warnings_of_fit(fit: Fit) -> list[str]:
         )
         if fit.agreeing < _FEWEST_AGREEING:
             warnings.append("No two searches ended in the same place: there may be a better fit.")
-    if fit.ignored.size:
-        lines = ", ".join(f"{frequency:.6g}" for frequency in fit.ignored[:_MOST_LISTED])
-        more = ", ..." if fit.ignored.size > _MOST_LISTED else ""
-        warnings.append(f"{fit.ignored.size} lines stand alone and were left out: {lines}{more} Hz.")
     return warnings
+
+
+def _warnings_of_lines(fit: Fit, where: str) -> list[str]:
+    """Return which lines of a response were left out; `where` names it if there are several."""
+    if not fit.ignored.size:
+        return []
+    lines = ", ".join(f"{frequency:.6g}" for frequency in fit.ignored[:_MOST_LISTED])
+    more = ", ..." if fit.ignored.size > _MOST_LISTED else ""
+    return [f"{fit.ignored.size} lines{where} stand alone and were left out: {lines}{more} Hz."]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -67,6 +67,17 @@ class Fit:
     agreeing: int
     steps: int
     seconds: float
+
+    def at(self, index: int, count: int) -> Fit:
+        """Return the fit with the variance and the lines of one of its `count` responses alone."""
+        used = np.split(self.used, count)
+        left_out = np.cumsum([np.count_nonzero(~lines) for lines in used])
+        return replace(
+            self,
+            variance=np.split(self.variance, count)[index],
+            used=used[index],
+            ignored=np.split(self.ignored, left_out[:-1])[index],
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return what tells how good the fit is as plain values, fit for JSON."""

@@ -15,6 +15,8 @@ MODEL_ERROR = 5e-4
 
 _UNCORRELATED = 0.05
 _KNOTS = 6
+_OF_THE_STRUCTURE = _KNOTS
+"""How many of the errors, the first ones, are the structure's own: those of natural frequencies."""
 _MAGNITUDE = 2.0
 """Relative error of magnitude and phase over that of natural frequencies."""
 
@@ -70,11 +72,14 @@ def joint_model_errors(
         that all responses are stretched alike; magnitude and phase err in each response on their own.
     """
     each = [model_errors(frequency, own, level) for own in values]
-    if len(each) == 1 or not len(each[0]):
-        return np.concatenate(each, axis=1)
-    own = [np.pad(one[_KNOTS:], ((0, 0), (k * len(frequency), (len(each) - k - 1) * len(frequency))))
-        for k, one in enumerate(each)]  # fmt: skip
-    return np.concatenate([np.concatenate([one[:_KNOTS] for one in each], axis=1), *own])
+    if len(each) == 1:
+        return each[0]
+    shared = np.concatenate([one[:_OF_THE_STRUCTURE] for one in each], axis=1)
+    own = [one[_OF_THE_STRUCTURE:] for one in each]
+    rows = [
+        np.concatenate([one if k == at else 0.0 * one for k in range(len(each))], axis=1) for at, one in enumerate(own)
+    ]
+    return np.concatenate([shared, *rows])
 
 
 def correlation_length(residuals: NDArray[Any]) -> float:
