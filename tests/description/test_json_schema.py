@@ -122,6 +122,17 @@ def test_a_wrong_value_fails(path, value):
     assert faults(description) != []
 
 
+def test_one_response_or_a_list_of_them():
+    description = read(ROOT / "assemblies" / "bt40_er32.yaml")
+    one = description.pop("response")
+    assert faults(description) != []
+    assert faults({**description, "responses": [one, {**one, "position": "0 mm"}]}) == []
+    assert faults({**description, "response": one, "responses": [one]}) != []
+    assert faults({**description, "responses": [{**one, "direction": "y"}]}) != []
+    assert faults({**description, "responses": []}) != []
+    assert faults({"extends": "other.yaml", "dovetail": 1, "responses": [one]}) == []
+
+
 def test_every_option_and_parameter_of_every_component_is_described_with_its_unit():
     definitions = description_schema(installed_components())["$defs"]
     for kind in KINDS:

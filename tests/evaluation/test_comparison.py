@@ -71,6 +71,13 @@ def test_the_command_writes_report_and_tables(cases):
     assert 'src="' not in page
 
 
+def test_an_assembly_with_several_responses_is_refused_before_any_work(cases, assemblies):
+    (cases / "two.yaml").write_text(f"extends: {assemblies / 'bt40_er32_two_points.yaml'}\n")
+    (cases / "cases.yaml").write_text(CASES.replace("{assembly: sdof.yaml, measured", "{assembly: two.yaml, measured"))
+    with pytest.raises(DovetailError, match="1 measured FRF was given, and 'bt40-er32-t0-two-points' has 2 responses"):
+        compare(read_cases(cases / "cases.yaml"), ("umap",), samples=300)
+
+
 def test_what_cannot_be_compared(cases):
     read = read_cases(cases / "cases.yaml")
     with pytest.raises(DovetailError, match="refind"):
