@@ -18,8 +18,8 @@ from dovetail.identification.fitting.least_squares import Linear
 
 __all__ = ["FrfMisfit", "LogAmplitude", "Residual", "SideBySide", "Weighted"]
 
-_AT_ONCE = 32
-"""Parameter vectors whose complex derivatives are in memory at the same time."""
+_LINES_AT_ONCE = 150_000
+"""Lines, of all parameter vectors together, whose complex derivatives are in memory at the same time."""
 _SMOOTHED = 9
 """Lines over which a measured amplitude is averaged to tell how its noise is distributed."""
 _SEARCH_ERROR = 0.1
@@ -70,7 +70,8 @@ class FrfMisfit:
 
     def linear(self, fraction: NDArray[np.float64]) -> Linear:
         """Return residuals and their derivatives at fractions (n, p) of the ranges."""
-        parts = [self._linear(fraction[first : first + _AT_ONCE]) for first in range(0, len(fraction), _AT_ONCE)]
+        at_once = max(1, _LINES_AT_ONCE // len(self._assembly.frequency))
+        parts = [self._linear(fraction[first : first + at_once]) for first in range(0, len(fraction), at_once)]
         return Linear(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
     def _linear(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
