@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -154,6 +154,10 @@ class Weighted:
         """Return the residuals of some lines."""
         return Weighted(self.measured[lines], self.variance[lines], self.weight[lines], self.has_phase)
 
+    def scaled(self, factor: float) -> Weighted:
+        """Return the residuals multiplied by a factor."""
+        return replace(self, weight=factor * self.weight)
+
     def lines_of(self, residuals: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the lines that residuals belong to, both by their numbers; increasing, each once."""
         return np.unique(residuals // self.parts)
@@ -217,6 +221,10 @@ class SideBySide(Generic[_Each]):
         """Return the residuals of some lines (increasing numbers); a response without any of them is left out."""
         kept = [(one, own) for one, own in zip(self.each, parted(lines, self.counts), strict=True) if len(own)]
         return SideBySide(tuple(one.at(own) for one, own in kept), tuple(len(own) for _, own in kept))
+
+    def scaled(self: SideBySide[Weighted], factor: float) -> SideBySide[Weighted]:
+        """Return the residuals multiplied by a factor."""
+        return SideBySide(tuple(one.scaled(factor) for one in self.each), self.counts)
 
     def lines_of(self: SideBySide[Weighted], residuals: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the lines that residuals belong to, both by their numbers; increasing, each once."""
