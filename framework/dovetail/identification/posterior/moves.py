@@ -59,7 +59,7 @@ def move(problem: PriorAndData, places: Places, random: np.random.Generator) -> 
 def _log_density(charts: Charts, start: Places, end: Places) -> NDArray[np.float64]:
     """Return the logarithm of the density with which steps from `start`, where the charts are, end at `end`."""
     away = charts.components(end.residuals) - KEPT * charts.components(start.residuals)
-    return charts.log_stretch(end) - np.einsum("nd,nd->n", away, away) / (2.0 * (1.0 - KEPT**2))
+    return np.asarray(charts.log_stretch(end) - np.einsum("nd,nd->n", away, away) / (2.0 * (1.0 - KEPT**2)))
 
 
 def _returns(problem: PriorAndData, places: Places, ends: Places, rows: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,6 +152,6 @@ class Charts:
         return velocity + acceleration / 2.0, lengths[0] <= _MOST_BENT**2 * lengths[1]
 
 
-def _times(matrices: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _times(matrices: NDArray[Any], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the products (n, i) of matrices (n, i, k) and vectors (n, k)."""
     return np.asarray((matrices @ vectors[:, :, np.newaxis])[:, :, 0])

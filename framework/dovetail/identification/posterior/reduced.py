@@ -111,7 +111,7 @@ class WithErrors:
         return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
 
     def _scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        return residuals - (residuals @ self._directions.T * self._lost) @ self._directions
+        return np.asarray(residuals - (residuals @ self._directions.T * self._lost) @ self._directions)
 
 
 def squares_with_errors(residuals: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
