@@ -29,7 +29,7 @@ def right(sdof):
 
 @pytest.fixture
 def spoilt(monkeypatch):
-    """Identification with a posterior whose samples are stretched about their mean, and moved by standard deviations."""
+    """Posteriors whose samples are stretched about their mean, and moved by so many standard deviations."""
 
     def install(stretch, moved=0.0):
         identify = study.identify

@@ -171,7 +171,7 @@ def test_the_highest_peak_is_found_where_the_best_fit_is_another(collet):
         collet, Measured.of(collet, frf), variance, residual, none, collet.to_unit(fit.theta), np.random.default_rng(0)
     )
     problem = PriorAndData(FrfMisfit(collet, residual))
-    places = np.concatenate([modes, quantile_of(np.stack([np.clip(collet.to_unit(fit.theta), 0.02, 0.98), fraction]))])
+    places = np.concatenate([modes, quantile_of(np.stack([np.clip(best, 0.02, 0.98), fraction]))])
     squares = np.sum(problem.residuals(places) ** 2, axis=1)
     assert squares[0] == squares.min()
     assert squares[-2] > squares[-1]  # the best fit is on another peak than the truth
