@@ -167,9 +167,8 @@ def test_the_highest_peak_is_found_where_the_best_fit_is_another(collet):
     fit = refine(collet, frf, seed=11)
     residual = Weighted.against(frf, variance, np.ones(len(values), dtype=bool))
     none = np.zeros((0, 2 * len(values)))
-    modes = search_modes(
-        collet, Measured.of(collet, frf), variance, residual, none, collet.to_unit(fit.theta), np.random.default_rng(0)
-    )
+    best, measured = collet.to_unit(fit.theta), Measured.of(collet, frf)
+    modes = search_modes(collet, measured, variance, residual, none, best, np.random.default_rng(0))
     problem = PriorAndData(FrfMisfit(collet, residual))
     places = np.concatenate([modes, quantile_of(np.stack([np.clip(best, 0.02, 0.98), fraction]))])
     squares = np.sum(problem.residuals(places) ** 2, axis=1)

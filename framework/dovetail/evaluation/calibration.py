@@ -263,8 +263,8 @@ class _Study:
         self._assembly = assembly
         self._setting = setting
         self._true = finer(assembly, setting.finer_mesh)
-        self._true.frf()  # so that processes that are copies of this one find both engines ready
-        assembly.frf()
+        for one in (*assembly.each_response, *self._true.each_response):
+            one.frf()  # so that processes that are copies of this one find all engines ready
 
     def case(self, index: int) -> _Case:
         """Make and identify a measurement."""
@@ -280,19 +280,19 @@ class _Study:
         rank = found.weight @ (found.fraction < fraction)
         return _Case(fraction, found.weight @ found.fraction, rank, found.effective, found.reached, seconds)
 
-    def _measured(self, fraction: NDArray[np.float64], random: np.random.Generator) -> Frf:
-        values = self._true.frf(self._assembly.from_unit(fraction))
-        deviation = self._setting.noise * float(values.std())
-        real, imaginary = random.standard_normal((2, len(values)))
-        noisy = values + deviation * (real + 1j * imaginary) / np.sqrt(2.0)
-        response = self._assembly.description.response
-        return Frf(
-            self._assembly.frequency,
-            noisy,
-            response.quantity,
-            variance=np.full(len(values), deviation**2),
-            rotation=response.rotation,
-        )
+    def _measured(self, fraction: NDArray[np.float64], random: np.random.Generator) -> list[Frf]:
+        """Return one FRF with noise for each response."""
+        theta = self._assembly.from_unit(fraction)
+        responses = self._assembly.description.responses
+        measured = []
+        for one, response in zip(self._true.each_response, responses, strict=True):
+            values = one.frf(theta)
+            deviation = self._setting.noise * float(values.std())
+            real, imaginary = random.standard_normal((2, len(values)))
+            noisy = values + deviation * (real + 1j * imaginary) / np.sqrt(2.0)
+            variance = np.full(len(values), deviation**2)
+            measured.append(Frf(one.frequency, noisy, response.quantity, variance=variance, rotation=response.rotation))
+        return measured
 
 
 def _calibration(

@@ -47,10 +47,11 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
     same_joints = all(joints[name].connection.model is one.connection.model for name, one in description.joints.items())
     if same_joints and all(parts[name] is part for name, part in description.substructures.items()):
         raise ParameterError(Fault(assembly.name, "none of its parts has a mesh that can be made finer."))
-    own = description.response
-    node = _node(description.substructures[own.substructure], own.node, parts[own.substructure])
-    response = replace(own, node=node)
-    return Assembly(replace(description, substructures=parts, joints=joints, response=response))
+    responses = tuple(
+        replace(one, node=_node(description.substructures[one.substructure], one.node, parts[one.substructure]))
+        for one in description.responses
+    )
+    return Assembly(replace(description, substructures=parts, joints=joints, responses=responses))
 
 
 def _moved(
