@@ -142,6 +142,15 @@ def test_a_finer_mesh_is_the_description_with_more_elements(collet, torque_100):
     assert finer(collet, 1) is collet
 
 
+def test_several_responses_are_measured_and_identified_together(assemblies):
+    two = dovetail.load(assemblies / "bt40_er32_two_points.yaml")
+    options = {"cases": 1, "samples": 60, "finer_mesh": 2, "model_error": 5e-4}
+    found, alone = calibrate(two, **options), calibrate(two.at(0), **options)
+    np.testing.assert_array_equal(found.truth, alone.truth)
+    assert not np.array_equal(found.rank, alone.rank)
+    assert np.all((found.rank >= 0) & (found.rank <= 1))
+
+
 def test_a_worker_that_is_killed_is_one_clear_error():
     def work(index):
         os.kill(os.getpid(), signal.SIGKILL)
