@@ -17,7 +17,9 @@ myst_heading_anchors = 3
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
-exclude_patterns = ["_build", "campaign/*/*.md", "speed/*.md", "joints/*.md", "examples"]
+exclude_patterns = [
+    "_build", "campaign/*/*.md", "speed/*.md", "joints/*.md", "uncertainty/*.md", "uncertainty/*/*.md", "examples",
+]  # fmt: skip
 
 html_theme = "furo"
 html_title = f"Dovetail {release}"

@@ -57,16 +57,16 @@ def test_the_noise_floor_is_reached_in_a_few_cases():
     assert all(row[3] == "3 of 3" for row in rows if row[1:3] == ["complex", "refined"])
 
 
-def test_the_study_of_intervals_has_a_row_for_each_parameter():
-    rows = cells(run("interval_coverage.py", "--cases", 2, "--finer-mesh", 2, "--model-error", 0.0005))[2:]
-    assert len(rows) == 13
-    assert rows[-1][0] == "all"
-    assert all(float(row[1].rstrip("%")) in (0.0, 50.0, 100.0) for row in rows[:-1])
-
-
 def test_the_benchmark_of_a_second_point_prints_prediction_and_achievement():
     table = cells(run("second_point.py", "--cases", 1))[2:]
     assert len(table) == 12
     for _, alone, both, ratio, planned, quotient in table:
         assert 0 < float(both) < 2 * float(alone)
         assert abs(float(ratio) / float(planned) - float(quotient)) < 0.1 * float(quotient) + 0.05
+
+
+def test_the_study_of_mesh_errors_has_a_row_for_each_assembly():
+    rows = cells(run("mesh_errors.py", "--joints", 4, "--finer-mesh", 2))[2:]
+    assert len(rows) == 4
+    assert all(1e-6 < float(row[1]) < 1e-2 for row in rows)
+    assert float(rows[0][3]) > 3.0  # modal constants err more than natural frequencies

@@ -74,5 +74,6 @@ def test_help_lists_every_command(shell):
     assert listed == [
         "plugins", "describe", "schema", "new-plugin", "check-plugin", "check", "simulate", "frf", "convert",
         "generate", "train", "identify", "predict", "validate", "spindle", "robustness", "compare", "plan",
+            "calibrate",
     ]  # fmt: skip
     assert max(len(line) for line in done.stdout.splitlines()) <= 80

@@ -13,12 +13,15 @@ import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.identification.fitting import refine
+from dovetail.identification.fitting.measured import Measured
 from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
 from dovetail.identification.posterior import Posterior, model_errors, quantiles, sample_posterior
 from dovetail.identification.posterior.coordinates import PriorAndData, quantile_of
 from dovetail.identification.posterior.model_error import correlation_length
-from dovetail.identification.posterior.optimised import Chart
-from dovetail.identification.posterior.reduced import ReducedMisfit, squares_with_errors
+from dovetail.identification.posterior.modes import search_modes
+from dovetail.identification.posterior.moves import move
+from dovetail.identification.posterior.optimised import Charts, Places
+from dovetail.identification.posterior.reduced import ReducedMisfit, WithErrors, squares_with_errors
 from dovetail.identification.stored import read_identification
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
@@ -72,10 +75,10 @@ def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof):
     fit = refine(sdof, frf)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     values = sdof.frf(fit.theta)
-    errors = residual.slopes(values[None], model_errors(sdof.frequency, values, 2e-3)[None])[0]
+    errors = residual.slopes(values[None], model_errors(sdof.frequency, values, 5e-4)[None])[0]
     _, deviation = on_a_grid(sdof, frf, errors, widening=15.0)
     without = sample_posterior(sdof, frf, fit, samples=2000, model_error=0.0)
-    found = sample_posterior(sdof, frf, fit, samples=2000, model_error=2e-3)
+    found = sample_posterior(sdof, frf, fit, samples=2000, model_error=5e-4)
     spread = [np.sqrt(p.weight @ (p.fraction - p.weight @ p.fraction) ** 2) for p in (without, found)]
     assert spread[1][0] > 3 * spread[0][0]  # the stiffness, which the natural frequency tells
     np.testing.assert_allclose(spread[1], deviation, rtol=0.1)
@@ -116,12 +119,74 @@ def test_each_search_reaches_the_components_that_were_drawn(sdof):
     frf = noisy(sdof, sdof.from_unit(np.array([0.4, 0.5])), 0.1, 3)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     problem = PriorAndData(FrfMisfit(sdof, residual))
-    at = quantile_of(np.array([0.4, 0.5]))
-    chart = Chart(problem, at)
-    target = chart.components(at[None]) + np.random.default_rng(0).standard_normal((20, 2))
-    found = chart.solve(target, np.broadcast_to(at, (20, 2)), 100)
-    assert found.reached.all()
-    np.testing.assert_allclose(chart.components(found.z), target, atol=0.02)
+    at = Places.at(problem, quantile_of(np.array([[0.4, 0.5]])))
+    charts = Charts(problem, at)
+    target = charts.components(at.residuals) + np.random.default_rng(0).standard_normal((20, 2))
+    found, reached = charts.solve(target, Places.at(problem, np.broadcast_to(at.z, (20, 2))), 100)
+    assert reached.all()
+    np.testing.assert_allclose(charts.components(found.residuals), target, atol=0.02)
+
+
+class Bow:
+    """A bent, narrow valley: the second coordinate follows the square of the first, to a hundredth."""
+
+    def residuals(self, z):
+        return np.concatenate([z, (z[:, 1:] - z[:, :1] ** 2 + 1.0) / 0.01], axis=1)
+
+    def linear(self, z):
+        slopes = np.zeros((len(z), 2, 3))
+        slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
+        slopes[:, 0, 2], slopes[:, 1, 2] = -2.0 * z[:, 0] / 0.01, 1.0 / 0.01
+        return self.residuals(z), slopes
+
+
+def test_moves_along_a_bent_valley_lead_to_its_distribution_from_one_end_of_it():
+    problem, random = Bow(), np.random.default_rng(0)
+    places = Places.at(problem, np.tile([[1.6, 1.56]], (1500, 1)))
+    for _ in range(40):
+        places, taken = move(problem, places, random)
+    assert taken > 0.3
+    along = np.linspace(-4, 4, 4001)
+    density = np.exp(-(along**2 + (along**2 - 1.0) ** 2) / 2)  # the narrow direction is integrated out
+    wanted = np.sqrt(np.sum(density * along**2) / density.sum())
+    found = np.sqrt(np.mean(places.z[:, 0] ** 2))
+    assert found == pytest.approx(wanted, rel=0.05)
+    assert abs(places.z[:, 0].mean()) < 0.12
+    np.testing.assert_allclose(places.z[:, 1], places.z[:, 0] ** 2 - 1.0, atol=0.05)
+
+
+def test_the_highest_peak_is_found_where_the_best_fit_is_another(collet):
+    random = np.random.default_rng([0, 11])
+    fraction = random.random(12)
+    values = collet.frf(collet.from_unit(fraction))
+    deviation = 0.01 * values.std()
+    real, imaginary = random.standard_normal((2, len(values)))
+    variance = np.full(len(values), deviation**2)
+    shown = values + deviation * (real + 1j * imaginary) / np.sqrt(2)
+    frf = dovetail.Frf(collet.frequency, shown, "accelerance", variance=variance)
+    fit = refine(collet, frf, seed=11)
+    residual = Weighted.against(frf, variance, np.ones(len(values), dtype=bool))
+    none = np.zeros((0, 2 * len(values)))
+    best, measured = collet.to_unit(fit.theta), Measured.of(collet, frf)
+    modes = search_modes(collet, measured, variance, residual, none, best, np.random.default_rng(0))
+    problem = PriorAndData(FrfMisfit(collet, residual))
+    places = np.concatenate([modes, quantile_of(np.stack([np.clip(best, 0.02, 0.98), fraction]))])
+    squares = np.sum(problem.residuals(places) ** 2, axis=1)
+    assert squares[0] == squares.min()
+    assert squares[-2] > squares[-1]  # the best fit is on another peak than the truth
+
+
+def test_errors_of_the_model_scale_residuals_to_their_sum_of_squares(sdof):
+    frf = noisy(sdof, None, 0.05, 1)
+    residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
+    misfit, values = FrfMisfit(sdof, residual), sdof.frf()
+    errors = residual.slopes(values[None], model_errors(sdof.frequency, values, 2e-3)[None])[0]
+    places = np.random.default_rng(0).random((5, 2))
+    scaled = WithErrors(misfit, errors).linear(places)
+    np.testing.assert_allclose(scaled.cost, squares_with_errors(misfit.residuals(places), errors), rtol=1e-9)
+    step = np.array([1e-6, 0.0])
+    ahead, behind = (WithErrors(misfit, errors).residuals(places + sign * step) for sign in (1, -1))
+    np.testing.assert_allclose(scaled.slopes[:, 0], (ahead - behind) / 2e-6, atol=1e-4 * np.abs(scaled.slopes).max())
 
 
 def test_the_shipped_measurement_says_what_it_tells(collet, assemblies):

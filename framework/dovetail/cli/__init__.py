@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from dovetail.cli.calibrate import calibrate
 from dovetail.cli.check import check
 from dovetail.cli.check_plugin import check_plugin
 from dovetail.cli.commands import Commands, report_bug
@@ -84,6 +85,7 @@ COMMANDS = (
     robustness,
     compare,
     plan,
+    calibrate,
 )
 for command in COMMANDS:
     app.command()(command)

@@ -1,5 +1,6 @@
-"""Evaluation: methods side by side, robustness of models to noise, models held against measurements."""
+"""Evaluation: methods side by side, robustness of models to noise, models against measurements, calibration."""
 
+from dovetail.evaluation.calibration import CalibratedParameter, Calibration, calibrate
 from dovetail.evaluation.cases import Case, Cases, read_cases
 from dovetail.evaluation.comparison import Compared, Comparison, compare, read_truths
 from dovetail.evaluation.planning import Plan, PlannedPoint, plan
@@ -8,6 +9,8 @@ from dovetail.evaluation.validation import PeakRow, ValidatedCase, Validation, v
 
 __all__ = [
     "LEVELS",
+    "CalibratedParameter",
+    "Calibration",
     "Case",
     "Cases",
     "Compared",
@@ -18,6 +21,7 @@ __all__ = [
     "RobustnessRow",
     "ValidatedCase",
     "Validation",
+    "calibrate",
     "compare",
     "plan",
     "read_cases",

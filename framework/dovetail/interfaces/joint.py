@@ -148,6 +148,10 @@ class JointModel(Component):
         """Number d of local DOFs."""
         return self.internal_dofs + len(DIRECTIONS) * sum(port.nodes for port in self.ports)
 
+    def refined(self, factor: int) -> JointModel | None:  # noqa: ARG002
+        """Return the same joint with a mesh `factor` times as fine, or None where it has none."""
+        return None
+
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:
         """Pairs of local DOFs that are one and the same, as in a rigid joint."""

@@ -72,6 +72,11 @@ class Collet(JointModel):
         steel = {"young": "200 GPa", "density": "7850 kg/m^3", "loss_factor": 0.003}
         return {"material": steel}, {"material": steel, "segment": "8 mm", "elements_per_segment": 2}
 
+    def refined(self, factor: int) -> Collet:
+        """Return the same collet with `factor` times as many elements."""
+        elements = factor * self.config.elements_per_segment
+        return type(self)(self.config.model_copy(update={"elements_per_segment": elements}))
+
     @property
     def internal_dofs(self) -> int:
         """DOFs of the collet's own nodes."""

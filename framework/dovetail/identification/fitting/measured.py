@@ -13,6 +13,7 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.identification.fitting.bad_lines import isolated_lines
+from dovetail.identification.fitting.frfs import parted
 from dovetail.identification.fitting.misfit import LogAmplitude, SideBySide, Weighted
 from dovetail.identification.fitting.variance import estimated_variance, known_variance
 
@@ -77,6 +78,17 @@ class Measured:
     def frequency(self) -> NDArray[np.float64]:
         """(n_lines,) Hz."""
         return np.concatenate([frf.frequency for frf in self.frfs])
+
+    def at(self, lines: NDArray[np.intp]) -> Measured:
+        """Return the values at some lines (increasing numbers); a response without any of them is left out."""
+        each = zip(self.frfs, parted(lines, self.counts), strict=True)
+        return Measured(
+            tuple(
+                Frf(frf.frequency[own], frf.values[own], frf.quantity, has_phase=frf.has_phase, rotation=frf.rotation)
+                for frf, own in each
+                if len(own)
+            )
+        )
 
     def split(self, lines: NDArray[Any]) -> list[NDArray[Any]]:
         """Return an array (..., n_lines) response by response."""

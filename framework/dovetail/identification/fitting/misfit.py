@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -18,8 +18,8 @@ from dovetail.identification.fitting.least_squares import Linear
 
 __all__ = ["FrfMisfit", "LogAmplitude", "Residual", "SideBySide", "Weighted"]
 
-_AT_ONCE = 32
-"""Parameter vectors whose complex derivatives are in memory at the same time."""
+_LINES_AT_ONCE = 150_000
+"""Lines, of all parameter vectors together, whose complex derivatives are in memory at the same time."""
 _SMOOTHED = 9
 """Lines over which a measured amplitude is averaged to tell how its noise is distributed."""
 _SEARCH_ERROR = 0.1
@@ -70,7 +70,8 @@ class FrfMisfit:
 
     def linear(self, fraction: NDArray[np.float64]) -> Linear:
         """Return residuals and their derivatives at fractions (n, p) of the ranges."""
-        parts = [self._linear(fraction[first : first + _AT_ONCE]) for first in range(0, len(fraction), _AT_ONCE)]
+        at_once = max(1, _LINES_AT_ONCE // len(self._assembly.frequency))
+        parts = [self._linear(fraction[first : first + at_once]) for first in range(0, len(fraction), at_once)]
         return Linear(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
     def _linear(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
@@ -153,6 +154,10 @@ class Weighted:
         """Return the residuals of some lines."""
         return Weighted(self.measured[lines], self.variance[lines], self.weight[lines], self.has_phase)
 
+    def scaled(self, factor: float) -> Weighted:
+        """Return the residuals multiplied by a factor."""
+        return replace(self, weight=factor * self.weight)
+
     def lines_of(self, residuals: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the lines that residuals belong to, both by their numbers; increasing, each once."""
         return np.unique(residuals // self.parts)
@@ -216,6 +221,10 @@ class SideBySide(Generic[_Each]):
         """Return the residuals of some lines (increasing numbers); a response without any of them is left out."""
         kept = [(one, own) for one, own in zip(self.each, parted(lines, self.counts), strict=True) if len(own)]
         return SideBySide(tuple(one.at(own) for one, own in kept), tuple(len(own) for _, own in kept))
+
+    def scaled(self: SideBySide[Weighted], factor: float) -> SideBySide[Weighted]:
+        """Return the residuals multiplied by a factor."""
+        return SideBySide(tuple(one.scaled(factor) for one in self.each), self.counts)
 
     def lines_of(self: SideBySide[Weighted], residuals: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the lines that residuals belong to, both by their numbers; increasing, each once."""

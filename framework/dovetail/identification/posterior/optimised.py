@@ -3,52 +3,72 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.identification.posterior.coordinates import FURTHEST, PriorAndData
 
-__all__ = ["Chart", "Solved"]
+__all__ = ["Charts", "Places"]
 
-_DAMPING, _LESS, _MORE, _MOST_DAMPING = 1e-2, 1 / 5, 2.0, 1e8
+_DAMPING, _LESS, _MORE, _MOST_DAMPING = 1e-4, 1 / 5, 3.0, 1e8
 _PROBE, _MOST_BENT = 0.1, 1.5
 _LONGEST = 2.0
 """Change of one coordinate in one step."""
 _ARRIVED = 1e-6
-"""Squared distance from the target at which a search ends; a sample within a hundred times of it counts as solved."""
+"""Squared distance from the target at which a search ends; one that ends within a hundred times of it reached it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
-    """Where searches ended.
+class Places:
+    """Places with their residuals and the residuals' derivatives.
 
     Parameters
     ----------
     z : (n, d) array
-    reached : (n,) bool array
-        Whether the target was reached.
     residuals : (n, d + m) array
-    log_density : (n,) array
-        Logarithm, but for a constant, of the density with which such samples are drawn.
+    slopes : (n, d, d + m) array
     """
 
     z: NDArray[np.float64]
-    reached: NDArray[np.bool_]
     residuals: NDArray[np.float64]
-    log_density: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+
+    @staticmethod
+    def at(problem: PriorAndData, z: NDArray[np.float64]) -> Places:
+        """Return the places z (n, d)."""
+        return Places(z, *problem.linear(z))
+
+    @property
+    def log_posterior(self) -> NDArray[np.float64]:
+        """(n,) logarithms, but for a constant, of the probability density of z."""
+        return np.asarray(np.einsum("nm,nm->n", self.residuals, self.residuals) / -2.0)
+
+    def at_rows(self, rows: NDArray[np.intp]) -> Places:
+        """Return some of the places."""
+        return Places(self.z[rows], self.residuals[rows], self.slopes[rows])
+
+    def copy(self) -> Places:
+        """Return places that can be overwritten."""
+        return Places(self.z.copy(), self.residuals.copy(), self.slopes.copy())
+
+    def put(self, rows: NDArray[np.intp], others: Places, taken: NDArray[np.bool_]) -> None:
+        """Overwrite `rows` with those of `others` that are taken."""
+        for name in ("z", "residuals", "slopes"):
+            getattr(self, name)[rows] = getattr(others, name)[taken]
 
 
-class Chart:
-    """The map from z to the residuals' components along their tangent at one place.
+class Charts:
+    """The map from z to the residuals' components along their tangent at one place, or at one for each row.
 
     Where residuals are normal these components are standard normal, however curved the valley of z is.
 
     Parameters
     ----------
     problem : PriorAndData
-    at : (d,) array
-        Where the tangent is taken, best at the most probable z.
+    at : Places
+        Where the tangents are taken: one place for all rows, or as many as there are rows.
 
     References
     ----------
@@ -56,64 +76,82 @@ class Chart:
     distributions in nonlinear inverse problems, SIAM J. Sci. Comput. 36 (2014) A1895-A1910.
     """
 
-    def __init__(self, problem: PriorAndData, at: NDArray[np.float64]) -> None:
+    def __init__(self, problem: PriorAndData, at: Places) -> None:
         self._problem = problem
-        _, slopes = problem.linear(at[np.newaxis])
-        self._tangent = np.linalg.qr(slopes[0].T)[0]
+        self._tangents = np.linalg.qr(at.slopes.transpose(0, 2, 1))[0]
 
-    def components(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the components (n, d) of the residuals at z (n, d)."""
-        return np.asarray(self._problem.residuals(z) @ self._tangent)
+    def components(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the components (n, d) of residuals (n, d + m)."""
+        return self._along(residuals, np.arange(len(residuals)))
 
-    def solve(self, target: NDArray[np.float64], start: NDArray[np.float64], most_steps: int) -> Solved:
+    def log_stretch(self, places: Places) -> NDArray[np.float64]:
+        """Return the logarithm (n,) of how much larger a small volume of z at places is in components."""
+        return np.asarray(np.linalg.slogdet(places.slopes @ self._tangents)[1])
+
+    def solve(self, target: NDArray[np.float64], start: Places, most_steps: int) -> tuple[Places, NDArray[np.bool_]]:
         """Find z whose components are given, all rows side by side.
 
         Parameters
         ----------
-        target, start : (n, d) arrays
+        target : (n, d) array
+        start : Places
         most_steps : int
+
+        Returns
+        -------
+        Places
+        (n,) bool array
+            Whether each reached its target.
         """
-        z = start.copy()
-        residuals, slopes = self._problem.linear(z)
-        off, along = residuals @ self._tangent - target, slopes @ self._tangent
+        ends = start.copy()
+        off = self.components(ends.residuals) - target
         left = np.einsum("nd,nd->n", off, off)
-        damping, active = np.full(len(z), _DAMPING), np.flatnonzero(left > _ARRIVED)
+        damping, active = np.full(len(off), _DAMPING), np.flatnonzero(left > _ARRIVED)
         for _ in range(most_steps):
             if not len(active):
                 break
-            step, trusted = self._steps(z[active], off[active], along[active], target[active], damping[active])
-            end = np.clip(z[active] + step, -FURTHEST, FURTHEST)
-            new_residuals, new_slopes = self._problem.linear(end)
-            new_off = new_residuals @ self._tangent - target[active]
+            step, trusted = self._steps(ends, off[active], active, target[active], damping[active])
+            tried = Places.at(self._problem, np.clip(ends.z[active] + step, -FURTHEST, FURTHEST))
+            new_off = self._along(tried.residuals, active) - target[active]
             new_left = np.einsum("nd,nd->n", new_off, new_off)
             better = trusted & (new_left < left[active])
             taken = active[better]
-            z[taken], residuals[taken], off[taken] = end[better], new_residuals[better], new_off[better]
-            along[taken], left[taken] = new_slopes[better] @ self._tangent, new_left[better]
+            ends.put(taken, tried, better)
+            off[taken], left[taken] = new_off[better], new_left[better]
             damping[active] *= np.where(better, _LESS, _MORE)
             active = active[(left[active] > _ARRIVED) & (damping[active] < _MOST_DAMPING)]
-        components = residuals @ self._tangent
-        log_density = np.linalg.slogdet(along)[1] - np.einsum("nd,nd->n", components, components) / 2.0
-        return Solved(z, left <= 100.0 * _ARRIVED, residuals, log_density)
+        return ends, left <= 100.0 * _ARRIVED
+
+    def _tangents_of(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        return self._tangents if len(self._tangents) == 1 else self._tangents[rows]
+
+    def _along(self, residuals: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        return np.asarray((residuals[:, np.newaxis] @ self._tangents_of(rows))[:, 0])
 
     def _steps(
         self,
-        z: NDArray[np.float64],
+        places: Places,
         off: NDArray[np.float64],
-        along: NDArray[np.float64],
+        rows: NDArray[np.intp],
         target: NDArray[np.float64],
         damping: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return damped steps, bent by half their geodesic acceleration, and which of them may be trusted."""
+        along = places.slopes[rows] @ self._tangents_of(rows)
         matrix = along @ along.transpose(0, 2, 1)
         diagonal = np.einsum("ndd->nd", matrix).copy()
         np.einsum("ndd->nd", matrix)[:] += damping[:, np.newaxis] * diagonal
-        inverse = np.linalg.inv(matrix)
-        velocity = -np.einsum("nde,nek,nk->nd", inverse, along, off)
+        to_step = -np.linalg.solve(matrix, along)
+        velocity = _times(to_step, off)
         longest = np.abs(velocity).max(axis=1)
         velocity *= np.minimum(1.0, _LONGEST / np.maximum(longest, np.finfo(float).tiny))[:, np.newaxis]
-        ahead = self.components(z + _PROBE * velocity) - target
-        bend = 2.0 / _PROBE * ((ahead - off) / _PROBE - np.einsum("ndk,nd->nk", along, velocity))
-        acceleration = -np.einsum("nde,nek,nk->nd", inverse, along, bend)
+        ahead = self._along(self._problem.residuals(places.z[rows] + _PROBE * velocity), rows) - target
+        bend = 2.0 / _PROBE * ((ahead - off) / _PROBE - _times(along.transpose(0, 2, 1), velocity))
+        acceleration = _times(to_step, bend)
         lengths = [np.einsum("nd,nd->n", diagonal, vector**2) for vector in (acceleration, velocity)]
         return velocity + acceleration / 2.0, lengths[0] <= _MOST_BENT**2 * lengths[1]
+
+
+def _times(matrices: NDArray[Any], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the products (n, i) of matrices (n, i, k) and vectors (n, k)."""
+    return np.asarray((matrices @ vectors[:, :, np.newaxis])[:, :, 0])

@@ -8,10 +8,10 @@ from scipy.linalg import qr
 
 from dovetail.assembly import Assembly
 from dovetail.identification.fitting.frfs import Frfs
-from dovetail.identification.fitting.least_squares import Linear
+from dovetail.identification.fitting.least_squares import Linear, SumOfSquares
 from dovetail.identification.fitting.misfit import FrfMisfit, SideBySide, Weighted
 
-__all__ = ["ReducedMisfit", "squares_with_errors"]
+__all__ = ["ReducedMisfit", "WithErrors", "squares_with_errors"]
 
 _MOST_SHAPES = 200
 _SAFELY = 3.0
@@ -58,7 +58,10 @@ class ReducedMisfit:
         pivots = qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]]
         lines = residual.lines_of(pivots)
         rows = residual.residuals_of(lines)
-        self._misfit = FrfMisfit(Frfs.of(assembly).at(lines), residual.at(lines))
+        on_lines = Frfs.of(assembly).at(lines)
+        for one in on_lines.assemblies:
+            one.engine.threads = 1  # so little work is done before others have begun
+        self._misfit = FrfMisfit(on_lines, residual.at(lines))
         scaled = _inverse_root(np.eye(basis.shape[1]) + (errors @ basis).T @ (errors @ basis))
         self._to_subspace = np.linalg.pinv(basis[rows]).T @ scaled
         self._at_origin = origin @ basis @ scaled
@@ -76,6 +79,39 @@ class ReducedMisfit:
         residuals = (found.residuals - self._origin_rows) @ self._to_subspace + self._at_origin
         slopes = found.slopes @ self._to_subspace
         return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
+
+
+class WithErrors:
+    """Residuals whose covariance errors of the model have widened, scaled so that it is 1 again.
+
+    Parameters
+    ----------
+    misfit : SumOfSquares
+    errors : (k, m) array
+        What one standard deviation of each error of the model adds to the residuals.
+
+    Notes
+    -----
+    Their squares sum to `squares_with_errors`: ``(1 + E^T E)^(-1/2)`` is 1 but in the directions of the errors.
+    """
+
+    def __init__(self, misfit: SumOfSquares, errors: NDArray[np.float64]) -> None:
+        self._misfit = misfit
+        _, sizes, self._directions = np.linalg.svd(errors, full_matrices=False)
+        self._lost = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
+
+    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m)."""
+        return self._scaled(self._misfit.residuals(fraction))
+
+    def linear(self, fraction: NDArray[np.float64]) -> Linear:
+        """Return residuals and derivatives."""
+        found = self._misfit.linear(fraction)
+        residuals, slopes = self._scaled(found.residuals), self._scaled(found.slopes)
+        return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
+
+    def _scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(residuals - (residuals @ self._directions.T * self._lost) @ self._directions)
 
 
 def squares_with_errors(residuals: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.frfs import Frfs
 from dovetail.identification.fitting.measured import Measured, missed
 from dovetail.identification.posterior.model_error import MODEL_ERROR, correlation_length, joint_model_errors
+from dovetail.identification.posterior.modes import search_modes
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.identification.posterior.sampling import draw
 
@@ -43,8 +44,8 @@ def sample_posterior(
         Searches, each of which gives one sample.
     model_error : float
         Standard deviation of the relative error of natural frequencies that the model is allowed, 0 for a model that
-        is exact; twice as much for magnitude and phase. It cannot be told from the measurement, since
-        the parameters follow it.
+        is exact; errors of damping, magnitude and phase are in proportion (`model_errors`). It cannot be told from the
+        measurement, since the parameters follow it.
     seed : int
 
     Returns
@@ -70,14 +71,15 @@ def sample_posterior(
     residual = target.weighted(fit.variance + off, fit.used)
     errors = joint_model_errors(assembly.frequency, target.split(values), model_error)
     with_errors = residual.slopes(values[np.newaxis], errors[np.newaxis])[0]
-    best = assembly.to_unit(fit.theta)
-    drawn = draw(assembly, residual, best, fit.information, with_errors, count=samples, seed=seed)
+    best, random = assembly.to_unit(fit.theta), np.random.default_rng([seed, 3])
+    modes = search_modes(assembly, target, fit.variance + off, residual, with_errors, best, random)
+    drawn = draw(assembly, residual, modes, fit.information, with_errors, count=samples, seed=seed)
     return Posterior.of(
         assembly,
         drawn.fraction,
         drawn.weight,
         model_error=model_error,
-        drawn=drawn.drawn,
+        drawn=round(len(drawn.weight) / max(drawn.reached, 1.0 / samples)),
         lines=drawn.lines,
         seconds=drawn.seconds,
     )

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.identification.fitting.least_squares import Linear, minimise
 from dovetail.identification.fitting.misfit import FrfMisfit, SideBySide, Weighted
-from dovetail.identification.posterior.coordinates import FURTHEST, PriorAndData, fraction_of, quantile_of
-from dovetail.identification.posterior.optimised import Chart
+from dovetail.identification.posterior.coordinates import PriorAndData, fraction_of
+from dovetail.identification.posterior.modes import climb
+from dovetail.identification.posterior.moves import KEPT, move
+from dovetail.identification.posterior.optimised import Charts, Places
 from dovetail.identification.posterior.reduced import ReducedMisfit, squares_with_errors
 
 __all__ = ["Samples", "draw"]
@@ -25,8 +26,11 @@ _EXACT = 0.05
 _FAR = 200.0
 """Chi-squared above the best beyond which a place is not in the region of interest."""
 _CUT = 0.975
-"""Quantile of the weights at which those above are cut."""
-_MOST_DRAWN, _FEWEST_EFFECTIVE = 4, 0.25
+"""Quantile of the weights at which those above are cut before samples are moved: at a fold single ones are huge."""
+_EVEN = 0.4
+"""Effective samples over searches from which the weights are taken as they are."""
+_FORGOTTEN, _MOST_MOVES = 0.1, 10
+"""Part of the components at the start that moved samples may have left."""
 _TOLERANCE = 1e-3
 _MOST_SNAPSHOTS = 600
 
@@ -41,8 +45,8 @@ class Samples:
         Of the ranges, on the parameters' scales.
     weight : (n,) array
         Sums to 1.
-    drawn : int
-        Searches, n of which reached their target.
+    reached : float
+        Part of the searches that reached their target.
     lines : int
         Lines to which the misfit was reduced.
     seconds : float
@@ -50,20 +54,15 @@ class Samples:
 
     fraction: NDArray[np.float64]
     weight: NDArray[np.float64]
-    drawn: int
+    reached: float
     lines: int
     seconds: float
-
-    @property
-    def effective(self) -> float:
-        """Effective sample size, 1 / sum of the squared weights (Kish)."""
-        return float(1.0 / np.sum(self.weight**2))
 
 
 def draw(
     assembly: Assembly,
     residual: Weighted | SideBySide[Weighted],
-    best: NDArray[np.float64],
+    modes: NDArray[np.float64],
     information: NDArray[np.float64],
     errors: NDArray[np.float64],
     *,
@@ -77,22 +76,24 @@ def draw(
     assembly : Assembly
     residual : Weighted or SideBySide
         Of all lines.
-    best : (p,) array
-        Fractions of the ranges at the best fit.
+    modes : (n, p) array
+        Peaks of the posterior, as normal quantiles of the fractions of the ranges, the most probable first.
     information : (p, p) array
-        Fisher information there.
+        Fisher information of the fractions at the best fit.
     errors : (k, m) array
         What one standard deviation of each error of the model adds to the residuals.
     count : int
-        Searches; four times as many where their weights differ so much that they tell as little as a quarter of them.
+        Searches, each of which gives one sample.
     seed : int
 
     Notes
     -----
     The posterior is a narrow, curved valley, which walkers of a Markov chain hardly move along. Each sample here is a
-    search of its own, weighted by the ratio of the densities; the weights are those of all lines.
+    search of its own, weighted by the ratio of the densities; the weights are those of all lines. Where they are
+    uneven, since the chart folds over, samples are drawn by their weights and moved, each in a chart of its own, until
+    they have forgotten where they began.
     """
-    return _Drawing(assembly, residual, errors, np.random.default_rng([seed, 2])).run(best, information, count)
+    return _Drawing(assembly, residual, errors, np.random.default_rng([seed, 2])).run(modes, information, count)
 
 
 class _Drawing:
@@ -111,42 +112,70 @@ class _Drawing:
         self._errors = errors
         self._random = random
 
-    def run(self, best: NDArray[np.float64], information: NDArray[np.float64], count: int) -> Samples:
+    def run(self, modes: NDArray[np.float64], information: NDArray[np.float64], count: int) -> Samples:
         began = time.perf_counter()
-        region = self._region(np.clip(best, 0.01, 0.99), information)
-        chart, known = Chart(region.problem, region.mode), region.known
-        z, log_weight = np.empty((0, len(best))), np.empty(0)
-        drawn = 0
-        while drawn < count or (drawn < _MOST_DRAWN * count and _effective(log_weight) < _FEWEST_EFFECTIVE * count):
-            target = self._random.standard_normal((_BATCH, len(best)))
-            found = chart.solve(target, _nearest(chart, target, known), _STEPS)
-            reached = found.z[found.reached]
-            log_density = found.log_density[found.reached]
-            known, z = np.concatenate([known, reached]), np.concatenate([z, reached])
-            log_weight = np.concatenate([log_weight, self._log_posterior(reached) - log_density])
-            drawn += _BATCH
-        weight = _weights(log_weight)
-        return Samples(fraction_of(z), weight / weight.sum(), drawn, region.lines, time.perf_counter() - began)
+        region = self._region(modes, information)
+        z, log_weight = self._searched(region, count)
+        reached = len(z)
+        if _effective(log_weight) < _EVEN * count:
+            z, log_weight = self._moved(region, z, log_weight, count)
+        weight = np.exp(log_weight - log_weight.max())
+        seconds = time.perf_counter() - began
+        return Samples(fraction_of(z), weight / weight.sum(), reached / count, len(region.lines), seconds)
+
+    def _searched(self, region: _Region, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where searches for components that are drawn ended, and the logarithms of their weights."""
+        charts, known = Charts(region.problem, Places.at(region.problem, region.mode[np.newaxis])), region.known
+        z, log_weight = np.empty((0, len(region.mode))), np.empty(0)
+        for first in range(0, count, _BATCH):
+            target = self._random.standard_normal((min(_BATCH, count - first), len(region.mode)))
+            ends, reached = charts.solve(target, _nearest(region.problem, charts, target, known), _STEPS)
+            ends = ends.at_rows(np.flatnonzero(reached))
+            components = charts.components(ends.residuals)
+            log_density = charts.log_stretch(ends) - np.einsum("nd,nd->n", components, components) / 2.0
+            known, z = np.concatenate([known, ends.z]), np.concatenate([z, ends.z])
+            log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density])
+        return z, log_weight
+
+    def _moved(
+        self, region: _Region, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return samples drawn by their weights and moved, and the logarithms of the weights that are left."""
+        if not len(z):
+            z, log_weight = region.mode[np.newaxis], np.zeros(1)
+        weight = np.exp(np.minimum(log_weight - np.quantile(log_weight, _CUT), 0.0))
+        above = (np.arange(count) + self._random.random()) / count * weight.sum()
+        chosen = np.minimum(np.searchsorted(np.cumsum(weight), above), len(z) - 1)
+        places, left = Places.at(region.problem, z[chosen]), 1.0
+        for _ in range(_MOST_MOVES):
+            places, taken = move(region.problem, places, self._random)
+            left *= 1.0 - (1.0 - KEPT) * taken
+            if left < _FORGOTTEN:
+                break
+        return places.z, self._log_posterior(places.z) - places.log_posterior
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         squares = squares_with_errors(self._exact.residuals(fraction_of(z)), self._errors)
         return np.asarray(-(squares + np.einsum("np,np->n", z, z)) / 2.0)
 
-    def _region(self, best: NDArray[np.float64], information: NDArray[np.float64]) -> _Region:
+    def _region(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> _Region:
         """Reduce the misfit to the region of the posterior, which pilot searches explore."""
-        origin = self._exact.residuals(best[np.newaxis])[0]
-        values, vectors = np.linalg.eigh(information + 12.0 * np.eye(len(best)))
-        steps = self._random.standard_normal((_PILOTS, len(best))) / np.sqrt(np.maximum(values, 12.0)) @ vectors.T
-        snapshots = self._exact.residuals(np.clip(best + 0.3 * steps, 1e-3, 1.0 - 1e-3))
-        known = quantile_of(best)[np.newaxis]
+        log_posterior = self._log_posterior(modes)
+        known = modes[log_posterior >= log_posterior.max() - _FAR / 2.0]
+        best = fraction_of(known)
+        origin = self._exact.residuals(best[:1])[0]
+        values, vectors = np.linalg.eigh(information + 12.0 * np.eye(modes.shape[1]))
+        steps = self._random.standard_normal((_PILOTS, len(values))) / np.sqrt(np.maximum(values, 12.0)) @ vectors.T
+        around = best[np.arange(_PILOTS) % len(best)] + 0.3 * steps
+        snapshots = self._exact.residuals(np.clip(np.concatenate([best, around]), 1e-3, 1.0 - 1e-3))
         for round_ in range(_MOST_ROUNDS):
             reduced = ReducedMisfit(self._assembly, self._residual, snapshots, origin, self._errors, _TOLERANCE)
             problem = PriorAndData(reduced)
             mode = _mode(problem, known)
             known = np.concatenate([known, mode[np.newaxis]])
-            chart = Chart(problem, mode)
+            charts = Charts(problem, Places.at(problem, mode[np.newaxis]))
             target = self._random.standard_normal((_PILOTS, len(mode)))
-            pilots = chart.solve(target, _nearest(chart, target, known), _PILOT_STEPS)
+            pilots, _ = charts.solve(target, _nearest(problem, charts, target, known), _PILOT_STEPS)
             exact = self._exact.residuals(fraction_of(pilots.z))
             squares = squares_with_errors(exact, self._errors)
             inside = reduced.residuals(fraction_of(pilots.z))
@@ -156,61 +185,35 @@ class _Drawing:
             if round_ + 1 >= _FEWEST_ROUNDS and error[near].max(initial=0.0) < _EXACT:
                 break
             snapshots = np.concatenate([snapshots, exact[near]])[-_MOST_SNAPSHOTS:]
-        return _Region(problem, known, mode, len(reduced.lines))
+        return _Region(problem, known, mode, reduced.lines)
 
 
 @dataclass(frozen=True, eq=False)
 class _Region:
-    """The misfit reduced to where the posterior is, places there, and the most probable one."""
+    """The misfit reduced to where the posterior is, places there, the most probable one, and the lines it takes."""
 
     problem: PriorAndData
     known: NDArray[np.float64]
     mode: NDArray[np.float64]
-    lines: int
-
-
-def _weights(log_weight: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return weights, the largest of them cut: where the posterior folds over, single samples would rule all others."""
-    return np.exp(np.minimum(log_weight - np.quantile(log_weight, _CUT), 0.0))
+    lines: NDArray[np.intp]
 
 
 def _effective(log_weight: NDArray[np.float64]) -> float:
     if not len(log_weight):
         return 0.0
-    weight = _weights(log_weight)
+    weight = np.exp(log_weight - log_weight.max())
     return float(weight.sum() ** 2 / np.sum(weight**2))
 
 
-def _nearest(chart: Chart, target: NDArray[np.float64], known: NDArray[np.float64]) -> NDArray[np.float64]:
+def _nearest(problem: PriorAndData, charts: Charts, target: NDArray[np.float64], known: NDArray[np.float64]) -> Places:
     """Return, for each target, the known place whose components are nearest."""
-    components = chart.components(known)
+    components = charts.components(problem.residuals(known))
     squares = np.einsum("kd,kd->k", components, components) - 2.0 * target @ components.T
-    return np.asarray(known[np.argmin(squares, axis=1)])
-
-
-class _InCube:
-    """Residuals of prior and measurement by a place in the unit cube, for the search of their least sum."""
-
-    def __init__(self, problem: PriorAndData) -> None:
-        self._problem = problem
-
-    def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._problem.residuals(_out_of_cube(position))
-
-    def linear(self, position: NDArray[np.float64]) -> Linear:
-        residuals, slopes = self._problem.linear(_out_of_cube(position))
-        slopes *= 2.0 * FURTHEST
-        return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
-
-
-def _out_of_cube(position: NDArray[np.float64]) -> NDArray[np.float64]:
-    return (2.0 * position - 1.0) * FURTHEST
+    return Places.at(problem, known[np.argmin(squares, axis=1)])
 
 
 def _mode(problem: PriorAndData, known: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the most probable z, from the best of the known places."""
     residuals = problem.residuals(known)
     start = known[np.argmin(np.einsum("nm,nm->n", residuals, residuals))]
-    position = (start[np.newaxis] / FURTHEST + 1.0) / 2.0
-    found = minimise(_InCube(problem), position, tolerance=1e-3, most_steps=100)
-    return _out_of_cube(found.position[0])
+    return np.asarray(climb(problem, start[np.newaxis], tolerance=1e-3)[0][0])

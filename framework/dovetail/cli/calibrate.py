@@ -1,0 +1,158 @@
+"""``dovetail calibrate``: whether the posterior is as sure as it may be."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dovetail.cli.commands import INTERRUPTED
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
+from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
+
+if TYPE_CHECKING:
+    from dovetail.evaluation import Calibration
+
+__all__ = ["calibrate"]
+
+_FILES = ("calibration.json", "calibration.md", "parameters.csv", "cases.csv", "ranks.png", "coverage.png")
+
+
+def calibrate(
+    assembly: AssemblyFile,
+    cases: Annotated[int, typer.Option(metavar="N", min=1, help="Random joints from the ranges.")] = 100,
+    noise: Annotated[
+        float, typer.Option(metavar="PART", help="Noise of every line over the FRF's standard deviation.")
+    ] = 0.01,
+    samples: Annotated[int, typer.Option(metavar="N", min=1, help="Of each posterior.")] = 400,
+    model_error: Annotated[
+        float, typer.Option(metavar="PART", help="Relative error of natural frequencies allowed to the model.")
+    ] = 0.0,
+    finer_mesh: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Measurements come from a mesh so many times finer.")
+    ] = 1,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of joints and noise.")] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Cases at work at once; one a processor.", show_default=False),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for tables and figures.")
+    ] = None,
+    plugin: PluginFiles = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check the posterior where the truth is known.
+
+    Joints are drawn from the ranges, each is measured with noise and identified by 'posterior'. If the posterior is
+    right, 90 % of its 90 % intervals hold the truth, and the truth's rank among the samples is uniform. Ctrl-C ends it
+    with the cases that are done. Files of an earlier run in the output folder are replaced.
+    """
+    import dovetail
+    from dovetail.cli.result_files import prepare_folder
+    from dovetail.evaluation import calibrate as run
+
+    loaded = dovetail.load(assembly, plugins=plugin or ())
+    if output is not None:
+        prepare_folder(output, _FILES, _FILES[0])
+    with progress_bars() as progress:
+        done = run(
+            loaded,
+            cases=cases,
+            noise=noise,
+            samples=samples,
+            model_error=model_error,
+            finer_mesh=finer_mesh,
+            seed=seed,
+            workers=workers,
+            progress=progress,
+        )
+    if output is not None:
+        _write(done, output)
+    if as_json:
+        print_json(done.to_dict())
+    else:
+        _print(loaded.name, done)
+    if output is not None:
+        note(f"Written to {output}: {', '.join(_FILES)}")
+    if len(done.case) < cases:
+        note(f"Interrupted after {len(done.case)} of {cases} cases.")
+        raise typer.Exit(INTERRUPTED)
+
+
+_HEADERS = ["parameter", "90 % intervals hold the truth", "by chance", "R2 of the estimate", "uniform ranks, p"]
+
+
+def _rows(done: Calibration) -> list[list[str]]:
+    rows = [
+        [
+            one.name,
+            f"{one.coverage:.1%}",
+            f"{one.by_chance[0]:.1%} to {one.by_chance[1]:.1%}",
+            f"{one.r2:.2f}",
+            f"{one.p_uniform:.2f}",
+        ]
+        for one in done.parameters
+    ]
+    covered, error = done.coverage
+    mean_r2 = sum(one.r2 for one in done.parameters) / len(done.parameters)
+    return [*rows, ["all", f"{covered:.1%}", f"± {error:.1%}", f"{mean_r2:.3f}", ""]]
+
+
+def _times(done: Calibration) -> str:
+    told = done.to_dict()
+    seconds, effective = told["seconds"], told["effective_samples"]
+    return (
+        f"{told['cases']} cases in {done.wall_seconds:.0f} s, {done.workers} at once; each {seconds['median']:.1f} s "
+        f"in the median, {seconds['most']:.1f} s at most. Effective samples: {effective['median']:.0f} in the median, "
+        f"{effective['least']:.0f} at least."
+    )
+
+
+def _print(name: str, done: Calibration) -> None:
+    title(f"{name}: truth in the posterior, noise {done.setting.noise:g}")
+    table(_HEADERS, _rows(done), numbers=_HEADERS[1:])
+    say()
+    say(_times(done))
+
+
+def _write(done: Calibration, folder: Path) -> None:
+    from dovetail.cli.result_files import csv_text
+    from dovetail.measurement.disk import write_whole
+    from dovetail.report.calibration_figures import coverage_figure, rank_figure
+    from dovetail.report.figures import save_png
+
+    told = done.to_dict()
+    lines = [_HEADERS, ["---"] * len(_HEADERS), *_rows(done)]
+    markdown = "\n".join(f"| {' | '.join(line)} |" for line in lines) + f"\n\n{_times(done)}\n"
+    content = {
+        _FILES[0]: json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _FILES[1]: markdown,
+        _FILES[2]: csv_text(
+            ["parameter", "coverage", "by_chance_from", "by_chance_to", "r2", "p_uniform"],
+            [[one.name, one.coverage, *one.by_chance, one.r2, one.p_uniform] for one in done.parameters],
+        ),
+        _FILES[3]: _cases(done),
+    }
+    for name, text in content.items():
+        write_whole(folder / name, text.encode("utf-8"), overwrite=True)
+    save_png(rank_figure(done), folder / _FILES[4])
+    save_png(coverage_figure(done), folder / _FILES[5])
+
+
+def _cases(done: Calibration) -> str:
+    from dovetail.cli.result_files import csv_text
+
+    header = ["case", "seconds", "effective", "reached"]
+    header += [f"{what} {name}" for what in ("truth", "estimate", "rank") for name in done.names]
+    columns = zip(
+        done.case.tolist(),
+        done.seconds.tolist(),
+        done.effective.tolist(),
+        done.reached.tolist(),
+        *(column.tolist() for array in (done.truth, done.estimate, done.rank) for column in array.T),
+        strict=True,
+    )
+    return "# truth and estimate in fractions of the ranges\n" + csv_text(header, columns)

@@ -1,0 +1,307 @@
+"""Whether the posterior is as sure as it may be: intervals and ranks over cases whose truth is known."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.errors import Fault, ParameterError
+from dovetail.evaluation.finer_mesh import finer
+from dovetail.evaluation.workers import cores, side_by_side
+from dovetail.frf import Frf
+from dovetail.identification import identify
+from dovetail.identification.posterior import LEVEL
+from dovetail.interfaces import Progress, silent
+
+__all__ = ["CalibratedParameter", "Calibration", "Setting", "calibrate"]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How the cases of a calibration are made and identified.
+
+    Parameters
+    ----------
+    cases : int
+    noise : float
+        Standard deviation of the complex noise of every line over that of the FRF.
+    samples : int
+        Of each posterior.
+    model_error : float
+        Relative error of natural frequencies that the posterior allows the model.
+    finer_mesh : int
+        How many times finer the mesh of the truth is than the model's.
+    seed : int
+    """
+
+    cases: int = 100
+    noise: float = 0.01
+    samples: int = 400
+    model_error: float = 0.0
+    finer_mesh: int = 1
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class CalibratedParameter:
+    """What the cases say of one parameter's posterior.
+
+    Parameters
+    ----------
+    name : str
+    coverage : float
+        Part of the cases in which the 90 % interval holds the truth.
+    by_chance : tuple of float
+        Between which that lies in 95 of 100 such studies if the posterior is right.
+    r2 : float
+        Of the estimates, on the parameter's scale: 1 - mean squared error over the variance of the range.
+    p_uniform : float
+        Probability that the truth's ranks among the samples are as uneven as found if the posterior is right
+        (Kolmogorov and Smirnov).
+    """
+
+    name: str
+    coverage: float
+    by_chance: tuple[float, float]
+    r2: float
+    p_uniform: float
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Posteriors of cases whose truth is known.
+
+    Parameters
+    ----------
+    setting : Setting
+    names : tuple of str
+        The n_params parameters.
+    case : (n,) int array
+        Numbers of the cases, in order; fewer than were asked for where the study was interrupted.
+    truth, estimate : (n, n_params) arrays
+        In fractions of the ranges, on the parameters' scales.
+    rank : (n, n_params) array
+        Posterior probability below the truth: uniform from 0 to 1 if the posterior is right.
+    effective : (n,) array
+        Effective samples of each posterior.
+    reached : (n,) array
+        Part of its searches that reached their target.
+    seconds : (n,) array
+        For the fit and the samples of each case, others at work beside it.
+    wall_seconds : float
+        For the whole study.
+    workers : int
+        Cases at work at once.
+    """
+
+    setting: Setting
+    names: tuple[str, ...]
+    case: NDArray[np.int64]
+    truth: NDArray[np.float64]
+    estimate: NDArray[np.float64]
+    rank: NDArray[np.float64]
+    effective: NDArray[np.float64]
+    reached: NDArray[np.float64]
+    seconds: NDArray[np.float64]
+    wall_seconds: float
+    workers: int
+
+    def inside(self, level: float = LEVEL) -> NDArray[np.bool_]:
+        """Return whether the central interval of this probability holds the truth, (n, n_params)."""
+        return np.asarray(np.abs(2.0 * self.rank - 1.0) < level)
+
+    def by_chance(self, level: float = LEVEL, confidence: float = 0.95) -> tuple[float, float]:
+        """Return between which parts of the cases the coverage of a right posterior lies with this confidence."""
+        from scipy.stats import binom
+
+        count = len(self.case)
+        low, high = binom.ppf([(1.0 - confidence) / 2.0, (1.0 + confidence) / 2.0], count, level) / count
+        return float(low), float(high)
+
+    @property
+    def parameters(self) -> tuple[CalibratedParameter, ...]:
+        """Coverage, R2 and evenness of ranks, parameter by parameter."""
+        from scipy.stats import kstest
+
+        covered = self.inside().mean(axis=0)
+        r2 = 1.0 - 12.0 * np.mean((self.estimate - self.truth) ** 2, axis=0)
+        return tuple(
+            CalibratedParameter(
+                name,
+                float(covered[column]),
+                self.by_chance(),
+                float(r2[column]),
+                float(kstest(self.rank[:, column], "uniform").pvalue),
+            )
+            for column, name in enumerate(self.names)
+        )
+
+    @property
+    def coverage(self) -> tuple[float, float]:
+        """Part of all intervals of 90 % that hold the truth, and its standard error; a case is drawn as a whole."""
+        by_case = self.inside().mean(axis=1)
+        return float(by_case.mean()), float(by_case.std() / np.sqrt(len(by_case)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return settings, results and times as plain values, fit for JSON."""
+        covered, error = self.coverage
+        return {
+            "setting": asdict(self.setting),
+            "cases": len(self.case),
+            "level": LEVEL,
+            "parameters": [asdict(one) for one in self.parameters],
+            "coverage": covered,
+            "coverage_error": error,
+            "mean_r2": float(np.mean([one.r2 for one in self.parameters])),
+            "effective_samples": {"median": float(np.median(self.effective)), "least": float(self.effective.min())},
+            "reached": {"median": float(np.median(self.reached)), "least": float(self.reached.min())},
+            "seconds": {"median": float(np.median(self.seconds)), "most": float(self.seconds.max())},
+            "wall_seconds": self.wall_seconds,
+            "workers": self.workers,
+        }
+
+
+def calibrate(
+    assembly: Assembly,
+    *,
+    cases: int = 100,
+    noise: float = 0.01,
+    samples: int = 400,
+    model_error: float = 0.0,
+    finer_mesh: int = 1,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Progress = silent,
+) -> Calibration:
+    """Draw parameters from their ranges, make a noisy measurement of each, and see where in its posterior they lie.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With parameters to seek.
+    cases : int
+    noise : float
+        Standard deviation of the complex noise, the same in every line and told to the posterior, over that of the FRF.
+    samples : int
+        Of each posterior.
+    model_error : float
+        Relative error of natural frequencies that the posterior allows the model.
+    finer_mesh : int
+        The measurements come from a mesh so many times finer than the model's.
+    seed : int
+        Case by case the same whatever their number and that of the workers.
+    workers : int, optional
+        Cases at work at once, each in a process of its own; one a processor by default.
+    progress : callable
+
+    Returns
+    -------
+    Calibration
+        After Ctrl-C, of the cases that were done by then.
+
+    Raises
+    ------
+    ParameterError
+        There is nothing to identify, or an option is out of its range.
+    KeyboardInterrupt
+        Ctrl-C before any case was done.
+
+    References
+    ----------
+    S. Talts, M. Betancourt, D. Simpson, A. Vehtari, A. Gelman, Validating Bayesian inference algorithms with
+    simulation-based calibration, arXiv:1804.06788 (2018).
+    """
+    setting = Setting(cases, noise, samples, model_error, finer_mesh, seed)
+    study = _Study(assembly, setting)
+    at_once = min(cases, cores() if workers is None else workers)
+    if at_once < 1:
+        raise ParameterError(Fault("workers", f"{workers} are none.", "1 or more"))
+    began = time.perf_counter()
+    found: dict[int, _Case] = {}
+    progress("cases", 0, cases)
+    try:
+        with closing(side_by_side(study.case, cases, at_once)) as results:
+            for index, one in results:
+                found[index] = one
+                inside = np.mean([np.abs(2.0 * other.rank - 1.0) < LEVEL for other in found.values()])
+                progress("cases", len(found), cases, f"truth in {inside:.0%} of the {LEVEL:.0%} intervals")
+    except KeyboardInterrupt:
+        if not found:
+            raise
+    return _calibration(setting, assembly, found, time.perf_counter() - began, at_once)
+
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """One case: where in its posterior the truth lies."""
+
+    truth: NDArray[np.float64]
+    estimate: NDArray[np.float64]
+    rank: NDArray[np.float64]
+    effective: float
+    reached: float
+    seconds: float
+
+
+class _Study:
+    """What all cases have in common."""
+
+    def __init__(self, assembly: Assembly, setting: Setting) -> None:
+        if not assembly.parameters:
+            raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
+        if setting.cases < 1:
+            raise ParameterError(Fault("cases", f"{setting.cases} cases are none.", "1 or more"))
+        if not (np.isfinite(setting.noise) and setting.noise > 0.0):
+            raise ParameterError(Fault("noise", f"{setting.noise:g} is no noise.", "more than 0"))
+        self._assembly = assembly
+        self._setting = setting
+        self._true = finer(assembly, setting.finer_mesh)
+        for one in (*assembly.each_response, *self._true.each_response):
+            one.frf()  # so that processes that are copies of this one find all engines ready
+
+    def case(self, index: int) -> _Case:
+        """Make and identify a measurement."""
+        setting, random = self._setting, np.random.default_rng([self._setting.seed, index])
+        fraction = random.random(len(self._assembly.parameters))
+        measured = self._measured(fraction, random)
+        began = time.perf_counter()
+        samples, model_error = setting.samples, setting.model_error
+        result = identify(self._assembly, measured, "posterior", samples=samples, model_error=model_error, seed=index)
+        found = result.posterior
+        seconds = time.perf_counter() - began
+        assert found is not None
+        rank = found.weight @ (found.fraction < fraction)
+        return _Case(fraction, found.weight @ found.fraction, rank, found.effective, found.reached, seconds)
+
+    def _measured(self, fraction: NDArray[np.float64], random: np.random.Generator) -> list[Frf]:
+        """Return one FRF with noise for each response."""
+        theta = self._assembly.from_unit(fraction)
+        responses = self._assembly.description.responses
+        measured = []
+        for one, response in zip(self._true.each_response, responses, strict=True):
+            values = one.frf(theta)
+            deviation = self._setting.noise * float(values.std())
+            real, imaginary = random.standard_normal((2, len(values)))
+            noisy = values + deviation * (real + 1j * imaginary) / np.sqrt(2.0)
+            variance = np.full(len(values), deviation**2)
+            measured.append(Frf(one.frequency, noisy, response.quantity, variance=variance, rotation=response.rotation))
+        return measured
+
+
+def _calibration(
+    setting: Setting, assembly: Assembly, found: dict[int, _Case], wall_seconds: float, workers: int
+) -> Calibration:
+    order = sorted(found)
+    rows: Sequence[_Case] = [found[index] for index in order]
+    columns = {name: np.array([getattr(row, name) for row in rows]) for name in _Case.__dataclass_fields__}
+    names = tuple(parameter.name for parameter in assembly.parameters)
+    return Calibration(
+        setting=setting, names=names, case=np.array(order), wall_seconds=wall_seconds, workers=workers, **columns
+    )

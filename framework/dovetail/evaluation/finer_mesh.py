@@ -1,0 +1,74 @@
+"""The same assembly with a finer mesh: a truth from which the model differs as models do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from dovetail.assembly import Assembly
+from dovetail.errors import Fault, ParameterError
+from dovetail.interfaces import SubstructureModel
+from dovetail.synthesis import Attachment
+
+__all__ = ["finer"]
+
+_SAME_PLACE = 1e-9
+"""m within which a node of the finer mesh is that of the coarser one."""
+
+
+def finer(assembly: Assembly, factor: int) -> Assembly:
+    """Return the assembly with `factor` elements in the place of each, in every part and joint that has a mesh.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    factor : int
+        1 for the assembly itself.
+
+    Raises
+    ------
+    ParameterError
+        The factor is less than 1, or nothing has a mesh that can be refined.
+    """
+    if factor < 1:
+        raise ParameterError(Fault("finer_mesh", f"{factor} is no number of elements.", "1 or more"))
+    if factor == 1:
+        return assembly
+    description = assembly.description
+    parts = {name: part.refined(factor) or part for name, part in description.substructures.items()}
+    joints = {}
+    for name, joint in description.joints.items():
+        connection = joint.connection
+        attachments = tuple(_moved(one, description.substructures, parts) for one in connection.attachments)
+        model = connection.model.refined(factor) or connection.model
+        joints[name] = replace(joint, connection=replace(connection, model=model, attachments=attachments))
+    same_joints = all(joints[name].connection.model is one.connection.model for name, one in description.joints.items())
+    if same_joints and all(parts[name] is part for name, part in description.substructures.items()):
+        raise ParameterError(Fault(assembly.name, "none of its parts has a mesh that can be made finer."))
+    responses = tuple(
+        replace(one, node=_node(description.substructures[one.substructure], one.node, parts[one.substructure]))
+        for one in description.responses
+    )
+    return Assembly(replace(description, substructures=parts, joints=joints, responses=responses))
+
+
+def _moved(
+    attachment: Attachment, coarse: Mapping[str, SubstructureModel], fine: Mapping[str, SubstructureModel]
+) -> Attachment:
+    name = attachment.substructure
+    return replace(attachment, nodes=tuple(_node(coarse[name], node, fine[name]) for node in attachment.nodes))
+
+
+def _node(coarse: SubstructureModel, node: int, fine: SubstructureModel) -> int:
+    """Return which node of the finer part is at the place of a node of the coarser one."""
+    if fine is coarse:
+        return node
+    place = coarse.nodes[node].position
+    away = np.abs(np.array([one.position for one in fine.nodes]) - place)
+    nearest = int(np.argmin(away))
+    if away[nearest] > _SAME_PLACE:
+        found = f"its finer mesh has no node at {place:g} m, where the coarser one has."
+        raise ParameterError(Fault(f"substructure model '{coarse.name}'", found))
+    return nearest

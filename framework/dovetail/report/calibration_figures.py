@@ -1,0 +1,102 @@
+"""Figures of a calibration: ranks of the truth, and nominal against achieved coverage."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dovetail.evaluation import Calibration
+from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, WIDTH, style_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["coverage_figure", "rank_figure"]
+
+_COLUMNS = 4
+_CASES_A_BIN, _FEWEST_BINS, _MOST_BINS = 10, 4, 20
+_LEVELS = np.linspace(0.02, 0.98, 49)
+_BANDS = ((0.99, 0.35), (0.9, 0.6))
+"""Confidence and opacity of the bands in which a right posterior stays."""
+
+
+def rank_figure(calibration: Calibration) -> Figure:
+    """Draw a histogram of the truth's ranks among the samples, a panel a parameter.
+
+    Parameters
+    ----------
+    calibration : Calibration
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        With the bands in which 90 and 99 % of the bars stay if the posterior is right. A hill: it is less sure than
+        it may be; a valley: it is too sure; a slope: it lies to one side.
+    """
+    from scipy.stats import binom
+
+    count = len(calibration.case)
+    bins = int(np.clip(count // _CASES_A_BIN, _FEWEST_BINS, _MOST_BINS))
+    figure, panels = _panels(calibration)
+    for axes, ranks in zip(panels, calibration.rank.T, strict=True):
+        for confidence, opacity in _BANDS:
+            low, high = binom.ppf([(1.0 - confidence) / 2.0, (1.0 + confidence) / 2.0], count, 1.0 / bins)
+            axes.axhspan(low, high, color=MEASURED, alpha=opacity, linewidth=0, label=f"{confidence:.0%} of right ones")
+        axes.hist(ranks, bins=bins, range=(0.0, 1.0), histtype="step", color=RECONSTRUCTED, linewidth=1.6)
+        axes.set_xlim(0.0, 1.0)
+        axes.set_ylim(bottom=0.0)
+    _finish(figure, panels, "Rank of the truth [-]", "Cases")
+    return figure
+
+
+def coverage_figure(calibration: Calibration) -> Figure:
+    """Draw which part of the intervals holds the truth against how many should, a panel a parameter.
+
+    Parameters
+    ----------
+    calibration : Calibration
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        With the bands in which a right posterior stays with 90 and 99 % confidence at each level by itself. Below the
+        diagonal the posterior is too sure.
+    """
+    figure, panels = _panels(calibration)
+    achieved = np.array([calibration.inside(level).mean(axis=0) for level in _LEVELS])
+    for axes, curve in zip(panels, achieved.T, strict=True):
+        for confidence, opacity in _BANDS:
+            band = np.array([calibration.by_chance(level, confidence) for level in _LEVELS])
+            label = f"{confidence:.0%} of right ones"
+            axes.fill_between(_LEVELS, *band.T, color=MEASURED, alpha=opacity, linewidth=0, label=label)
+        axes.plot([0.0, 1.0], [0.0, 1.0], color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
+        axes.plot(_LEVELS, curve, color=RECONSTRUCTED, linewidth=1.6)
+        axes.set_xlim(0.0, 1.0)
+        axes.set_ylim(0.0, 1.0)
+    _finish(figure, panels, "Probability of the interval [-]", "Holds the truth [-]")
+    return figure
+
+
+def _panels(calibration: Calibration) -> tuple[Figure, list[Axes]]:
+    from matplotlib.figure import Figure
+
+    columns = min(_COLUMNS, len(calibration.names))
+    rows = -(-len(calibration.names) // columns)
+    figure = Figure(figsize=(WIDTH, 0.8 + 1.9 * rows), layout="constrained", facecolor="white")
+    panels = list(figure.subplots(rows, columns, sharex=True, squeeze=False).ravel())
+    for axes in panels[len(calibration.names) :]:
+        axes.set_visible(False)
+    used = panels[: len(calibration.names)]
+    for axes, name in zip(used, calibration.names, strict=True):
+        style_axes(axes)
+        axes.set_title(name, fontsize=9, color=INK, loc="left", parse_math=False)
+    return figure, used
+
+
+def _finish(figure: Figure, panels: list[Axes], across: str, up: str) -> None:
+    figure.supxlabel(across, fontsize=9.5, color=INK)
+    figure.supylabel(up, fontsize=9.5, color=INK)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), fontsize=8.5)

@@ -1,0 +1,73 @@
+"""How a model errs whose mesh is too coarse: natural frequencies, damping and modal constants against a finer one.
+
+    python tests/benchmarks/mesh_errors.py [--joints 40] [--finer-mesh 4]
+
+Poles and residues of the FRFs are those of rational functions through them (AAA), for random joints of each assembly
+that ships with a mesh. Errors are roots of mean squares, the largest twentieth cut; the ratios are over the relative
+error of the natural frequencies.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import AAA
+
+import dovetail
+from dovetail.evaluation.finer_mesh import finer
+
+ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
+NAMES = ("bt40_er32", "bolted_lap_beam", "shaft_hub", "spindle_bt40_er32")
+LINES, TOLERANCE, TERMS = 1100, 1e-9, 40
+SAME, MOST_DAMPED = 0.01, 0.06
+"""Relative distance within which a pole of the finer mesh is the same; damping beyond which a pole is none."""
+
+
+def poles(frequency: np.ndarray, receptance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the complex natural frequencies [Hz] that one FRF shows, and their residues."""
+    top, size = 1.1 * frequency[-1], np.abs(receptance).max()
+    thin = slice(None, None, max(1, len(frequency) // LINES))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # many terms, of which those that matter are kept
+        found = AAA(frequency[thin] / top, receptance[thin] / size, rtol=TOLERANCE, max_terms=TERMS)
+        at, residue = found.poles() * top, found.residues() * size * top
+    shown = (at.real > 1.5 * frequency[0]) & (at.real < 0.99 * frequency[-1]) & (np.abs(at.imag) < MOST_DAMPED * top)
+    return at[shown], residue[shown]
+
+
+def errors(assembly: dovetail.Assembly, factor: int, joints: int) -> np.ndarray:
+    """Return errors of frequency, damping (both over the frequency), modal constant and its angle, (n, 4)."""
+    theta = assembly.from_unit(np.random.default_rng(1).random((joints, len(assembly.parameters))))
+    frequency = assembly.frequency
+    factor_of = (2 * np.pi * frequency) ** 2 if assembly.description.response.quantity == "accelerance" else 1.0
+    pairs = zip(assembly.frf(theta) / factor_of, finer(assembly, factor).frf(theta) / factor_of, strict=True)
+    rows = []
+    for coarse, fine in pairs:
+        (ours, constants), (theirs, others) = poles(frequency, coarse), poles(frequency, fine)
+        for pole, constant in zip(ours, constants, strict=True):
+            nearest = int(np.argmin(np.abs(theirs - pole)))
+            if abs(theirs[nearest] - pole) < SAME * abs(pole):
+                moved, ratio = (theirs[nearest] - pole) / pole.real, others[nearest] / constant
+                rows.append((moved.real, moved.imag, abs(ratio) - 1.0, np.angle(ratio)))
+    return np.abs(rows)
+
+
+def root_mean_square(sizes: np.ndarray) -> float:
+    """Return the root of the mean square, the largest twentieth cut."""
+    return float(np.sqrt(np.mean(np.minimum(sizes, np.quantile(sizes, 0.95)) ** 2)))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--joints", type=int, default=40)
+    parser.add_argument("--finer-mesh", type=int, default=4)
+    given = parser.parse_args()
+    print("| assembly | natural frequencies | damping, ratio | modal constants, ratio | their angles, ratio |")
+    print("|---|---|---|---|---|")
+    for name in NAMES:
+        found = errors(dovetail.load(ASSEMBLIES / f"{name}.yaml"), given.finer_mesh, given.joints)
+        first, *rest = (root_mean_square(column) for column in found.T)
+        print(f"| `{name}` | {first:.1e} | {' | '.join(f'{one / first:.2g}' for one in rest)} |")

@@ -1,0 +1,167 @@
+"""Calibration of the posterior: a right one passes, one that is too sure, too unsure or to one side does not."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.errors import DovetailError, ParameterError
+from dovetail.evaluation import calibrate
+from dovetail.evaluation import calibration as study
+from dovetail.evaluation.finer_mesh import finer
+from dovetail.evaluation.workers import side_by_side
+
+CASES = 120
+
+
+@pytest.fixture(scope="module")
+def right(sdof):
+    return calibrate(sdof, cases=CASES, samples=200, noise=0.1)
+
+
+@pytest.fixture
+def spoilt(monkeypatch):
+    """Posteriors whose samples are stretched about their mean, and moved by so many standard deviations."""
+
+    def install(stretch, moved=0.0):
+        identify = study.identify
+
+        def spoiling(*arguments, **options):
+            posterior = identify(*arguments, **options).posterior
+            mean = posterior.weight @ posterior.fraction
+            deviation = np.sqrt(posterior.weight @ (posterior.fraction - mean) ** 2)
+            fraction = mean + moved * deviation + stretch * (posterior.fraction - mean)
+            return SimpleNamespace(posterior=replace(posterior, fraction=fraction))
+
+        monkeypatch.setattr(study, "identify", spoiling)
+
+    return install
+
+
+def test_a_right_posterior_holds_the_truth_as_often_as_it_says(right):
+    assert right.names == ("k", "c")
+    assert right.rank.shape == (CASES, 2)
+    for one in right.parameters:
+        low, high = one.by_chance
+        assert low <= one.coverage <= high
+        assert one.p_uniform > 0.01
+        assert one.r2 > 0.95
+    covered, error = right.coverage
+    assert abs(covered - 0.9) < 3 * error
+    assert 0 < error < 0.03
+
+
+@pytest.mark.parametrize(("stretch", "moved"), [(0.5, 0.0), (2.5, 0.0), (1.0, 1.0)])
+def test_one_that_is_too_sure_or_too_unsure_or_to_one_side_is_seen(sdof, spoilt, stretch, moved):
+    spoilt(stretch, moved)
+    found = calibrate(sdof, cases=CASES, samples=200, noise=0.1)
+    for one in found.parameters:
+        low, high = one.by_chance
+        assert one.p_uniform < 1e-3
+        assert not low <= one.coverage <= high
+
+
+def test_every_case_is_the_same_whatever_goes_on_beside_it(sdof, right):
+    alone = calibrate(sdof, cases=3, samples=200, noise=0.1, workers=1)
+    np.testing.assert_array_equal(alone.rank, right.rank[:3])
+    assert alone.workers == 1
+    other = calibrate(sdof, cases=3, samples=200, noise=0.1, workers=1, seed=1)
+    assert not np.any(other.truth == right.truth[:3])
+
+
+def test_the_band_is_where_chance_alone_leads(right):
+    low, high = right.by_chance(0.9, 0.95)
+    drawn = np.random.default_rng(0).binomial(CASES, 0.9, 20000) / CASES
+    assert np.mean((low <= drawn) & (drawn <= high)) >= 0.95
+    assert np.mean((low < drawn) & (drawn < high)) <= 0.95
+
+
+def test_ctrl_c_gives_what_is_there(sdof):
+    def stop(stage, done, total, note=""):
+        if done == 5:
+            threading.Timer(0.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    found = calibrate(sdof, cases=5000, samples=50, noise=0.1, progress=stop)
+    assert 5 <= len(found.case) < 2500
+    assert found.to_dict()["cases"] == len(found.case)
+    assert found.setting.cases == 5000
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_ctrl_c_before_any_case_is_done_ends_it(sdof):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        calibrate(sdof, cases=3, progress=stop, workers=1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"cases": 0}, "0 cases are none"),
+        ({"noise": 0.0}, "is no noise"),
+        ({"noise": float("nan")}, "is no noise"),
+        ({"workers": 0}, "0 are none"),
+        ({"finer_mesh": 0}, "no number of elements"),
+        ({"finer_mesh": 2}, "none of its parts has a mesh"),
+        ({"samples": 0}, "0 samples are none"),
+        ({"model_error": -1.0}, "no relative error"),
+    ],
+)
+def test_what_cannot_be_done_is_said(sdof, options, message):
+    with pytest.raises(ParameterError, match=message):
+        calibrate(sdof, **{"cases": 1, **options})
+
+
+def test_nothing_to_identify(sdof):
+    description = json.loads(sdof.description.text)
+    description["joints"]["mount"]["parameters"] = {"k": {"value": 1e6}, "c": {"value": 10.0}}
+    with pytest.raises(ParameterError, match="nothing to identify"):
+        calibrate(dovetail.load(description))
+
+
+def test_a_finer_mesh_is_the_description_with_more_elements(collet, torque_100):
+    description = json.loads(collet.description.text)
+    for part in description["substructures"].values():
+        for section in part["sections"]:
+            section["elements"] = int(section.get("elements", 1)) * 2
+    description["joints"]["collet"]["elements_per_segment"] = 2
+    expected = dovetail.load(description).frf(torque_100)
+    found = finer(collet, 2).frf(torque_100)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert np.max(np.abs(found / collet.frf(torque_100) - 1.0)) > 1e-3
+    assert finer(collet, 1) is collet
+
+
+def test_several_responses_are_measured_and_identified_together(assemblies):
+    two = dovetail.load(assemblies / "bt40_er32_two_points.yaml")
+    options = {"cases": 1, "samples": 60, "finer_mesh": 2, "model_error": 5e-4}
+    found, alone = calibrate(two, **options), calibrate(two.at(0), **options)
+    np.testing.assert_array_equal(found.truth, alone.truth)
+    assert not np.array_equal(found.rank, alone.rank)
+    assert np.all((found.rank >= 0) & (found.rank <= 1))
+
+
+def test_a_worker_that_is_killed_is_one_clear_error():
+    def work(index):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    with pytest.raises(DovetailError, match="ended by the system"):
+        list(side_by_side(work, 4, 2))
+
+
+def test_a_fault_of_a_case_reaches_the_caller():
+    def work(index):
+        raise ParameterError("this one cannot be")
+
+    with pytest.raises(ParameterError, match="this one cannot be"):
+        list(side_by_side(work, 4, 2))
