@@ -43,7 +43,8 @@ def rank_figure(calibration: Calibration) -> Figure:
     for axes, ranks in zip(panels, calibration.rank.T, strict=True):
         for confidence, opacity in _BANDS:
             low, high = binom.ppf([(1.0 - confidence) / 2.0, (1.0 + confidence) / 2.0], count, 1.0 / bins)
-            axes.axhspan(low, high, color=MEASURED, alpha=opacity, linewidth=0, label=f"{confidence:.0%} of right ones")
+            label = f"{100 * confidence:.0f} % of the bars of a right posterior"
+            axes.axhspan(low, high, color=MEASURED, alpha=opacity, linewidth=0, label=label)
         axes.hist(ranks, bins=bins, range=(0.0, 1.0), histtype="step", color=RECONSTRUCTED, linewidth=1.6)
         axes.set_xlim(0.0, 1.0)
         axes.set_ylim(bottom=0.0)
@@ -69,7 +70,7 @@ def coverage_figure(calibration: Calibration) -> Figure:
     for axes, curve in zip(panels, achieved.T, strict=True):
         for confidence, opacity in _BANDS:
             band = np.array([calibration.by_chance(level, confidence) for level in _LEVELS])
-            label = f"{confidence:.0%} of right ones"
+            label = f"{100 * confidence:.0f} % of right posteriors"
             axes.fill_between(_LEVELS, *band.T, color=MEASURED, alpha=opacity, linewidth=0, label=label)
         axes.plot([0.0, 1.0], [0.0, 1.0], color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
         axes.plot(_LEVELS, curve, color=RECONSTRUCTED, linewidth=1.6)
