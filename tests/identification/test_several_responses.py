@@ -261,18 +261,18 @@ def test_a_wrong_number_of_measurements_is_one_clear_error(chain, clean, count):
         multistart(chain, (clean * 2)[:count])
 
 
-def test_the_model_errs_in_frequency_alike_and_in_magnitude_on_its_own(chain, clean):
+def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, clean):
     values = [frf.values for frf in clean]
     each = [model_errors(chain.frequency, one, 1e-3) for one in values]
     joint = joint_model_errors(chain.frequency, values, 1e-3)
-    count = len(each[0]) // 3
-    assert joint.shape == (5 * count, 2 * LINES)
+    poles = len(each[0]) // 2
+    assert joint.shape == (3 * poles, 2 * LINES)
     covariance = joint.T @ joint.conj()
     for index, own in enumerate(each):
         part = slice(index * LINES, (index + 1) * LINES)
         expected = own.T @ own.conj()
         np.testing.assert_allclose(covariance[part, part], expected, atol=1e-12 * np.abs(expected).max())
-    shared = each[0][:count].T @ each[1][:count].conj()
+    shared = each[0][:poles].T @ each[1][:poles].conj()
     np.testing.assert_allclose(covariance[:LINES, LINES:], shared, atol=1e-12 * np.abs(shared).max())
     np.testing.assert_array_equal(joint_model_errors(chain.frequency, values[:1], 1e-3), each[0])
 
