@@ -93,6 +93,16 @@ def test_a_second_point_narrows_every_interval(collet):
     assert found.responses.count("- {at: tool, position: ") == 2
 
 
+def test_a_second_point_beside_the_one_that_is_measured_already(collet):
+    found = plan(collet, ["tool"], samples=6, beside_described=True)
+    assert found.first == found.current != 0
+    described, best = found.points[found.first], found.seconds[0]
+    assert all(best.deviation[name] / described.deviation[name] == share for name, share in found.narrowing.items())
+    assert "- {at: tool, position: 10 mm, direction: x, quantity: accelerance}" in found.responses
+    assert (described.substructure, described.position) not in {(p.substructure, p.position) for p in found.seconds}
+    assert found.to_dict()["first"]["position"] == pytest.approx(0.01)
+
+
 def test_the_command_prints_the_ranking(assemblies):
     path = str(assemblies / "sdof.yaml")
     printed = CliRunner().invoke(app, ["plan", path])

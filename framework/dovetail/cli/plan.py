@@ -27,6 +27,10 @@ def plan(
     noise: Annotated[
         float, typer.Option(metavar="PART", help="Noise of every line over the described FRF's standard deviation.")
     ] = 0.01,
+    beside_described: Annotated[
+        bool,
+        typer.Option("--beside-described", help="Look for a second point beside the described one, not the best one."),
+    ] = False,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -40,7 +44,7 @@ def plan(
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
     with progress_bars() as progress:
-        found = run(loaded, at or (), noise=noise, progress=progress)
+        found = run(loaded, at or (), noise=noise, beside_described=beside_described, progress=progress)
     if as_json:
         print_json(found.to_dict())
         return
@@ -57,7 +61,8 @@ def plan(
     ]
     rows = [_row(point, "  (as described)" if (point.substructure, point.position) in own else "") for point in shown]
     table(headers, rows, numbers=headers[1:-1])
-    heading(f"Together with the first, {found.points[0].substructure} at {found.points[0].position * 1e3:g} mm")
+    first = found.points[found.first]
+    heading(f"Together with {first.substructure} at {first.position * 1e3:g} mm")
     table(headers, [_row(point, "") for point in found.seconds[:_SHOWN]], numbers=headers[1:-1])
     say()
     say("1: the measurement tells all; 0: it tells nothing that the range does not say.")
@@ -66,7 +71,8 @@ def plan(
 
 
 def _print_pair(found: Plan, assembly: Path) -> None:
-    heading("The two points that tell most together")
+    points = (found.points[found.first], found.seconds[0])
+    heading(" and ".join(f"{one.substructure} at {one.position * 1e3:g} mm" for one in points))
     table(
         ["parameter", "interval, of that from the first alone"],
         [(name, f"{share:.2f}") for name, share in found.narrowing.items()],

@@ -59,15 +59,17 @@ class PlannedPoint:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """All points, the most telling first, and what a second one beside it would add.
+    """All points, the most telling first, and what a second one beside that, or beside the described one, would add.
 
     Parameters
     ----------
     points : tuple of PlannedPoint
     current : int
         Which of them the description's (first) response is.
+    first : int
+        Which of them is one of the two in `seconds`.
     seconds : tuple of PlannedPoint
-        For each other point, the gain of its FRF and the best point's together, the most telling pair first.
+        For each other point, the gain of its FRF and the first point's together, the most telling pair first.
     noise : float
     responses : str
         The description's section for the most telling pair, as YAML; empty where there is a single point.
@@ -75,16 +77,17 @@ class Plan:
 
     points: tuple[PlannedPoint, ...]
     current: int
+    first: int
     seconds: tuple[PlannedPoint, ...]
     noise: float
     responses: str
 
     @property
     def narrowing(self) -> dict[str, float]:
-        """Of each parameter: its interval from the most telling pair over that from the first point alone."""
+        """Of each parameter: its interval from the most telling pair over that from `first` alone."""
         if not self.seconds:
             return {}
-        alone, pair = self.points[0].deviation, self.seconds[0].deviation
+        alone, pair = self.points[self.first].deviation, self.seconds[0].deviation
         return {name: pair[name] / alone[name] for name in alone}
 
     def to_dict(self) -> dict[str, Any]:
@@ -93,6 +96,7 @@ class Plan:
             "noise": self.noise,
             "points": [_plain(point) for point in self.points],
             "current": _plain(self.points[self.current]),
+            "first": _plain(self.points[self.first]),
             "with_the_first": [_plain(point) for point in self.seconds],
             "narrowing": self.narrowing,
             "responses": self.responses,
@@ -116,6 +120,7 @@ def plan(
     *,
     samples: int = 40,
     noise: float = NOISE,
+    beside_described: bool = False,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Plan:
@@ -131,6 +136,8 @@ def plan(
         Parameter vectors from the ranges over which the gain is averaged.
     noise : float
         Of every line, the same at all points, over the standard deviation of the FRF at the described response.
+    beside_described : bool
+        Look for a second point beside the described response, which is measured already, not beside the best point.
     seed : int
     progress : callable
 
@@ -155,27 +162,22 @@ def plan(
     candidates = _candidates(assembly, substructures)
     theta = latin_hypercube(assembly, samples, seed)
     natural = _natural(assembly)
-    deviation = noise * assembly.frf(theta).std(axis=1)
-    information, share = [], []
-    for index, one in enumerate(candidates):
-        progress("points", index, len(candidates))
-        information.append(_information(one, theta, deviation))
-        share.append(_share(one, natural))
-    progress("points", len(candidates), len(candidates))
-    hidden = np.array(share) < _HIDDEN * np.max(share, axis=0, initial=0.0)
-    known, truth = np.array(information), assembly.to_unit(theta)
+    known = _of_each(candidates, theta, noise * assembly.frf(theta).std(axis=1), progress)
+    share = np.array([_share(one, natural) for one in candidates])
+    hidden, truth = share < _HIDDEN * np.max(share, axis=0, initial=0.0), assembly.to_unit(theta)
     points = _points(candidates, left_over(known, truth, seed), [natural[rows] for rows in hidden])
     order = sorted(range(len(points)), key=lambda index: -points[index].mean_gain)
-    first, others = order[0], order[1:]
+    current = next(index for index in order if _is_current(assembly, candidates[index]))
+    first = current if beside_described else order[0]
+    others = [index for index in order if index != first]
     seconds = _points(
         [candidates[index] for index in others],
         left_over(known[first] + known[others], truth, seed),
         [natural[hidden[index] & hidden[first]] for index in others],
     )
-    current = next(place for place, index in enumerate(order) if _is_current(assembly, candidates[index]))
     ranked = tuple(sorted(seconds, key=lambda point: -point.mean_gain))
     pair = _section(assembly, points[first], ranked[0]) if ranked else ""
-    return Plan(tuple(points[index] for index in order), current, ranked, noise, pair)
+    return Plan(tuple(points[index] for index in order), order.index(current), order.index(first), ranked, noise, pair)
 
 
 def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assembly]:
@@ -207,6 +209,18 @@ def _natural(assembly: Assembly) -> NDArray[np.float64]:
     except DovetailError:
         return np.empty(0)
     return np.asarray(found[(found >= assembly.frequency[0]) & (found <= assembly.frequency[-1])])
+
+
+def _of_each(
+    candidates: Sequence[Assembly], theta: NDArray[np.float64], deviation: NDArray[np.float64], progress: Progress
+) -> NDArray[np.float64]:
+    """Return the Fisher information (n_candidates, n, p, p) of the parameter vectors at each point."""
+    found = []
+    for index, one in enumerate(candidates):
+        progress("points", index, len(candidates))
+        found.append(_information(one, theta, deviation))
+    progress("points", len(candidates), len(candidates))
+    return np.array(found)
 
 
 def _information(assembly: Assembly, theta: NDArray[np.float64], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
