@@ -50,6 +50,10 @@ def identify(
     seconds: Annotated[
         float | None, typer.Option(metavar="S", help="Time that multistart may take.", show_default=False)
     ] = None,
+    form: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of the posterior: samples, or laplace, faster.", show_default=False),
+    ] = None,
     samples: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Samples of the posterior.", show_default=False)
     ] = None,
@@ -103,6 +107,7 @@ def identify(
         "starts": starts,
         "seconds": seconds,
         "objective": objective,
+        "form": form,
         "samples": samples,
         "model_error": model_error,
     }
@@ -218,7 +223,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
 
 
 def _print_posterior(result: Identification) -> None:
-    from dovetail.report.content import posterior_rows
+    from dovetail.report.content import posterior_rows, posterior_sentence
 
     heading("What the measurement tells of each parameter")
     rows = [
@@ -227,6 +232,9 @@ def _print_posterior(result: Identification) -> None:
     headers = ["parameter", "estimate", "90 % interval", "unit", "verdict"]
     table(headers, rows, numbers=headers[1:2])
     say()
+    if result.posterior is not None:
+        say(posterior_sentence(result.posterior))
     for row in posterior_rows(result):
-        if row.verdict != "identified":
-            say(f"{row.name}: {row.verdict}. {row.reason}")
+        doubt = " The interval is not to be trusted." if row.doubtful else ""
+        if row.verdict != "identified" or doubt:
+            say(f"{row.name}: {row.verdict}. {row.reason}{doubt}")

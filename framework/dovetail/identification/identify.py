@@ -44,7 +44,8 @@ def identify(
         A trained network of this assembly: its answer is one more start of the refined fit.
     **options
         Of the method: ``seed`` for all but the network; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or
-        ``"weighted"``) for ``"multistart"``; ``samples`` and ``model_error`` for ``"posterior"``.
+        ``"weighted"``) for ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
+        ``samples`` and ``model_error`` for ``"posterior"``.
 
     Returns
     -------

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from dovetail.errors import DovetailError, Fault
 from dovetail.frf import Frf, Quantity
-from dovetail.identification.posterior import Posterior
+from dovetail.identification.posterior import Form, Posterior
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.interfaces import Parameter
 from dovetail.measurement.disk import read_bounded
@@ -50,9 +50,18 @@ class _StoredSamples(BaseModel):
     weight: list[float]
 
 
+class _StoredDoubt(BaseModel):
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    doubtful: bool = False
+
+
 class _StoredPosterior(BaseModel):
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
+    form: Form = "samples"
+    mode: list[float] | None = None
+    parameters: dict[str, _StoredDoubt] = {}
     samples: _StoredSamples
     reached: float
     model_error: float
@@ -133,6 +142,8 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
     total = float(weight.sum())
     if theta.shape != (len(weight), len(parameters)) or not len(weight) or not total > 0 or not 0 < stored.reached <= 1:
         raise DovetailError(Fault(str(file), "the samples of its posterior do not fit its parameters."))
+    if stored.mode is not None and len(stored.mode) != len(parameters):
+        raise DovetailError(Fault(str(file), "the most probable place of its posterior does not fit its parameters."))
     ranges = [Parameter(name, p.unit, p.lower, p.upper, p.scale) for name, p in parameters.items()]
     fraction = np.stack([one.to_unit(theta[:, index]) for index, one in enumerate(ranges)], axis=1)
     mean = (weight / total) @ fraction
@@ -146,6 +157,9 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         drawn=round(len(weight) / stored.reached),
         lines=stored.lines,
         seconds=stored.seconds,
+        form=stored.form,
+        mode=None if stored.mode is None else np.array(stored.mode),
+        doubtful=tuple(name for name, one in stored.parameters.items() if one.doubtful),
     )
 
 

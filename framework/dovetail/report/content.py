@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.identification import Fit, Identification, IdentifiedParameter, Mode
+from dovetail.identification import Fit, Identification, IdentifiedParameter, Mode, Posterior
 from dovetail.interfaces import Parameter
 from dovetail.report.truth import Truth
 from dovetail.report.wording import ABSENT, display_unit, fixed, number, readable
@@ -26,6 +26,7 @@ __all__ = [
     "mode_rows",
     "parameter_rows",
     "posterior_rows",
+    "posterior_sentence",
     "provenance_rows",
     "warnings_of",
 ]
@@ -90,6 +91,7 @@ class PosteriorRow:
     unit: str
     verdict: str
     reason: str
+    doubtful: bool
     low: float | None
     middle: float | None
     high: float | None
@@ -185,12 +187,26 @@ def posterior_rows(result: Identification) -> list[PosteriorRow]:
                 unit=shown.text,
                 verdict=verdict.word,
                 reason=verdict.reason,
+                doubtful=name in posterior.doubtful,
                 low=_place(parameter, low),
                 middle=_place(parameter, estimate),
                 high=_place(parameter, high),
             )
         )
     return rows
+
+
+def posterior_sentence(posterior: Posterior) -> str:
+    """Say how the posterior was told, and whether there are samples enough."""
+    name, apart = max(posterior.halves_apart.items(), key=lambda one: one[1])
+    halves = f"two halves of them differ in an interval by at most {apart:.0%} of its width ({name})"
+    if posterior.form == "laplace":
+        start = f"A Gaussian at the most probable place, in {posterior.seconds:.2g} s; {len(posterior.weight)} samples"
+        return f"{start} of it, {halves}."
+    return (
+        f"{posterior.drawn} searches, of which {posterior.reached:.0%} gave a sample, in {posterior.seconds:.2g} s. "
+        f"The samples tell as much as {posterior.effective:.0f} independent ones; {halves}."
+    )
 
 
 def fit_sentence(fit: Fit) -> str:

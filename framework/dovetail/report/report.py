@@ -82,6 +82,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "warnings": content.warnings_of(result, truth),
         "truth": truth,
         "posterior": content.posterior_rows(result),
+        "posterior_sentence": "" if result.posterior is None else content.posterior_sentence(result.posterior),
         "parameters": content.parameter_rows(result, truth),
         "known": content.known_rows(result),
         "modes": content.mode_rows(result, truth),

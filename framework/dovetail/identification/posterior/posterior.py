@@ -11,13 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.identification.posterior.convergence import FEWEST, MOST_APART, halves_apart
+from dovetail.identification.posterior.quantiles import quantiles
 
-__all__ = ["LEVEL", "Posterior", "Verdict", "Word", "quantiles"]
+__all__ = ["LEVEL", "Form", "Posterior", "Verdict", "Word"]
 
 LEVEL = 0.9
 """Probability that an interval holds the true value."""
 
 Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable"]
+
+Form: TypeAlias = Literal["samples", "laplace"]
 
 _IDENTIFIED, _WEAKLY = 0.9, 0.5
 """Part of the prior variance that the measurement must take away."""
@@ -68,6 +72,12 @@ class Posterior:
     lines : int
         Lines to which the FRF was reduced.
     seconds : float
+    form : {"samples", "laplace"}
+        Whether the samples are those of the posterior, or of a Gaussian that stands for it.
+    mode : (n_params,) array or None
+        SI; the most probable place, with the form "laplace".
+    doubtful : tuple of str
+        Parameters whose interval is not to be trusted, since the posterior is not that Gaussian.
     """
 
     names: tuple[str, ...]
@@ -79,6 +89,9 @@ class Posterior:
     drawn: int
     lines: int
     seconds: float
+    form: Form = "samples"
+    mode: NDArray[np.float64] | None = None
+    doubtful: tuple[str, ...] = ()
 
     @staticmethod
     def of(
@@ -90,6 +103,9 @@ class Posterior:
         drawn: int,
         lines: int,
         seconds: float,
+        form: Form = "samples",
+        mode: NDArray[np.float64] | None = None,
+        doubtful: tuple[str, ...] = (),
     ) -> Posterior:
         """Return the posterior with these samples, in fractions of the assembly's ranges."""
         return Posterior(
@@ -102,6 +118,9 @@ class Posterior:
             drawn=drawn,
             lines=lines,
             seconds=seconds,
+            form=form,
+            mode=mode,
+            doubtful=doubtful,
         )
 
     @property
@@ -113,6 +132,37 @@ class Posterior:
     def reached(self) -> float:
         """Part of the searches that reached their target; the others are where the posterior folds over."""
         return len(self.weight) / self.drawn
+
+    @cached_property
+    def halves_apart(self) -> Mapping[str, float]:
+        """By what part of its width each interval differs between two halves of the samples, on the parameters' scales.
+
+        With n effective samples that are sound it is about 1.3 over the root of n.
+        """
+        apart = halves_apart(self.fraction, self.weight, LEVEL)
+        return dict(zip(self.names, apart.tolist(), strict=True))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What must be known before the intervals are believed."""
+        found = []
+        if self.doubtful:
+            found.append(
+                f"The form 'laplace' misleads on {', '.join(self.doubtful)}: the posterior is bent, the Gaussian is "
+                "not. Do not trust these intervals; the form 'samples' gives better ones."
+            )
+        if self.effective < FEWEST:
+            found.append(
+                f"The samples tell no more than {self.effective:.0f} independent ones would: the ends of the "
+                "intervals are rough. Ask for more samples."
+            )
+        apart = [f"{name} ({part:.0%})" for name, part in self.halves_apart.items() if part > MOST_APART]
+        if apart:
+            found.append(
+                f"Two halves of the samples disagree on the intervals, in parts of their width: {', '.join(apart)}. "
+                "Ask for more samples."
+            )
+        return tuple(found)
 
     def interval(self, level: float = LEVEL) -> Mapping[str, tuple[float, float]]:
         """Return the central interval of each parameter, SI, by name."""
@@ -162,7 +212,9 @@ class Posterior:
         """Return everything but the samples as plain values, fit for JSON."""
         intervals = self.interval()
         return {
+            "form": self.form,
             "level": LEVEL,
+            "warnings": list(self.warnings),
             "parameters": {
                 name: {
                     "estimate": float(estimate),
@@ -170,6 +222,8 @@ class Posterior:
                     "verdict": self.verdicts[name].word,
                     "gain": self.verdicts[name].gain,
                     "reason": self.verdicts[name].reason,
+                    "doubtful": name in self.doubtful,
+                    "halves_apart": self.halves_apart[name],
                 }
                 for name, estimate in zip(self.names, self.estimate, strict=True)
             },
@@ -179,18 +233,6 @@ class Posterior:
             "model_error": self.model_error,
             "lines": self.lines,
             "seconds": self.seconds,
+            "mode": None if self.mode is None else self.mode.tolist(),
             "samples": {"theta": self.theta.tolist(), "weight": self.weight.tolist()},
         }
-
-
-def quantiles(
-    values: NDArray[np.float64], weight: NDArray[np.float64], levels: list[float]
-) -> tuple[NDArray[np.float64], ...]:
-    """Return weighted quantiles of the columns of (n, m) values, an (m,) array for each level."""
-    order = np.argsort(values, axis=0)
-    ordered = np.take_along_axis(values, order, axis=0)
-    below = np.cumsum(weight[order], axis=0) - 0.5 * weight[order]
-    return tuple(
-        np.array([np.interp(level, below[:, column], ordered[:, column]) for column in range(values.shape[1])])
-        for level in levels
-    )

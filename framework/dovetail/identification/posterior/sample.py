@@ -7,12 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from dovetail.assembly import Assembly
-from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.frfs import Frfs
-from dovetail.identification.fitting.measured import Measured, missed
-from dovetail.identification.posterior.model_error import MODEL_ERROR, correlation_length, joint_model_errors
+from dovetail.identification.posterior.likelihood import check_options, likelihood
+from dovetail.identification.posterior.model_error import MODEL_ERROR
 from dovetail.identification.posterior.modes import search_modes
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.identification.posterior.sampling import draw
@@ -57,23 +55,11 @@ def sample_posterior(
     ParameterError
         An option is out of its range.
     """
-    if samples < 1:
-        raise ParameterError(Fault("samples", f"{samples} samples are none.", "1 or more"))
-    if not (np.isfinite(model_error) and 0.0 <= model_error < 1.0):
-        raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
-    target = Measured.of(assembly, measured)
-    values = Frfs.of(assembly).frf(fit.theta[np.newaxis])[0]
-    off = (fit.discrepancy * np.abs(values)) ** 2
-    if fit.discrepancy:
-        deviation = target.split(np.sqrt(fit.variance + off))
-        each = zip(target.frfs, target.split(values), deviation, target.split(off), strict=True)
-        off = np.concatenate([part * correlation_length(missed(frf, own) / size) for frf, own, size, part in each])
-    residual = target.weighted(fit.variance + off, fit.used)
-    errors = joint_model_errors(assembly.frequency, target.split(values), model_error)
-    with_errors = residual.slopes(values[np.newaxis], errors[np.newaxis])[0]
+    check_options(samples, model_error)
+    given = likelihood(assembly, measured, fit, model_error)
     best, random = assembly.to_unit(fit.theta), np.random.default_rng([seed, 3])
-    modes = search_modes(assembly, target, fit.variance + off, residual, with_errors, best, random)
-    drawn = draw(assembly, residual, modes, fit.information, with_errors, count=samples, seed=seed)
+    modes = search_modes(assembly, given.target, given.variance, given.residual, given.errors, best, random)
+    drawn = draw(assembly, given.residual, modes, fit.information, given.errors, count=samples, seed=seed)
     return Posterior.of(
         assembly,
         drawn.fraction,
