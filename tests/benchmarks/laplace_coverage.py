@@ -1,0 +1,111 @@
+"""The Gaussian form of the posterior: how long it takes, how often it holds the truth, and where it warns.
+
+    python tests/benchmarks/laplace_coverage.py [--cases 200] [--sampled 40] [--finer-mesh 4] [--model-error 0.0005]
+
+Random joints of the collet assembly with complex noise of one per cent of the FRF's standard deviation in every line.
+The first `sampled` of them are sampled as well, and the intervals of both forms compared.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from interval_coverage import ASSEMBLY, NOISE, finer
+
+import dovetail
+from dovetail.dataset import latin_hypercube
+from dovetail.identification.fitting import Fit, refine
+from dovetail.identification.posterior import Posterior, laplace_posterior, quantiles, sample_posterior
+
+
+@dataclass(frozen=True)
+class Case:
+    """One joint: where it is on the ranges, what was measured of it, and the fit."""
+
+    index: int
+    place: np.ndarray
+    measured: dovetail.Frf
+    fit: Fit
+
+
+def cases(assembly: dovetail.Assembly, count: int, mesh: int) -> Iterator[Case]:
+    """Yield random joints with their noisy FRFs and fits."""
+    truth = latin_hypercube(assembly, count, seed=77)
+    values = (assembly if mesh == 1 else finer(mesh)).frf(truth)
+    for index, (place, clean) in enumerate(zip(assembly.to_unit(truth), values, strict=True)):
+        deviation = NOISE * clean.std()
+        normal = np.random.default_rng([9, index]).standard_normal((2, len(clean)))
+        noisy = clean + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
+        measured = dovetail.Frf(
+            assembly.frequency, noisy, "accelerance", variance=np.full(len(clean), deviation**2), label=f"case {index}"
+        )
+        yield Case(index, place, measured, refine(assembly, measured))
+
+
+def ends(posterior: Posterior) -> np.ndarray:
+    """Return the ends (2, p) of the 90 % intervals, in fractions of the ranges."""
+    return np.array(quantiles(posterior.fraction, posterior.weight, [0.05, 0.95]))
+
+
+def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
+    """Print coverage with and without warning, times, and the intervals beside the sampled ones."""
+    assembly = dovetail.load(ASSEMBLY)
+    names = [parameter.name for parameter in assembly.parameters]
+    held, doubted, seconds, beside = [], [], [], []
+    for case in cases(assembly, count, mesh):
+        found = laplace_posterior(assembly, case.measured, case.fit, model_error=model_error, seed=case.index)
+        low, high = ends(found)
+        held.append((low < case.place) & (case.place < high))
+        doubted.append([name in found.doubtful for name in names])
+        seconds.append(found.seconds)
+        if case.index < sampled:
+            other = ends(sample_posterior(assembly, case.measured, case.fit, model_error=model_error, seed=case.index))
+            beside.append([(high - low) / (other[1] - other[0]), apart(low, high, *other)])
+    print(f"{count} cases, mesh {mesh} times finer, model error {model_error:g}")
+    table(names, np.array(held), np.array(doubted), np.array(beside))
+    times = f"median {1e3 * np.median(seconds):.0f} ms, 95 % below {1e3 * np.quantile(seconds, 0.95):.0f} ms"
+    alone = np.mean(np.array(doubted).all(axis=1))
+    print(f"\nTime after the fit: {times}. In {alone:.1%} of the cases every parameter is warned of.")
+
+
+def apart(low: np.ndarray, high: np.ndarray, other_low: np.ndarray, other_high: np.ndarray) -> np.ndarray:
+    """Return the larger difference of the two ends, over the width of the other interval."""
+    return np.maximum(np.abs(low - other_low), np.abs(high - other_high)) / (other_high - other_low)
+
+
+def table(names: list[str], held: np.ndarray, doubted: np.ndarray, beside: np.ndarray) -> None:
+    """Print one line for each parameter, and one for all."""
+    print("| parameter | 90 % intervals hold the truth | where not warned | where warned | warned | "
+          "width over the sampled one | ends apart, not warned | ends apart, warned |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|---|")
+    rows = [(f"`{name}`", slice(column, column + 1)) for column, name in enumerate(names)] + [("all", slice(None))]
+    for label, column in rows:
+        inside, doubt = held[:, column], doubted[:, column]
+        texts = [f"{inside.mean():.1%}", share(inside[~doubt]), share(inside[doubt]), f"{doubt.mean():.0%}"]
+        width, off = beside[:, 0, column], beside[:, 1, column]
+        known = doubt[: len(beside)]
+        texts += [f"{np.median(width):.2f}", middle(off[~known]), middle(off[known])]
+        print(f"| {label} | {' | '.join(texts)} |")
+
+
+def share(inside: np.ndarray) -> str:
+    """Return the share that is inside, and of how many."""
+    return f"{inside.mean():.1%} of {inside.size}" if inside.size else "none"
+
+
+def middle(parts: np.ndarray) -> str:
+    """Return the median of parts of a width."""
+    return f"{np.median(parts):.0%}" if parts.size else "none"
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=200)
+    parser.add_argument("--sampled", type=int, default=40)
+    parser.add_argument("--finer-mesh", type=int, default=1)
+    parser.add_argument("--model-error", type=float, default=0.0)
+    given = parser.parse_args()
+    study(given.cases, given.sampled, given.finer_mesh, given.model_error)

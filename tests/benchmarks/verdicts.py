@@ -1,0 +1,301 @@
+"""Verdicts of the posterior against other routes: the Fisher information, profile likelihoods, and Laplace's integral.
+
+    python tests/benchmarks/verdicts.py [--cases 20] [--workers 2] [-o verdicts.json]
+
+Random joints of the collet assembly, complex noise of one per cent of the FRF's standard deviation in every line.
+
+Fisher: gain 1 - 12 (F + 12)^-1 in fractions of the ranges, F at the truth.
+
+Profile: each parameter is moved over its range, all others are fitted anew at each place. The region is where
+chi-squared lies less than 2.71 above its least. For a Gaussian the region is 3.29 standard deviations wide, so that a
+gain of 0.9 is a region of 0.30 of the range, and one of 0.5 a region of 0.67.
+
+Integrated: as the profile, but the others are integrated out at each place by Laplace's formula, in the coordinates in
+which the prior is normal: what the posterior should say.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import dovetail
+from dovetail.dataset import latin_hypercube
+from dovetail.identification.fitting import refine
+from dovetail.identification.fitting.least_squares import Linear, SumOfSquares, minimise
+from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
+from dovetail.identification.posterior import sample_posterior
+from dovetail.identification.posterior.coordinates import FURTHEST, PriorAndData, fraction_of, quantile_of
+from dovetail.identification.posterior.most_probable import InCube
+
+ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
+NOISE = 0.01
+WORDS = ("identified", "weakly identified", "not identifiable")
+RISE = 2.71
+"""Of chi-squared, within which 90 % of a Gaussian lie."""
+DEVIATIONS = 3.29
+"""So many standard deviations of a Gaussian hold 90 % of it."""
+LONGEST, SHORTEST, FASTER, CLOSE = 0.05, 1e-3, 1.6, 0.3
+JUMP = 3.0
+"""Rise of chi-squared in one step from which on the search rather failed: a shorter one is tried."""
+
+
+def verdict(gain: float) -> str:
+    """Return the word of a gain, by the thresholds of the posterior's verdicts."""
+    return WORDS[0] if gain >= 0.9 else WORDS[1] if gain >= 0.5 else WORDS[2]
+
+
+def verdict_of_width(width: float) -> str:
+    """Return the word of a region's width in parts of the range, by the same thresholds for a Gaussian."""
+    return verdict(1.0 - 12.0 * (width / DEVIATIONS) ** 2)
+
+
+@dataclass(frozen=True)
+class Without:
+    """A sum of squares with one parameter held."""
+
+    misfit: SumOfSquares
+    column: int
+    value: float
+
+    def whole(self, position: np.ndarray) -> np.ndarray:
+        """Return all parameters (n, p)."""
+        return np.insert(position, self.column, self.value, axis=1)
+
+    def residuals(self, position: np.ndarray) -> np.ndarray:
+        """Return residuals (n, m)."""
+        return self.misfit.residuals(self.whole(position))
+
+    def linear(self, position: np.ndarray) -> Linear:
+        """Return residuals and derivatives by the others."""
+        at, others = self.misfit.linear(self.whole(position)), np.arange(position.shape[1] + 1) != self.column
+        return Linear(at.residuals, at.slopes[:, others], at.gradient[:, others], at.curvature[:, others][:, :, others])
+
+
+@dataclass
+class Profile:
+    """Places (n, p) of one parameter at which all others are fitted, and minus twice their log density, from below."""
+
+    x: np.ndarray
+    at: np.ndarray
+    cost: np.ndarray
+
+    @staticmethod
+    def of(column: int, found: list[tuple[np.ndarray, float]]) -> Profile:
+        """Return places sorted by one parameter."""
+        ordered = sorted(found, key=lambda one: float(one[0][column]))
+        at = np.array([place for place, _ in ordered])
+        return Profile(at[:, column], at, np.array([cost for _, cost in ordered]))
+
+    def region(self, least: float) -> tuple[float, float]:
+        """Return the ends of the region around the least."""
+        best, limit = int(np.argmin(self.cost)), np.sqrt(RISE)
+        root = np.sqrt(np.maximum(self.cost - least, 0.0))
+        above, below = np.flatnonzero(root[best:] > limit) + best, np.flatnonzero(root[:best] > limit)
+        low, high = self.x[0], self.x[-1]
+        if len(above):
+            high = np.interp(limit, root[above[0] - 1 : above[0] + 1], self.x[above[0] - 1 : above[0] + 1])
+        if len(below):
+            low = np.interp(-limit, -root[below[-1] : below[-1] + 2], self.x[below[-1] : below[-1] + 2])
+        return float(low), float(high)
+
+    def gain(self, fraction: Callable[[np.ndarray], np.ndarray]) -> float:
+        """Return the part of the prior variance that is taken away if exp(-cost / 2) is the density of x."""
+        fine = np.linspace(self.x[0], self.x[-1], 4001)
+        cost = np.interp(fine, self.x, self.cost)
+        weight = np.exp(-(cost - cost.min()) / 2.0)
+        weight /= weight.sum()
+        share = fraction(fine)
+        return float(1.0 - 12.0 * (weight @ (share - weight @ share) ** 2))
+
+    def span(self, region: tuple[float, float], other: int) -> float:
+        """Return how far another parameter moves, with its sign, while this one crosses its region."""
+        low, high = np.interp(region, self.x, self.at[:, other])
+        return float(high - low)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Along one parameter, with all others fitted at each place.
+
+    Parameters
+    ----------
+    problem : SumOfSquares
+    starts : (n, p) array
+        Places from the nearest of which, in the parameter, is searched too.
+    longest : float
+        Greatest step.
+    volume : bool
+        Whether the logarithm of the determinant of the others' curvature is added: Laplace's integral over them.
+    """
+
+    problem: SumOfSquares
+    starts: np.ndarray
+    longest: float
+    volume: bool
+
+    def along(self, column: int, best: np.ndarray, deviation: float) -> Profile:
+        """Return the profile, from the best place to the ends of the cube or to where the cost has risen enough."""
+        found = [self._fitted(column, float(best[column]), [best])]
+        first = found[0]
+        for direction in (-1.0, 1.0):
+            before, (here, cost) = first[0], first
+            step = min(CLOSE * deviation, self.longest)
+            while cost < min(one[1] for one in found) + 4.0 * RISE and 0.0 < here[column] + 1e-12 * direction < 1.0:
+                value = float(np.clip(here[column] + direction * step, 0.0, 1.0))
+                moved = here[column] - before[column]
+                ahead = here + (here - before) * ((value - here[column]) / moved if moved else 0.0)
+                place, risen = self._fitted(column, value, [ahead, here])
+                rise, step = risen - cost, min(step, abs(value - here[column]))
+                if rise > JUMP and step > SHORTEST * self.longest:
+                    step *= 0.5
+                    continue
+                before, here, cost = here, place, risen
+                found.append((here, cost))
+                step = min(step * (FASTER if abs(rise) < 0.5 else 1.0 if rise < 1.5 else 0.5), self.longest)
+        return Profile.of(column, found)
+
+    def _fitted(self, column: int, value: float, guesses: list[np.ndarray]) -> tuple[np.ndarray, float]:
+        nearest = self.starts[np.argmin(np.abs(self.starts[:, column] - value))]
+        held = Without(self.problem, column, value)
+        starts = np.clip(np.delete(np.stack([*guesses, nearest]), column, axis=1), 0.0, 1.0)
+        ended = minimise(held, starts, tolerance=1e-2, most_steps=150)
+        row = int(np.argmin(ended.cost))
+        volume = float(np.linalg.slogdet(ended.curvature[row])[1]) if self.volume else 0.0
+        return held.whole(ended.position[row : row + 1])[0], float(ended.cost[row]) + volume
+
+
+def one_case(index: int, count: int) -> dict[str, Any]:
+    """Return what the routes say of each parameter of one random joint."""
+    assembly = dovetail.load(ASSEMBLY)
+    truth = latin_hypercube(assembly, count, seed=55)[index]
+    clean = assembly.frf(truth)
+    deviation = NOISE * clean.std()
+    normal = np.random.default_rng([12, index]).standard_normal((2, len(clean)))
+    variance = np.full(len(clean), deviation**2)
+    noisy = clean + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
+    measured = dovetail.Frf(assembly.frequency, noisy, "accelerance", variance=variance)
+    fit = refine(assembly, measured)
+    posterior = sample_posterior(assembly, measured, fit, model_error=0.0, seed=index)
+    misfit = FrfMisfit(assembly, Weighted.against(measured, variance, np.ones(len(clean), dtype=np.bool_)))
+    place = assembly.to_unit(truth)
+    fisher = misfit.linear(place[np.newaxis]).curvature[0]
+    spread = np.diag(np.linalg.inv(fisher + 12.0 * np.eye(len(place))))
+    deviations = np.sqrt(np.diag(np.linalg.inv(fit.information + 12.0 * np.eye(len(place)))))
+    profiles = walked(misfit, posterior.fraction, assembly.to_unit(fit.theta), deviations)
+    marginals = integrated(misfit, posterior.fraction, deviations)
+    gains = {"fisher": 1.0 - 12.0 * spread, "integrated": np.array(marginals)}
+    return {"index": index, "parameters": entries(posterior, place, gains, profiles)}
+
+
+def walked(misfit: SumOfSquares, starts: np.ndarray, best: np.ndarray, deviations: np.ndarray) -> list[Profile]:
+    """Return the profile of each parameter; from the best of all places again where one was better than the fit."""
+    for _ in range(3):
+        walk = Walk(misfit, starts, LONGEST, volume=False)
+        found = [walk.along(column, best, deviation) for column, deviation in enumerate(deviations)]
+        lowest = min(found, key=lambda one: float(one.cost.min()))
+        if lowest.cost.min() > np.sum(misfit.residuals(best[np.newaxis]) ** 2) - 0.3:
+            break
+        start = lowest.at[np.argmin(lowest.cost)]
+        best = minimise(misfit, start[np.newaxis], tolerance=1e-3, most_steps=300).position[0]
+    return found
+
+
+def integrated(misfit: SumOfSquares, samples: np.ndarray, deviations: np.ndarray) -> list[float]:
+    """Return the gain of each parameter with the others integrated out by Laplace's formula at each place.
+
+    In the coordinates in which the prior is normal (Tierney and Kadane, 1986).
+    """
+    problem = InCube(PriorAndData(misfit))
+    places = (quantile_of(samples) / FURTHEST + 1.0) / 2.0
+    best = places[np.argmin(np.sum(problem.residuals(places) ** 2, axis=1))]
+    best = minimise(problem, best[np.newaxis], tolerance=1e-3, most_steps=200).position[0]
+    walk = Walk(problem, places, LONGEST / 2.0, volume=True)
+    found = [walk.along(column, best, deviation / 4.0) for column, deviation in enumerate(deviations)]
+    return [one.gain(lambda x: fraction_of((2.0 * x - 1.0) * FURTHEST)) for one in found]
+
+
+def entries(
+    posterior: dovetail.Posterior, place: np.ndarray, gains: dict[str, np.ndarray], profiles: list[Profile]
+) -> dict[str, dict[str, Any]]:
+    """Return by parameter the gain and the word of each route, and how its partners move along the profile."""
+    least = min(float(one.cost.min()) for one in profiles)
+    regions = [one.region(least) for one in profiles]
+    widths = np.array([high - low for low, high in regions])
+    found = {}
+    for i, name in enumerate(posterior.names):
+        told = posterior.verdicts[name]
+        partners = [j for j, other in enumerate(posterior.names) if f" {other} (" in told.reason]
+        moved = [
+            (posterior.names[j], float(posterior.correlation[i, j]), profiles[i].span(regions[i], j) / widths[j])
+            for j in partners
+        ]
+        found[name] = {
+            "posterior": told.word, "gain": told.gain, "reason": told.reason, "place": float(place[i]),
+            "fisher": verdict(gains["fisher"][i]), "fisher_gain": float(gains["fisher"][i]),
+            "integrated": verdict(gains["integrated"][i]), "integrated_gain": float(gains["integrated"][i]),
+            "profile": verdict_of_width(float(widths[i])), "region": regions[i], "partners": moved,
+            "effective": posterior.effective, "steps": len(profiles[i].cost),
+        }  # fmt: skip
+    return found
+
+
+def counts(cases: list[dict[str, Any]], route: str) -> None:
+    """Print how often the posterior and another route agree."""
+    pairs = Counter((one["posterior"], one[route]) for case in cases for one in case["parameters"].values())
+    total, same = sum(pairs.values()), sum(pairs[word, word] for word in WORDS)
+    print(f"| posterior | {route}: " + " | ".join(WORDS) + " |")
+    print("|---|---|---|---|")
+    for word in WORDS:
+        print(f"| {word} | " + " | ".join(str(pairs[word, other]) for other in WORDS) + " |")
+    print(f"\nPosterior and {route} agree on {same} of {total} ({same / total:.0%}).\n")
+
+
+def reasons(cases: list[dict[str, Any]]) -> None:
+    """Print whether the reasons of the verdicts are seen in the profiles."""
+    told = [one for case in cases for one in case["parameters"].values()]
+    partners = [partner for one in told for partner in one["partners"]]
+    moving = sum(abs(moves) >= 0.5 and moves * correlation > 0 for _, correlation, moves in partners)
+    pressed = [(one, 0 if "lower end" in one["reason"] else 1) for one in told if "presses" in one["reason"]]
+    touching = sum(abs(one["region"][side] - side) < 1e-6 for one, side in pressed)
+    print(f"Partners named: {len(partners)}. While the parameter crosses its region, {moving} of them cross half of "
+          "theirs or more, in the direction of the correlation.")  # fmt: skip
+    print(f"Said to press against an end of the range: {len(pressed)}; the regions of {touching} reach that end.")
+
+
+def disagreements(cases: list[dict[str, Any]]) -> None:
+    """Print each disagreement."""
+    print("\n| case | parameter | posterior | integrated | Fisher | region of the profile |")
+    print("|---|---|---|---|---|---|")
+    for case in cases:
+        for name, one in case["parameters"].items():
+            if len({one["posterior"], one["fisher"], one["profile"]}) > 1:
+                low, high = one["region"]
+                gains = " | ".join(f"{one[key]:.2f}" for key in ("gain", "integrated_gain", "fisher_gain"))
+                print(f"| {case['index']} | `{name}` | {gains} | {low:.2f} to {high:.2f} |")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=20)
+    parser.add_argument("--only", type=int, help="So many of them, for a trial.")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--output", "-o", type=Path)
+    given = parser.parse_args()
+    chosen = range(given.cases if given.only is None else given.only)
+    with ProcessPoolExecutor(given.workers) as pool:
+        told = list(pool.map(one_case, chosen, [given.cases] * len(chosen)))
+    for other in ("fisher", "profile", "integrated"):
+        counts(told, other)
+    reasons(told)
+    disagreements(told)
+    if given.output is not None:
+        given.output.write_text(json.dumps(told, indent=1))
