@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 
 def run(script, *arguments) -> str:
@@ -70,3 +73,18 @@ def test_the_study_of_mesh_errors_has_a_row_for_each_assembly():
     assert len(rows) == 4
     assert all(1e-6 < float(row[1]) < 1e-2 for row in rows)
     assert float(rows[0][3]) > 3.0  # modal constants err more than natural frequencies
+
+
+def test_the_study_of_the_gaussian_form_has_a_row_for_each_parameter():
+    printed = run("laplace_coverage.py", "--cases", 4, "--sampled", 1)
+    assert len(cells(printed)[2:]) == 13
+    assert re.search(r"Time after the fit: median \d+ ms", printed)
+
+
+@pytest.mark.slow
+def test_the_study_of_verdicts_counts_every_parameter_by_each_route(tmp_path):
+    rows = cells(run("verdicts.py", "--only", 1, "--workers", 1, "-o", tmp_path / "verdicts.json"))
+    tables = [rows[first : first + 5] for first in (0, 5, 10)]
+    assert all(sum(int(cell) for row in table[2:] for cell in row[1:]) == 12 for table in tables)
+    told = json.loads((tmp_path / "verdicts.json").read_text())[0]["parameters"]
+    assert told["kr_tc"]["posterior"] == told["kr_tc"]["fisher"] == told["kr_tc"]["profile"] == "identified"

@@ -1,0 +1,85 @@
+"""Verdicts of one mass on a spring and a damper, against formulas that are written out here."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import dovetail
+
+STIFFNESS, DAMPING = (1e5, 1e7), 50.0
+PLACE = np.array([0.4, 0.5])
+GRID = (np.arange(100) + 0.5) / 100
+
+
+@pytest.fixture
+def ranged(sdof):
+    """The assembly with damping sought within half of `width` around 50 N s/m."""
+
+    def assembly(width):
+        description = json.loads(sdof.description.text)
+        ends = [f"{DAMPING + sign * width / 2} N s/m" for sign in (-1, 1)]
+        description["joints"]["mount"]["parameters"]["c"]["range"] = ends
+        return dovetail.load(description)
+
+    return assembly
+
+
+def accelerance(frequency, place, width):
+    """Of 1 kg, at fractions (..., 2) of the ranges of stiffness and damping; and its derivatives by them."""
+    omega = 2 * np.pi * frequency
+    k = STIFFNESS[0] + place[..., 0, np.newaxis] * (STIFFNESS[1] - STIFFNESS[0])
+    c = DAMPING + (place[..., 1, np.newaxis] - 0.5) * width
+    stiffness = k + 1j * omega * c - omega**2
+    by_k, by_c = omega**2 / stiffness**2, 1j * omega**3 / stiffness**2
+    return -(omega**2) / stiffness, np.stack([by_k * (STIFFNESS[1] - STIFFNESS[0]), by_c * width])
+
+
+def measurement(frequency, width):
+    """With noise as large as the FRF's standard deviation; and the Fisher information."""
+    clean, derivatives = accelerance(frequency, PLACE, width)
+    variance = np.full(len(clean), clean.std() ** 2)
+    normal = np.random.default_rng(2).standard_normal((2, len(clean)))
+    noisy = clean + np.sqrt(variance / 2) * (normal[0] + 1j * normal[1])
+    frf = dovetail.Frf(frequency, noisy, "accelerance", variance=variance)
+    return frf, 2.0 / variance[0] * np.real(derivatives.conj() @ derivatives.T)
+
+
+def chi_squared(frf, width, reach):
+    """On a grid around the true stiffness and over all damping."""
+    stiffness = PLACE[0] + np.linspace(-1, 1, 141) * reach
+    places = np.stack(np.meshgrid(stiffness, GRID, indexing="ij"), axis=-1)
+    values = np.stack([accelerance(frf.frequency, row, width)[0] for row in places])
+    return np.sum(np.abs(values - frf.values) ** 2 / (frf.variance / 2), axis=-1)
+
+
+def word(gain):
+    return "identified" if gain >= 0.9 else "weakly identified" if gain >= 0.5 else "not identifiable"
+
+
+@pytest.mark.parametrize(
+    ("width", "expected"), [(90.0, "identified"), (14.0, "weakly identified"), (3.0, "not identifiable")]
+)
+def test_four_routes_give_one_verdict(ranged, width, expected):
+    assembly = ranged(width)
+    frf, information = measurement(assembly.frequency, width)
+    posterior = dovetail.identify(assembly, frf, "posterior", samples=1000, model_error=0.0).posterior
+    told = posterior.verdicts["c"]
+    spread = np.linalg.inv(information + 12 * np.eye(2))
+    grid = chi_squared(frf, width, reach=6 * np.sqrt(spread[0, 0]))
+    density = np.exp(-(grid - grid.min()) / 2).sum(axis=0)
+    density /= density.sum()
+    gain = 1 - 12 * density @ (GRID - density @ GRID) ** 2
+    region = np.count_nonzero(grid.min(axis=0) <= grid.min() + 2.71) / 100
+    fisher = 1 - 12 * spread[1, 1]
+    assert told.gain == pytest.approx(gain, abs=0.05)
+    assert [told.word, word(gain), word(fisher), word(1 - 12 * (region / 3.29) ** 2)] == [expected] * 4
+    assert posterior.verdicts["k"].word == "identified"
+
+
+def test_what_the_frf_hardly_feels_is_said_so(ranged):
+    assembly = ranged(3.0)
+    posterior = dovetail.identify(assembly, measurement(assembly.frequency, 3.0)[0], "posterior").posterior
+    assert posterior.verdicts["c"].reason == "The FRF hardly depends on it."
