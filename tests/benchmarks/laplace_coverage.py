@@ -54,7 +54,7 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
     """Print coverage with and without warning, times, and the intervals beside the sampled ones."""
     assembly = dovetail.load(ASSEMBLY)
     names = [parameter.name for parameter in assembly.parameters]
-    held, doubted, seconds, beside = [], [], [], []
+    held, doubted, seconds, beside, same = [], [], [], [], []
     for case in cases(assembly, count, mesh):
         found = laplace_posterior(assembly, case.measured, case.fit, model_error=model_error, seed=case.index)
         low, high = ends(found)
@@ -62,13 +62,16 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
         doubted.append([name in found.doubtful for name in names])
         seconds.append(found.seconds)
         if case.index < sampled:
-            other = ends(sample_posterior(assembly, case.measured, case.fit, model_error=model_error, seed=case.index))
-            beside.append([(high - low) / (other[1] - other[0]), apart(low, high, *other)])
+            other = sample_posterior(assembly, case.measured, case.fit, model_error=model_error, seed=case.index)
+            other_low, other_high = ends(other)
+            beside.append([(high - low) / (other_high - other_low), apart(low, high, other_low, other_high)])
+            same.append([found.verdicts[name].word == other.verdicts[name].word for name in names])
     print(f"{count} cases, mesh {mesh} times finer, model error {model_error:g}")
     table(names, np.array(held), np.array(doubted), np.array(beside))
     times = f"median {1e3 * np.median(seconds):.0f} ms, 95 % below {1e3 * np.quantile(seconds, 0.95):.0f} ms"
     alone = np.mean(np.array(doubted).all(axis=1))
     print(f"\nTime after the fit: {times}. In {alone:.1%} of the cases every parameter is warned of.")
+    print(f"The verdict is that of the samples for {np.mean(same):.0%} of {np.size(same)} parameters.")
 
 
 def apart(low: np.ndarray, high: np.ndarray, other_low: np.ndarray, other_high: np.ndarray) -> np.ndarray:
@@ -104,7 +107,7 @@ def middle(parts: np.ndarray) -> str:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=200)
-    parser.add_argument("--sampled", type=int, default=40)
+    parser.add_argument("--sampled", type=int, default=40, help="1 or more.")
     parser.add_argument("--finer-mesh", type=int, default=1)
     parser.add_argument("--model-error", type=float, default=0.0)
     given = parser.parse_args()
