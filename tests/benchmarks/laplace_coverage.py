@@ -9,16 +9,30 @@ The first `sampled` of them are sampled as well, and the intervals of both forms
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from interval_coverage import ASSEMBLY, NOISE, finer
 
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.identification.fitting import Fit, refine
 from dovetail.identification.posterior import Posterior, laplace_posterior, quantiles, sample_posterior
+
+ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
+NOISE = 0.01
+
+
+def finer(factor: int) -> dovetail.Assembly:
+    """Return the assembly with `factor` elements in the place of each."""
+    description = json.loads(dovetail.load(ASSEMBLY).description.text)
+    for part in description["substructures"].values():
+        for section in part["sections"]:
+            section["elements"] = int(section.get("elements", 1)) * factor
+    description["joints"]["collet"]["elements_per_segment"] = factor
+    return dovetail.load(description)
 
 
 @dataclass(frozen=True)

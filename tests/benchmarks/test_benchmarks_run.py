@@ -84,7 +84,7 @@ def test_the_study_of_the_gaussian_form_has_a_row_for_each_parameter():
 @pytest.mark.slow
 def test_the_study_of_verdicts_counts_every_parameter_by_each_route(tmp_path):
     rows = cells(run("verdicts.py", "--only", 1, "--workers", 1, "-o", tmp_path / "verdicts.json"))
-    tables = [rows[first : first + 5] for first in (0, 5, 10)]
+    tables = [rows[first : first + 5] for first in (0, 5)]
     assert all(sum(int(cell) for row in table[2:] for cell in row[1:]) == 12 for table in tables)
     told = json.loads((tmp_path / "verdicts.json").read_text())[0]["parameters"]
     assert told["kr_tc"]["posterior"] == told["kr_tc"]["fisher"] == told["kr_tc"]["profile"] == "identified"
