@@ -214,21 +214,34 @@ def test_the_shipped_measurement_says_what_it_tells(collet, assemblies):
 
 
 def test_a_parameter_at_the_end_of_its_range_says_so():
-    fraction = np.stack([np.full(100, 0.01), np.linspace(0.45, 0.55, 100)], axis=1)
+    random = np.random.default_rng(4)
+    half = np.abs(random.standard_normal(4000))
+    normal = random.standard_normal(4000)
+    fraction = {
+        "lower": 0.02 * half,
+        "upper": 1.0 - 0.3 * half / half.max(),
+        "near": 0.03 + 0.005 * normal,
+        "even": random.random(4000),
+        "inside": 0.5 + 0.01 * normal,
+    }
+    columns = np.stack(list(fraction.values()), axis=1)
     posterior = Posterior(
-        names=("a", "b"),
-        theta=fraction,
-        fraction=fraction,
-        weight=np.full(100, 0.01),
-        estimate=fraction.mean(axis=0),
+        names=tuple(fraction),
+        theta=columns,
+        fraction=columns,
+        weight=np.full(4000, 1 / 4000),
+        estimate=columns.mean(axis=0),
         model_error=0.0,
-        drawn=100,
+        drawn=4000,
         lines=10,
         seconds=0.0,
     )
-    assert "lower end of its range" in posterior.verdicts["a"].reason
-    assert posterior.verdicts["b"].reason == "The measurement fixes it."
-    assert posterior.effective == pytest.approx(100)
+    assert "lower end of its range" in posterior.verdicts["lower"].reason
+    assert "upper end of its range" in posterior.verdicts["upper"].reason
+    assert posterior.verdicts["near"].reason == "The measurement fixes it."  # near the end, but not for its sake
+    assert posterior.verdicts["even"].reason == "The FRF hardly depends on it."
+    assert posterior.verdicts["inside"].reason == "The measurement fixes it."
+    assert posterior.effective == pytest.approx(4000)
 
 
 def test_neighbours_that_are_off_alike_count_as_one():

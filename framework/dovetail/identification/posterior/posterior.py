@@ -27,8 +27,9 @@ _IDENTIFIED, _WEAKLY = 0.9, 0.5
 """Part of the prior variance that the measurement must take away."""
 _TRADES = 0.6
 """Correlation from which two parameters are said to trade with each other."""
-_AT_END, _MOSTLY = 0.05, 0.4
-"""A parameter presses against an end of its range if so much of its posterior lies in so small a part of the range."""
+_AT_END, _MUCH = 0.25, 1.0 / 3.0
+"""A parameter presses against an end of its range if so much of its posterior lies within this part of its own interval
+from that end: where nothing holds it there but the range, half a Gaussian, it is 0.37; even over the range, 0.23."""
 
 
 @dataclass(frozen=True)
@@ -188,23 +189,32 @@ class Posterior:
         word: Word = (
             "identified" if gain >= _IDENTIFIED else "weakly identified" if gain >= _WEAKLY else "not identifiable"
         )
-        low = float(self.weight @ (self.fraction[:, index] < _AT_END))
-        high = float(self.weight @ (self.fraction[:, index] > 1.0 - _AT_END))
-        reasons = []
-        if max(low, high) >= _MOSTLY:
-            reasons.append(f"it presses against the {'lower' if low > high else 'upper'} end of its range")
+        end = self._pressed_end(index)
+        reasons = [f"it presses against the {end} end of its range"] if end else []
         if word != "identified":
-            reasons.append(self._trade(index))
+            reasons.append(self._trade(index, word))
         reason = "; ".join(reasons) or "the measurement fixes it"
         return Verdict(word, gain, f"{reason[0].upper()}{reason[1:]}.")
 
-    def _trade(self, index: int) -> str:
-        """Say with what a parameter that is not well known trades, or that the FRF hardly depends on it."""
+    def _pressed_end(self, index: int) -> str:
+        """Return the end of the range, "lower" or "upper", that a parameter presses against; empty if none."""
+        column = self.fraction[:, [index]]
+        low, high = quantiles(column, self.weight, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0])
+        near = _AT_END * (high[0] - low[0])
+        shares = {
+            "lower": float(self.weight @ (column[:, 0] < near)),
+            "upper": float(self.weight @ (column[:, 0] > 1.0 - near)),
+        }
+        end = max(shares, key=lambda one: shares[one])
+        return end if shares[end] >= _MUCH else ""
+
+    def _trade(self, index: int, word: Word) -> str:
+        """Say with what a parameter that is not well known trades, or that the FRF tells little of it."""
         row = self.correlation[index].copy()
         row[index] = 0.0
         partners = [int(other) for other in np.argsort(-np.abs(row))[:2] if abs(row[other]) >= _TRADES]
         if not partners:
-            return "the FRF hardly depends on it"
+            return "the FRF hardly depends on it" if word == "not identifiable" else "the FRF tells little of it"
         named = " and ".join(f"{self.names[other]} (correlation {row[other]:+.2f})" for other in partners)
         return f"it trades with {named}"
 
