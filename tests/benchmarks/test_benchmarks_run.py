@@ -78,7 +78,7 @@ def test_the_study_of_mesh_errors_has_a_row_for_each_assembly():
 def test_the_study_of_the_gaussian_form_has_a_row_for_each_parameter():
     printed = run("laplace_coverage.py", "--cases", 4, "--sampled", 1)
     assert len(cells(printed)[2:]) == 13
-    assert re.search(r"Time after the fit: median \d+ ms", printed)
+    assert re.search(r"Processor time after the fit: median \d+ ms", printed)
 
 
 @pytest.mark.slow

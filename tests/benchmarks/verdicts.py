@@ -33,8 +33,8 @@ from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.least_squares import Linear, SumOfSquares, minimise
 from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
 from dovetail.identification.posterior import sample_posterior
-from dovetail.identification.posterior.coordinates import FURTHEST, PriorAndData, fraction_of, quantile_of
-from dovetail.identification.posterior.most_probable import InCube
+from dovetail.identification.posterior.coordinates import PriorAndData, fraction_of, quantile_of
+from dovetail.identification.posterior.in_cube import InCube, into_cube, out_of_cube
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISE = 0.01
@@ -218,11 +218,11 @@ def integrated(misfit: SumOfSquares, samples: np.ndarray, column: int, deviation
     In the coordinates in which the prior is normal (Tierney and Kadane, 1986).
     """
     problem = InCube(PriorAndData(misfit))
-    places = (quantile_of(samples) / FURTHEST + 1.0) / 2.0
+    places = into_cube(quantile_of(samples))
     best = places[np.argmin(np.sum(problem.residuals(places) ** 2, axis=1))]
     best = minimise(problem, best[np.newaxis], tolerance=1e-3, most_steps=200).position[0]
     found = Walk(problem, places, LONGEST / 2.0, volume=True).along(column, best, deviation / 4.0)
-    return found.gain(lambda x: fraction_of((2.0 * x - 1.0) * FURTHEST))
+    return found.gain(lambda x: fraction_of(out_of_cube(x)))
 
 
 def entries(

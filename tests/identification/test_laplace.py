@@ -19,9 +19,8 @@ from dovetail.identification.posterior import Posterior, laplace_posterior, samp
 from dovetail.identification.posterior.convergence import halves_apart
 from dovetail.identification.posterior.coordinates import PriorAndData
 from dovetail.identification.posterior.laplace import Gaussian
-from dovetail.identification.posterior.most_probable import most_probable
-from dovetail.identification.posterior.reduced import squares_with_errors
-from dovetail.identification.posterior.widened import WidenedMisfit
+from dovetail.identification.posterior.modes import climb
+from dovetail.identification.posterior.reduced import WithErrors, squares_with_errors
 from dovetail.identification.stored import read_identification
 
 
@@ -67,7 +66,7 @@ def test_where_the_posterior_is_straight_both_forms_agree(sdof, model_error):
 def test_how_far_a_bent_valley_is_bent_is_what_it_is_by_hand():
     for bent in (0.002, 0.01, 0.05):
         problem = PriorAndData(Banana(bent))
-        mode = most_probable(problem, np.array([0.5, 0.2]))
+        mode = climb(problem, np.array([[0.5, 0.2]]))[0][0]
         np.testing.assert_allclose(mode, 0.0, atol=0.01)
         gaussian = Gaussian.at(problem, np.zeros(2))
         np.testing.assert_allclose(np.sort(np.linalg.norm(gaussian.axes, axis=1)), [0.01, 1.0], rtol=1e-3)
@@ -87,7 +86,7 @@ def test_errors_of_the_model_are_integrated_out_as_by_the_formula():
         def residuals(self, fraction):
             return residuals
 
-    widened = WidenedMisfit(Plain(), errors).residuals(np.zeros((5, 1)))
+    widened = WithErrors(Plain(), errors).residuals(np.zeros((5, 1)))
     np.testing.assert_allclose(np.sum(widened**2, axis=1), squares_with_errors(residuals, errors))
 
 

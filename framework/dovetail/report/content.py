@@ -204,8 +204,8 @@ def posterior_sentence(posterior: Posterior) -> str:
         start = f"A Gaussian at the most probable place, in {posterior.seconds:.2g} s; {len(posterior.weight)} samples"
         return f"{start} of it, {halves}."
     return (
-        f"{posterior.drawn} searches, of which {posterior.reached:.0%} gave a sample, in {posterior.seconds:.2g} s. "
-        f"The samples tell as much as {posterior.effective:.0f} independent ones; {halves}."
+        f"{len(posterior.weight)} samples in {posterior.seconds:.2g} s; {posterior.reached:.0%} of the searches for "
+        f"them reached their target. They tell as much as {posterior.effective:.0f} independent ones; {halves}."
     )
 
 

@@ -17,14 +17,15 @@ from dovetail.identification.fitting.misfit import FrfMisfit
 from dovetail.identification.posterior.coordinates import PriorAndData, fraction_of, quantile_of
 from dovetail.identification.posterior.likelihood import check_options, likelihood
 from dovetail.identification.posterior.model_error import MODEL_ERROR
-from dovetail.identification.posterior.most_probable import most_probable
+from dovetail.identification.posterior.modes import climb
 from dovetail.identification.posterior.posterior import Posterior
-from dovetail.identification.posterior.widened import WidenedMisfit
+from dovetail.identification.posterior.reduced import WithErrors
 
 __all__ = ["Gaussian", "laplace_posterior"]
 
 _INNERMOST = 0.01
 """Part of the ranges at their ends where the search does not start: there the coordinates run away."""
+_TOLERANCE, _MOST_STEPS = 1e-3, 100
 _NEAR = 1e-2
 """Part of a standard deviation over which second derivatives are taken; the valley is straight so far."""
 _MOST_BENT = 0.3
@@ -127,9 +128,10 @@ def laplace_posterior(
     began = time.perf_counter()
     given = likelihood(assembly, measured, fit, model_error)
     misfit = FrfMisfit(assembly, given.residual)
-    problem = PriorAndData(WidenedMisfit(misfit, given.errors) if len(given.errors) else misfit)
+    problem = PriorAndData(WithErrors(misfit, given.errors) if len(given.errors) else misfit)
     start = np.clip(assembly.to_unit(fit.theta), _INNERMOST, 1.0 - _INNERMOST)
-    gaussian = Gaussian.at(problem, most_probable(problem, quantile_of(start)))
+    modes, _ = climb(problem, quantile_of(start)[np.newaxis], tolerance=_TOLERANCE, most_steps=_MOST_STEPS)
+    gaussian = Gaussian.at(problem, modes[0])
     names = [parameter.name for parameter in assembly.parameters]
     return Posterior.of(
         assembly,

@@ -8,10 +8,11 @@ from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.identification.fitting.frfs import Frfs
-from dovetail.identification.fitting.least_squares import Linear, minimise
+from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.measured import Measured
 from dovetail.identification.fitting.misfit import FrfMisfit, SideBySide, Weighted
-from dovetail.identification.posterior.coordinates import FURTHEST, PriorAndData, quantile_of
+from dovetail.identification.posterior.coordinates import PriorAndData, quantile_of
+from dovetail.identification.posterior.in_cube import InCube, into_cube, out_of_cube
 from dovetail.identification.posterior.reduced import WithErrors
 
 __all__ = ["climb", "search_modes"]
@@ -83,29 +84,10 @@ def climb(
     problem: PriorAndData, starts: NDArray[np.float64], *, tolerance: float = _TOLERANCE, most_steps: int = _STEPS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Climb from each start to a peak; return the ends (n, p), the highest first, and their sums of squares."""
-    found = minimise(_InCube(problem), (starts / FURTHEST + 1.0) / 2.0, tolerance=tolerance, most_steps=most_steps)
+    found = minimise(InCube(problem), into_cube(starts), tolerance=tolerance, most_steps=most_steps)
     order = np.argsort(found.cost, kind="stable")
-    return _out_of_cube(found.position[order]), found.cost[order]
+    return out_of_cube(found.position[order]), found.cost[order]
 
 
 def _inside(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.clip(fraction, _WITHIN, 1.0 - _WITHIN)
-
-
-class _InCube:
-    """Residuals of prior and measurement by a place in the unit cube, for the search of their least sum."""
-
-    def __init__(self, problem: PriorAndData) -> None:
-        self._problem = problem
-
-    def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._problem.residuals(_out_of_cube(position))
-
-    def linear(self, position: NDArray[np.float64]) -> Linear:
-        residuals, slopes = self._problem.linear(_out_of_cube(position))
-        slopes *= 2.0 * FURTHEST
-        return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
-
-
-def _out_of_cube(position: NDArray[np.float64]) -> NDArray[np.float64]:
-    return (2.0 * position - 1.0) * FURTHEST
