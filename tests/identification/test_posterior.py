@@ -86,10 +86,10 @@ def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof):
     fit = refine(sdof, frf)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     values = sdof.frf(fit.theta)
-    errors = residual.slopes(values[None], model_errors(sdof.frequency, values, 5e-4)[None])[0]
+    errors = residual.slopes(values[None], model_errors(sdof.frequency, values, 2e-3)[None])[0]
     _, deviation = on_a_grid(sdof, frf, errors, widening=15.0)
     without = sample_posterior(sdof, frf, fit, samples=2000, model_error=0.0)
-    found = sample_posterior(sdof, frf, fit, samples=2000, model_error=5e-4)
+    found = sample_posterior(sdof, frf, fit, samples=2000, model_error=2e-3)
     spread = [np.sqrt(p.weight @ (p.fraction - p.weight @ p.fraction) ** 2) for p in (without, found)]
     assert spread[1][0] > 3 * spread[0][0]  # the stiffness, which the natural frequency tells
     np.testing.assert_allclose(spread[1], deviation, rtol=0.1)

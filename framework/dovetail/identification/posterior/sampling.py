@@ -25,10 +25,10 @@ _EXACT = 0.05
 """Difference of chi-squared between the reduced misfit and all lines that is let pass."""
 _FAR = 200.0
 """Chi-squared above the best beyond which a place is not in the region of interest."""
+_EVEN, _RULED = 0.4, 0.1
+"""Effective samples over searches: from which samples need not be moved, and below which single weights rule."""
 _CUT = 0.975
-"""Quantile of the weights at which those above are cut before samples are moved: at a fold single ones are huge."""
-_EVEN = 0.4
-"""Effective samples over searches from which the weights are taken as they are."""
+"""Quantile of the weights at which those above are then cut; at a fold single ones are huge."""
 _FORGOTTEN, _MOST_MOVES = 0.1, 10
 """Part of the components at the start that moved samples may have left."""
 _TOLERANCE = 1e-3
@@ -143,7 +143,9 @@ class _Drawing:
         """Return samples drawn by their weights and moved, and the logarithms of the weights that are left."""
         if not len(z):
             z, log_weight = region.mode[np.newaxis], np.zeros(1)
-        weight = np.exp(np.minimum(log_weight - np.quantile(log_weight, _CUT), 0.0))
+        if _effective(log_weight) < _RULED * count:
+            log_weight = np.minimum(log_weight, np.quantile(log_weight, _CUT))
+        weight = np.exp(log_weight - log_weight.max())
         above = (np.arange(count) + self._random.random()) / count * weight.sum()
         chosen = np.minimum(np.searchsorted(np.cumsum(weight), above), len(z) - 1)
         places, left = Places.at(region.problem, z[chosen]), 1.0
