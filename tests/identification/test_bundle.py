@@ -234,7 +234,7 @@ def test_no_folder_and_no_manifest(tmp_path: Path) -> None:
         ("{}", "not a model of dovetail"),
         ('{"format": "keras"}', "its format is 'keras'"),
         ('{"format": "dovetail-model"}', "Field required"),
-        ('{"format": "dovetail-model", "version": 0}', "Input should be 1"),
+        ('{"format": "dovetail-model", "version": 0}', "Input should be 1 or 2"),
     ],
 )
 def test_a_damaged_or_foreign_manifest(bundle: Path, text: str, message: str) -> None:
@@ -250,13 +250,31 @@ def test_a_manifest_that_is_no_text(bundle: Path) -> None:
 
 
 def test_a_newer_format(bundle: Path) -> None:
-    change_manifest(bundle, lambda manifest: manifest.update(version=2, surprise=True))
-    with pytest.raises(BundleError, match="format version 2") as caught:
+    change_manifest(bundle, lambda manifest: manifest.update(version=3, surprise=True))
+    with pytest.raises(BundleError, match="format version 3") as caught:
         dovetail.load_model(bundle)
     assert "Upgrade dovetail-frf" in str(caught.value)
 
 
-@pytest.mark.parametrize("part", ["reducer", "feature_scaling", "regressor", "target_scaling", "check"])
+def test_a_model_of_the_first_format_loads_and_says_what_it_cannot_tell(
+    bundle: Path, measured: dovetail.Frf, model: dovetail.Identifier
+) -> None:
+    def first(manifest: dict[str, Any]) -> None:
+        manifest["version"] = 1
+        del manifest["files"]["novelty"], manifest["values"]["novelty"]
+
+    change_manifest(bundle, first)
+    (bundle / "novelty.safetensors").unlink()
+    older = dovetail.load_model(bundle)
+    result = older.identify(measured)
+    assert result.foreign is None
+    assert any("cannot tell whether the measurement" in warning for warning in result.warnings)
+    np.testing.assert_array_equal(result.theta, model.identify(measured).theta)
+    assert older.save(bundle) == bundle
+    assert dovetail.load_model(bundle).novelty is None
+
+
+@pytest.mark.parametrize("part", ["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty"])
 def test_a_missing_or_truncated_file(bundle: Path, part: str) -> None:
     file = bundle / f"{part}.safetensors"
     content = file.read_bytes()

@@ -171,7 +171,9 @@ def test_what_the_model_cannot_explain_is_told(sdof):
     assert fit.chi_squared > 10
     assert fit.discrepancy > 0.001
     result = dovetail.identify(sdof, replace(clean, values=clean.values + extra))
-    assert any("the model is off" in warning for warning in result.warnings)
+    assert result.foreign.flagged
+    assert any(low < at < high for low, high in result.foreign.bands)
+    assert not dovetail.identify(sdof, clean).foreign.flagged
 
 
 def test_known_parameters_come_back_without_a_network(collet, torque_20):

@@ -123,7 +123,9 @@ def test_without_a_dataset_one_is_generated(with_settings: Callable[..., dovetai
     stages: list[str] = []
     evaluation = dovetail.train(assembly, progress=lambda stage, *_: stages.append(stage)).evaluation
     assert (evaluation.training_samples, evaluation.test_samples) == (48, 12)
-    assert list(evaluation.seconds) == ["dataset", "features", "reducer", "reduction", "regressor", "evaluation"]
+    assert list(evaluation.seconds) == [
+        *("dataset", "features", "reducer", "reduction", "regressor", "evaluation", "novelty")
+    ]
     assert all(seconds > 0 for seconds in evaluation.seconds.values())
     assert list(dict.fromkeys(stages))[:4] == ["generate", "features", "reducer", "reduction"]
     assert len(dict.fromkeys(stages)) == 5

@@ -7,9 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from dovetail.identification import Identification, Mode
+from dovetail.identification import Foreign, Identification, Mode
 from dovetail.report import Truth
-from dovetail.report.content import evaluation_rows, is_synthetic, mode_rows, parameter_rows, warnings_of
+from dovetail.report.content import (
+    evaluation_rows,
+    foreign_sentences,
+    is_synthetic,
+    mode_rows,
+    parameter_rows,
+    warnings_of,
+)
 from dovetail.report.wording import ABSENT
 
 
@@ -84,3 +91,20 @@ def test_a_warning_that_already_says_synthetic_is_not_doubled(result: Identifica
     warned = replace(result, warnings=("This measurement is synthetic.",))
     assert is_synthetic(warned, Truth(synthetic=True))
     assert warnings_of(warned, Truth(synthetic=True)) == ["This measurement is synthetic."]
+
+
+def test_a_foreign_measurement_is_said_before_any_number(result, tmp_path):
+    foreign = Foreign(True, 12.0, "It looks as if a mass was left in.", ("It is off.",), ((100.0, 250.0),))
+    flagged = replace(result, foreign=foreign)
+    sentences = foreign_sentences(flagged)
+    assert sentences[0] == "This model cannot have made this measurement: do not believe the numbers below."
+    assert sentences[1:] == ["It looks as if a mass was left in.", "It is off.", "It is off at 100 to 250 Hz."]
+    page = flagged.report(tmp_path / "report.html").read_text(encoding="utf-8")
+    assert 0 < page.index(sentences[0]) < page.index("It looks as if") < page.index("Identified parameters")
+    nameless = replace(result, foreign=replace(foreign, looks_like=""))
+    assert foreign_sentences(nameless)[1] == "It looks like another structure or response point."
+
+
+def test_nothing_is_said_of_a_genuine_measurement(result):
+    for foreign in (None, Foreign(False, 0.4)):
+        assert foreign_sentences(replace(result, foreign=foreign)) == []

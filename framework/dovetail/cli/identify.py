@@ -183,10 +183,12 @@ def _check_accelerometer(assembly: Assembly, mass: float) -> None:
 
 
 def _print(result: Identification, truth: Truth | None) -> None:
-    from dovetail.report.content import fit_sentence, mode_rows, parameter_rows, warnings_of
+    from dovetail.report.content import fit_sentence, foreign_sentences, mode_rows, parameter_rows, warnings_of
 
     measured = ", ".join(dict.fromkeys(one.measured.label for one in result.responses))
     title(f"{result.provenance['assembly']}: joint identified from {measured} ({result.method})")
+    for sentence in foreign_sentences(result):
+        say(f"Warning: {sentence}")
     rows = []
     for row in parameter_rows(result, truth):
         outside = "" if row.in_range else "outside"

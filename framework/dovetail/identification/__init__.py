@@ -3,6 +3,7 @@
 from dovetail.identification.bands import Band, predict_band
 from dovetail.identification.bundle import load_model
 from dovetail.identification.fitting import Fit
+from dovetail.identification.foreign import Foreign
 from dovetail.identification.identifier import Identifier
 from dovetail.identification.identify import identify
 from dovetail.identification.metrics import Evaluation, ParameterMetrics
@@ -16,6 +17,7 @@ __all__ = [
     "Band",
     "Evaluation",
     "Fit",
+    "Foreign",
     "Identification",
     "IdentifiedParameter",
     "Identifier",

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import SAME, Assembly, PluginPaths, largest_difference, load
 from dovetail.errors import BundleError, DescriptionError, Fault, PluginError, listing
+from dovetail.identification.foreign import Novelty
 from dovetail.identification.identifier import Identifier
 from dovetail.identification.manifest import (
     FORMAT,
+    LATER,
     MANIFEST,
     PARTS,
     VERSION,
@@ -93,10 +95,12 @@ def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:
     """
     folder = Path(path)
     manifest = read_manifest(folder)
-    states = {part: _read_state(folder, manifest, part) for part in PARTS}
+    parts = [part for part in PARTS if manifest.version >= LATER.get(part, 1)]
+    states = {part: _read_state(folder, manifest, part) for part in parts}
     assembly = _assembly(folder, manifest, plugins)
     try:
         network = _network(assembly, states)
+        novelty = Novelty.restore(states["novelty"]) if "novelty" in states else None
         differences = _check(assembly, network, states["check"])
     except Exception as error:  # a component may raise anything on a state that is not its own
         reason = f"{type(error).__name__}: {error}"
@@ -107,7 +111,7 @@ def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:
         found = f"the model's answers differ from those it gave when it was trained, by {worst:.3g} of a range."
         raise BundleError(Fault(str(folder), found, remedy=f"{_made_with(manifest)} {_REMEDY}"))
     _check_frfs(folder, manifest, assembly, states["check"])
-    return Identifier(assembly, network, manifest.evaluation)
+    return Identifier(assembly, network, manifest.evaluation, novelty)
 
 
 def _made_with(manifest: Manifest) -> str:
@@ -162,7 +166,7 @@ def _write(folder: Path, identifier: Identifier, states: Mapping[Part, State]) -
         files[part] = _write_tensors(folder / f"{part}.safetensors", arrays)
     manifest = Manifest(
         format=FORMAT,
-        version=VERSION,
+        version=VERSION if identifier.novelty is not None else 1,
         description=identifier.assembly.description.text,
         parameters=tuple(parameter.name for parameter in identifier.assembly.parameters),
         components=component_sources(identifier.assembly),
@@ -179,13 +183,16 @@ def _write(folder: Path, identifier: Identifier, states: Mapping[Part, State]) -
 
 def _states(identifier: Identifier) -> dict[Part, State]:
     network = identifier.network
-    return {
+    states: dict[Part, State] = {
         "reducer": network.reducer.state(),
         "feature_scaling": network.feature_scaling.state(),
         "regressor": network.regressor.state(),
         "target_scaling": network.target_scaling.state(),
         "check": _answers(identifier),
     }
+    if identifier.novelty is not None:
+        states["novelty"] = identifier.novelty.state()
+    return states
 
 
 def _answers(identifier: Identifier) -> State:

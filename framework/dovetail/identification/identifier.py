@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
+from dovetail.identification.foreign import Novelty
 from dovetail.identification.identify import identify
 from dovetail.identification.metrics import Evaluation
 from dovetail.identification.network import Network
@@ -31,11 +32,14 @@ class Identifier:
     network : Network
     evaluation : Evaluation
         How well it does on the test part of its dataset.
+    novelty : Novelty or None
+        What is usual for the FRFs that it was trained on; None with a model of an earlier version.
     """
 
     assembly: Assembly
     network: Network
     evaluation: Evaluation
+    novelty: Novelty | None = None
 
     def identify(self, measured: Frf | Sequence[Frf], method: str = "network", **options: Any) -> Identification:
         """Identify the joint from the measured FRF of the assembly's response point, or of each of its points.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
@@ -13,6 +14,7 @@ from dovetail.identification.metrics import Evaluation
 
 __all__ = [
     "FORMAT",
+    "LATER",
     "MANIFEST",
     "PARTS",
     "VERSION",
@@ -26,11 +28,14 @@ __all__ = [
 
 MANIFEST = "manifest.json"
 FORMAT: Final = "dovetail-model"
-VERSION: Final = 1
+VERSION: Final = 2
 
-Part = Literal["reducer", "feature_scaling", "regressor", "target_scaling", "check"]
+Part = Literal["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty"]
 PARTS: tuple[Part, ...] = get_args(Part)
 """Each part keeps its arrays in ``<part>.safetensors`` and its plain values in the manifest."""
+
+LATER: Mapping[Part, int] = {"novelty": 2}
+"""Parts that bundles of an earlier version than this do not have."""
 
 _LONGEST = 16 * 2**20
 """Bytes; the manifest of a real model stays far below."""
@@ -55,7 +60,7 @@ class Manifest(_Strict):
     Attributes
     ----------
     format, version
-        What kind of bundle this is.
+        What kind of bundle this is; version 1 has no `novelty`.
     description : str
         The assembly's description as JSON.
     parameters : tuple of str
@@ -70,7 +75,7 @@ class Manifest(_Strict):
     """
 
     format: Literal["dovetail-model"]
-    version: Literal[1]
+    version: Literal[1, 2]
     description: str
     parameters: tuple[str, ...]
     components: dict[str, str]

@@ -14,6 +14,7 @@ from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit, one_for_each
+from dovetail.identification.foreign import Foreign
 from dovetail.identification.modes import paired_modes, resonance_peaks
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.units import format_quantity
@@ -53,6 +54,7 @@ def reconstruct(
     method: str,
     provenance: Mapping[str, Any],
     fit: Fit | None = None,
+    foreign: Foreign | None = None,
 ) -> Identification:
     """Build the result that belongs to identified parameter values.
 
@@ -68,6 +70,8 @@ def reconstruct(
         Plain values.
     fit : Fit, optional
         That gave `theta`.
+    foreign : Foreign, optional
+        Whether the model can have made the measurement.
 
     Returns
     -------
@@ -88,6 +92,7 @@ def reconstruct(
         fit=fit,
         point=first.point,
         further=at_points[1:],
+        foreign=foreign,
     )
     return replace(result, warnings=_warnings(result, without_modes))
 
@@ -157,26 +162,27 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
             f"Do not rely on {', '.join(guessed)}: on FRFs that it was not trained on, the network does hardly better "
             "there than a guess of the middle of the range."
         )
+    is_foreign = result.foreign is not None and result.foreign.flagged
     if result.fit is not None:
-        warnings += _warnings_of_fit(result.fit)
+        warnings += _warnings_of_fit(result.fit, is_foreign)
     for index, at_point in enumerate(result.responses):
         where = f" at {at_point.point}" if result.further else ""
         if result.fit is not None:
             warnings += _warnings_of_lines(result.fit.at(index, len(result.responses)), where)
-        warnings += _warnings_at(at_point, where)
+        warnings += _warnings_at(at_point, where, is_foreign)
     if without_modes:
         warnings.append(without_modes)
     return tuple(warnings)
 
 
-def _warnings_at(at_point: AtPoint, where: str) -> list[str]:
+def _warnings_at(at_point: AtPoint, where: str, is_foreign: bool) -> list[str]:
     """Return what a reader must know of the FRF at one response; `where` names it if there are several."""
     warnings = []
     if not at_point.measured.has_phase:
         warnings.append(
             f"The measurement{where} has no phase: the coherence compares amplitudes and cannot fall below 0.5."
         )
-    if at_point.mean_coherence < _LOW_COHERENCE:
+    if at_point.mean_coherence < _LOW_COHERENCE and not is_foreign:
         warnings.append(
             f"The mean coherence{where} is {at_point.mean_coherence:.3f}: the reconstructed FRF does not follow the "
             "measured one, so the parameters are not to be relied on."
@@ -184,10 +190,10 @@ def _warnings_at(at_point: AtPoint, where: str) -> list[str]:
     return warnings
 
 
-def _warnings_of_fit(fit: Fit) -> list[str]:
-    """Return what a reader must know of a fit."""
+def _warnings_of_fit(fit: Fit, is_foreign: bool) -> list[str]:
+    """Return what a reader must know of a fit, but that the measurement is foreign, which is said elsewhere."""
     warnings = [f"{name} ended at the {end} end of its range." for name, end in fit.at_bounds.items()]
-    if fit.discrepancy:
+    if fit.discrepancy and not is_foreign:
         warnings.append(
             f"No parameters within the ranges explain this measurement down to its random error (chi-squared "
             f"{fit.chi_squared:.3g}): the model is off by about {100 * fit.discrepancy:.2g} % of the FRF, so the "

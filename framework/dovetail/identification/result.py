@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification.fitting.fit import Fit
+from dovetail.identification.foreign.foreign import Foreign
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Scale
 
@@ -140,6 +141,8 @@ class Identification:
         Where the first response is.
     further : tuple of AtPoint
         The other responses, where there are several.
+    foreign : Foreign or None
+        Whether the model can have made the measurement; None where nothing tells.
     """
 
     method: str
@@ -154,6 +157,7 @@ class Identification:
     posterior: Posterior | None = None
     point: str = ""
     further: tuple[AtPoint, ...] = ()
+    foreign: Foreign | None = None
 
     @property
     def responses(self) -> tuple[AtPoint, ...]:
@@ -184,6 +188,7 @@ class Identification:
         """Return everything as plain values, fit for JSON."""
         return {
             "method": self.method,
+            "foreign": None if self.foreign is None else self.foreign.to_dict(),
             "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
             "known": dict(self.known),
             "mean_coherence": self.mean_coherence,

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from dovetail.errors import DovetailError, Fault
 from dovetail.frf import Frf, Quantity
+from dovetail.identification.foreign import Foreign
 from dovetail.identification.posterior import Form, Posterior
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.interfaces import Parameter
@@ -69,6 +70,16 @@ class _StoredPosterior(BaseModel):
     seconds: float
 
 
+class _StoredForeign(BaseModel):
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    flagged: bool
+    statistic: float
+    looks_like: str
+    reasons: tuple[str, ...]
+    bands_Hz: tuple[tuple[float, float], ...]  # noqa: N815  the unit's own spelling
+
+
 class _Stored(BaseModel):
     """The entries that are needed; what a later version adds is passed over."""
 
@@ -87,6 +98,7 @@ class _Stored(BaseModel):
     posterior: _StoredPosterior | None = None
     point: str = ""
     further_responses: tuple[_StoredResponse, ...] = ()
+    foreign: _StoredForeign | None = None
 
 
 def read_identification(path: str | Path) -> Identification:
@@ -132,6 +144,7 @@ def read_identification(path: str | Path) -> Identification:
         posterior=None if stored.posterior is None else _posterior(file, stored.parameters, stored.posterior),
         point=stored.point,
         further=tuple(_at_point(file, stored, one) for one in stored.further_responses),
+        foreign=None if stored.foreign is None else _foreign(stored.foreign),
     )
 
 
@@ -166,6 +179,10 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
 def _at_point(file: Path, stored: _Stored, one: _StoredResponse) -> AtPoint:
     frf, measured = (_frf(file, stored, one.quantity, values) for values in (one.frf, one.measured))
     return AtPoint(one.point, frf, measured)
+
+
+def _foreign(stored: _StoredForeign) -> Foreign:
+    return Foreign(stored.flagged, stored.statistic, stored.looks_like, stored.reasons, stored.bands_Hz)
 
 
 def _frf(file: Path, stored: _Stored, quantity: Quantity, frf: _StoredFrf) -> Frf:

@@ -18,6 +18,7 @@ from dovetail.errors import DatasetError, Fault, PluginError
 from dovetail.identification.contracts import checked_fit, label_of
 from dovetail.identification.epochs import NoisyFeatures, ReducedEpochs
 from dovetail.identification.features import log10p1
+from dovetail.identification.foreign import learned
 from dovetail.identification.identifier import Identifier
 from dovetail.identification.metrics import Evaluation, parameter_metrics
 from dovetail.identification.network import Network
@@ -128,6 +129,11 @@ def _train(assembly: Assembly, dataset: Dataset, clock: _Clock, progress: Progre
         if not np.isfinite(predicted).all():
             label = label_of(settings.regressor)
             raise PluginError(Fault(label, "its answers to the test FRFs are not finite.", "finite numbers"))
+    with clock.stage("novelty"):
+        novelty = None
+        if len(assembly.description.responses) == 1:
+            amplitude = _first_amplitudes(dataset, ~is_test)
+            novelty = learned(assembly, network, amplitude, theta[is_test], settings.seed)
     evaluation = Evaluation(
         parameters=parameter_metrics(assembly.parameters, theta[is_test], predicted),
         training_samples=int(np.count_nonzero(~is_test)),
@@ -135,7 +141,13 @@ def _train(assembly: Assembly, dataset: Dataset, clock: _Clock, progress: Progre
         seed=settings.seed,
         seconds=clock.seconds,
     )
-    return Identifier(assembly, network, evaluation)
+    return Identifier(assembly, network, evaluation, novelty)
+
+
+def _first_amplitudes(dataset: Dataset, chosen: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return the amplitudes of the chosen samples within the first block."""
+    rows = next(blocks(len(dataset)))
+    return np.asarray(dataset.amplitude[rows], dtype=np.float32)[chosen[rows]]
 
 
 def _fit_plain(

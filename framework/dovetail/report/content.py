@@ -21,6 +21,7 @@ __all__ = [
     "PosteriorRow",
     "evaluation_rows",
     "fit_sentence",
+    "foreign_sentences",
     "is_synthetic",
     "known_rows",
     "mode_rows",
@@ -40,6 +41,8 @@ _LABELS = {
 }
 _ELSEWHERE = ("description", "evaluation")
 """Entries of the provenance that have a place of their own in the report."""
+
+_NOT_TO_BE_BELIEVED = "This model cannot have made this measurement: do not believe the numbers below."
 
 _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a laboratory."
 
@@ -122,6 +125,19 @@ def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
     if is_synthetic(result, truth) and not any("synthetic" in warning.lower() for warning in warnings):
         warnings.insert(0, _SYNTHETIC)
     return warnings
+
+
+def foreign_sentences(result: Identification) -> list[str]:
+    """Return what a reader must know before any number, if the model cannot have made the measurement."""
+    foreign = result.foreign
+    if foreign is None or not foreign.flagged:
+        return []
+    cause = foreign.looks_like or "It looks like another structure or response point."
+    sentences = [_NOT_TO_BE_BELIEVED, cause, *foreign.reasons]
+    if foreign.bands:
+        bands = ", ".join(f"{low:.6g} to {high:.6g} Hz" for low, high in foreign.bands)
+        sentences.append(f"It is off at {bands}.")
+    return [readable(sentence) for sentence in sentences]
 
 
 def parameter_rows(result: Identification, truth: Truth | None) -> list[ParameterRow]:

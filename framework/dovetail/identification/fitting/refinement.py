@@ -192,7 +192,10 @@ class _Refinement:
         def excess(logarithm: float) -> float:
             return float(np.mean(squares / (variance + (np.exp(logarithm) * magnitude) ** 2)) - 1.0)
 
-        return float(np.exp(brentq(excess, *_DISCREPANCIES))) if excess(_DISCREPANCIES[0]) > 0 else 0.0
+        least, most = _DISCREPANCIES
+        if excess(least) <= 0:
+            return 0.0
+        return float(np.exp(most if excess(most) >= 0 else brentq(excess, least, most)))
 
     def _values(self, ends: _Ends) -> NDArray[np.complex128]:
         return np.asarray(self._frfs.frf(self._assembly.from_unit(ends.position[:1]))[0])

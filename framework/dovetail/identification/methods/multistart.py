@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Objective, multistart
+from dovetail.identification.foreign import examine
 from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
@@ -54,4 +55,5 @@ def identify(
         seed=assembly.description.identification.seed if seed is None else seed,
     )
     origin = provenance(assembly, measured, None) | {"objective": objective}
-    return reconstruct(assembly, fit.theta, measured, method="multistart", provenance=origin, fit=fit)
+    foreign = examine(assembly, measured, fit, name=False)
+    return reconstruct(assembly, fit.theta, measured, method="multistart", provenance=origin, fit=fit, foreign=foreign)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
     from dovetail.identification.identifier import Identifier
 
 __all__ = ["identify"]
+
+_CANNOT_TELL = (
+    "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
+    "or takes several responses: use the method 'refined' to be sure."
+)
 
 
 def identify(assembly: Assembly, measured: tuple[Frf, ...], identifier: Identifier | None = None) -> Identification:
@@ -41,4 +47,8 @@ def identify(assembly: Assembly, measured: tuple[Frf, ...], identifier: Identifi
             "was trained on. Check its quantity and units."
         )
     origin = provenance(assembly, measured, identifier.evaluation)
-    return reconstruct(assembly, theta, measured, method="network", provenance=origin)
+    foreign = None
+    if identifier.novelty is not None:
+        foreign = identifier.novelty.examine(measured[0], assembly.accelerance_amplitude(theta).astype(np.float64))
+    result = reconstruct(assembly, theta, measured, method="network", provenance=origin, foreign=foreign)
+    return result if foreign is not None else replace(result, warnings=(*result.warnings, _CANNOT_TELL))

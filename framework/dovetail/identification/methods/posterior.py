@@ -50,7 +50,7 @@ def identify(
     if form not in _FORMS:
         found = f"'{form}' is no form of the posterior."
         raise ParameterError(Fault("form", found, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
-    fitted = refined.identify(assembly, measured, identifier, seed=seed)
+    fitted = refined.fitted(assembly, measured, identifier, seed, model_error)
     assert fitted.fit is not None
     posterior = _FORMS[form](
         assembly,

@@ -1,0 +1,166 @@
+"""What may be other than described: what a little of it does to the FRF, and the assembly with any amount of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.errors import DovetailError
+from dovetail.frf import conversion
+from dovetail.identification.foreign.altered import AlteredAssembly, factor, loaded
+from dovetail.identification.foreign.entries import Entry, entries
+from dovetail.units import format_quantity
+
+__all__ = ["Change", "changes"]
+
+_STEP = 1e-4
+"""Relative change by which derivatives are taken."""
+_LARGEST = 2000
+"""DOFs of a substructure above which condensing it anew takes too long to ask what it would be otherwise."""
+
+Effect: TypeAlias = Callable[[NDArray[np.float64], NDArray[np.complex128]], NDArray[np.complex128]]
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """One thing that may be other than described, by an amount that is 0 for what is described.
+
+    Parameters
+    ----------
+    name : str
+    effect : callable
+        From the parameters (n_params,) and the FRF (n_freq,) to the derivative (n_freq,) of the FRF by the amount.
+    altered : callable
+        From an amount to the assembly with it.
+    words : callable
+        From an amount to what it is: "the frequency axis were off by 1 %".
+    least, most : float
+        Amounts between which it is sought.
+    worth : float
+        Amount below which it is not worth a word.
+    """
+
+    name: str
+    effect: Effect
+    altered: Callable[[float], Assembly]
+    words: Callable[[float], str]
+    least: float
+    most: float
+    worth: float = 0.0
+
+
+@lru_cache(maxsize=4)
+def changes(assembly: Assembly) -> tuple[Change, ...]:
+    """Return what may be other than described: of the measurement, and of each part."""
+    return (*_factors(assembly), *_mass(assembly), *_axis(assembly), *_of_parts(assembly))
+
+
+def _factors(assembly: Assembly) -> Iterator[Change]:
+    frequency = assembly.frequency
+    logarithm = np.log(frequency) - np.log(frequency).mean()
+    turned: NDArray[np.complex128] = np.asarray(2j * np.pi * frequency)
+
+    def change(
+        name: str, exponent: NDArray[np.complex128], words: Callable[[float], str], most: float, worth: float = 0.0
+    ) -> Change:
+        return Change(
+            name,
+            lambda _, values: exponent * values,
+            lambda amount: AlteredAssembly(assembly, factor(np.exp(amount * exponent))),
+            words,
+            -most,
+            most,
+            worth,
+        )
+
+    one = np.ones(len(frequency), dtype=np.complex128)
+    yield change("gain", one, _gain_in_words, 0.7, 0.005)
+    yield change("phase", 1j * one, lambda by: f"the phase were off by {np.degrees(by):.2g} degrees", np.pi)
+    yield change(
+        "slope", logarithm + 0j, lambda by: f"the amplitude grew with the frequency to the power {by:.2g}", 1.0
+    )
+    yield change(
+        "delay", -turned, lambda by: f"the response came {1e6 * by:.2g} microseconds late", 0.2 / frequency[-1]
+    )
+
+
+def _gain_in_words(by: float) -> str:
+    return f"all values were {abs(100.0 * np.expm1(by)):.2g} % too {'large' if by > 0 else 'small'} (calibration?)"
+
+
+def _mass(assembly: Assembly) -> Iterator[Change]:
+    response = assembly.description.response
+    if response.rotation:
+        return
+    to_accelerance = conversion(assembly.frequency, response.quantity, "accelerance")
+    yield Change(
+        "mass",
+        lambda _, values: -to_accelerance * values**2,
+        lambda mass: AlteredAssembly(assembly, loaded(mass, to_accelerance)),
+        _mass_in_words,
+        -0.05,
+        0.2,
+        1e-4,
+    )
+
+
+def _mass_in_words(mass: float) -> str:
+    grams = f"{abs(1e3 * mass):.2g} g"
+    if mass > 0:
+        return f"an accelerometer mass of {grams} was not compensated"
+    return f"an accelerometer mass of {grams} too much was compensated"
+
+
+def _axis(assembly: Assembly) -> Iterator[Change]:
+    frequency = assembly.frequency
+    up, down = (assembly.on(frequency * np.exp(step)) for step in (_STEP, -_STEP))
+    yield Change(
+        "axis",
+        lambda theta, _: (down.frf(theta) - up.frf(theta)) / (2.0 * _STEP),
+        lambda amount: assembly.on(frequency * np.exp(-amount)),
+        lambda by: f"the frequency axis were off by {100.0 * np.expm1(by):+.2g} %",
+        -0.1,
+        0.1,
+        5e-4,
+    )
+
+
+def _of_parts(assembly: Assembly) -> Iterator[Change]:
+    for name, model in assembly.description.substructures.items():
+        if 2 * len(model.nodes) > _LARGEST:
+            continue
+        for entry in entries(model):
+            try:
+                changed = _with_entry(assembly, name, entry, _STEP)
+            except DovetailError:
+                continue
+            yield Change(
+                f"{name}: {entry.name}",
+                _difference(assembly, changed),
+                partial(_with_entry, assembly, name, entry),
+                partial(_entry_in_words, name, entry),
+                -0.5,
+                0.5,
+                0.002,
+            )
+
+
+def _difference(assembly: Assembly, changed: Assembly) -> Effect:
+    return lambda theta, _: (changed.frf(theta) - assembly.frf(theta)) / _STEP
+
+
+def _with_entry(assembly: Assembly, part: str, entry: Entry, amount: float) -> Assembly:
+    parts = assembly.description.substructures
+    changed = entry.changed(parts[part], entry.value * float(np.exp(amount)))
+    return Assembly(replace(assembly.description, substructures={**parts, part: changed}))
+
+
+def _entry_in_words(part: str, entry: Entry, amount: float) -> str:
+    now, described = (format_quantity(value, entry.unit, 4) for value in (entry.value * np.exp(amount), entry.value))
+    return f"'{entry.name}' of the {part} were {now} in place of {described}"

@@ -1,0 +1,211 @@
+"""Are measurements flagged that the model cannot have made, and no others? Eight kinds of them, random joints.
+
+    python tests/benchmarks/foreign_measurements.py [--foreign 25] [--genuine 500] [--finer 100] [--model MODEL]
+
+The noise is complex, in every line one or five per cent of the standard deviation of the FRF, and is not told. With a
+trained model the network's answer is examined as well. With --name it is counted how often the cause is named too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import AAA
+
+import dovetail
+from dovetail.dataset import latin_hypercube
+from dovetail.identification.fitting import refine
+from dovetail.identification.foreign import examine
+
+ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
+NOISES = (0.01, 0.05)
+Kind = Callable[[np.ndarray, int], np.ndarray]
+"""From a joint (n_params,) and the number of the case to the FRF that is measured, without noise."""
+
+
+def changed(change: Callable[[dict[str, Any]], None]) -> dovetail.Assembly:
+    """Return the assembly with another description."""
+    description = json.loads(dovetail.load(ASSEMBLY).description.text)
+    change(description)
+    return dovetail.load(description)
+
+
+@cache
+def with_tool(longer: float) -> dovetail.Assembly:
+    """Return the assembly with a tool that stands out further [mm]."""
+
+    def change(description: dict[str, Any]) -> None:
+        length = 100.0 + longer
+        tool = description["substructures"]["tool"]
+        (section,) = tool["sections"]
+        lengths = {"10 mm": 1, f"{length - 30} mm": 8, "20 mm": 2}
+        tool["sections"] = [dict(section, length=one, elements=count) for one, count in lengths.items()]
+        at = [f"{length - back} mm" for back in (20.0, 10.0, 0.0)]
+        description["joints"]["collet"]["connect"]["tool"]["at"] = at
+
+    return changed(change)
+
+
+@cache
+def with_holder(section: int, longer: float) -> dovetail.Assembly:
+    """Return the assembly with one section of the holder longer [mm]."""
+
+    def change(description: dict[str, Any]) -> None:
+        one = description["substructures"]["holder"]["sections"][section]
+        one["length"] = f"{float(one['length'].split()[0]) + longer} mm"
+
+    return changed(change)
+
+
+@cache
+def measured_at(position: float) -> dovetail.Assembly:
+    """Return the assembly measured at another point of the tool [mm from the tip]."""
+    return changed(lambda description: description["response"].update(position=f"{position} mm"))
+
+
+@cache
+def finer(factor: int) -> dovetail.Assembly:
+    """Return the assembly with `factor` elements in the place of each."""
+
+    def change(description: dict[str, Any]) -> None:
+        for part in description["substructures"].values():
+            for section in part["sections"]:
+                section["elements"] = int(section.get("elements", 1)) * factor
+        description["joints"]["collet"]["elements_per_segment"] = factor
+
+    return changed(change)
+
+
+def stretched(assembly: dovetail.Assembly, theta: np.ndarray, by: float) -> np.ndarray:
+    """Return the FRF on a frequency axis that is off by the part `by`: f is said to be f (1 + by)."""
+    return assembly.on(assembly.frequency / (1.0 + by)).frf(theta)
+
+
+def cut_off(values: np.ndarray, share: float) -> np.ndarray:
+    """Return an FRF whose amplitude is limited to the level that `share` of its lines exceed."""
+    level = np.quantile(np.abs(values), 1.0 - share)
+    return np.where(np.abs(values) > level, level * values / np.abs(values), values)
+
+
+def without_mode(frequency: np.ndarray, values: np.ndarray, rank: int, part: float = 1.0) -> np.ndarray:
+    """Return an accelerance without (a part of) one of its two most prominent resonances.
+
+    Its poles come from a rational function through the FRF (AAA), and the pair of poles is taken off the receptance.
+    """
+    rational = AAA(frequency, -values, rtol=1e-9, max_terms=60)  # receptance times omega squared
+    poles, residues = rational.poles(), rational.residues()
+    inside = (poles.real > frequency[0]) & (poles.real < frequency[-1]) & (poles.imag > 0)
+    poles, residues = poles[inside], residues[inside]
+    strongest = np.argsort(-np.abs(residues / poles.imag))
+    chosen = strongest[min(rank, len(strongest) - 1)]
+    pole, residue = poles[chosen], residues[chosen] / poles[chosen] ** 2
+    term = residue / (frequency - pole) - np.conj(residue) / (frequency + np.conj(pole))
+    return values + part * frequency**2 * term
+
+
+def kinds(assembly: dovetail.Assembly) -> Mapping[str, Kind]:
+    """Return the eight kinds at the sizes at which they happen."""
+    turned = 2j * np.pi * assembly.frequency
+    units = (9.80665, 1.0 / 9.80665, 4.44822, 1.0 / 4.44822, 1e-3)
+    quantities = (turned**-1, turned**-2)
+    sections = (2, 4, 5, 7)
+
+    def unit_or_quantity(theta: np.ndarray, case: int) -> np.ndarray:
+        by = quantities[case // 2 % 2] if case % 2 else units[case // 2 % len(units)]
+        return assembly.frf(theta) * by
+
+    return {
+        "tool 10 mm longer": lambda theta, _: with_tool(10.0).frf(theta),
+        "holder section 10 mm longer": lambda theta, case: with_holder(sections[case % 4], 10.0).frf(theta),
+        "quantity or unit": unit_or_quantity,
+        "mass of 1.2 g left in": lambda theta, _: assembly.frf(theta) / (1.0 + 1.2e-3 * assembly.frf(theta)),
+        "point 10 mm away": lambda theta, _: measured_at(20.0).frf(theta),
+        "axis off by 1 %": lambda theta, case: stretched(assembly, theta, (0.01, -0.01)[case % 2]),
+        "clipped, 3 % of the lines": lambda theta, _: cut_off(assembly.frf(theta), 0.03),
+        "mode missing": lambda theta, case: without_mode(assembly.frequency, assembly.frf(theta), case % 2),
+    }
+
+
+def measurement(assembly: dovetail.Assembly, values: np.ndarray, level: float, seed: int) -> dovetail.Frf:
+    """Return an FRF with noise of `level` times its own standard deviation in each line, which it does not tell."""
+    normal = np.random.default_rng([seed, round(1e3 * level)]).standard_normal((2, len(values)))
+    noisy = values + level * values.std() * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
+    return dovetail.Frf(assembly.frequency, noisy, "accelerance")
+
+
+class Examined:
+    """What was found of the measurements of one kind."""
+
+    def __init__(self) -> None:
+        self.refined: dict[float, list[bool]] = {level: [] for level in NOISES}
+        self.network: dict[float, list[bool]] = {level: [] for level in NOISES}
+        self.named: dict[float, list[str]] = {level: [] for level in NOISES}
+
+
+def study(
+    assembly: dovetail.Assembly,
+    of_kinds: Mapping[str, tuple[Kind, int]],
+    model: dovetail.Identifier | None,
+    *,
+    name: bool = False,
+) -> Iterator[tuple[str, Examined]]:
+    """Yield what is found of the measurements of each kind, (kind, number of cases)."""
+    for kind, (make, count) in of_kinds.items():
+        found = Examined()
+        for case, theta in enumerate(latin_hypercube(assembly, count, seed=len(kind))):
+            values = make(theta, case)
+            for level in NOISES:
+                measured = measurement(assembly, values, level, case)
+                verdict = examine(assembly, measured, refine(assembly, measured), name=name)
+                found.refined[level].append(verdict.flagged)
+                found.named[level].append(verdict.looks_like)
+                if model is not None:
+                    answer = model.identify(measured).foreign
+                    found.network[level].append(answer is not None and answer.flagged)
+        yield kind, found
+
+
+def row(kind: str, found: Examined) -> str:
+    """Return one line of the table."""
+    cells = []
+    for by_level in (found.refined, found.network):
+        cells += [f"{sum(flags)} of {len(flags)}" if flags else "-" for flags in by_level.values()]
+    return f"| {kind} | " + " | ".join(cells) + " |"
+
+
+HEADER = "| measurement | refined, 1 % noise | refined, 5 % | network, 1 % | network, 5 % |\n|---|---|---|---|---|"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--foreign", type=int, default=25, help="cases of each kind")
+    parser.add_argument("--genuine", type=int, default=500)
+    parser.add_argument("--finer", type=int, default=100, help="genuine cases from a mesh four times finer")
+    parser.add_argument("--model", type=Path, help="folder of a trained model")
+    parser.add_argument("--name", action="store_true", help="name what looks wrong, and print it")
+    parser.add_argument("--only", help="kinds that begin with this")
+    given = parser.parse_args()
+    assembly = dovetail.load(ASSEMBLY)
+    model = None if given.model is None else dovetail.load_model(given.model)
+    of_kinds: dict[str, tuple[Kind, int]] = {kind: (make, given.foreign) for kind, make in kinds(assembly).items()}
+    of_kinds["genuine"] = lambda theta, _: assembly.frf(theta), given.genuine
+    of_kinds["genuine, mesh four times finer"] = lambda theta, _: finer(4).frf(theta), given.finer
+    if given.only:
+        of_kinds = {kind: entry for kind, entry in of_kinds.items() if kind.startswith(given.only)}
+    print(HEADER, flush=True)
+    for kind, found in study(assembly, of_kinds, model, name=given.name):
+        print(row(kind, found), flush=True)
+        if given.name:
+            for level, words in found.named.items():
+                print("\n".join(f"    {level:.0%}: {one}" for one in words), flush=True)
+
+
+if __name__ == "__main__":
+    main()

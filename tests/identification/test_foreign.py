@@ -1,0 +1,149 @@
+"""Measurements that the model cannot have made are told from those it can, and what looks wrong is named."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.identification.fitting.misfit import Weighted
+from dovetail.identification.foreign.altered import AlteredAssembly, factor, loaded
+from dovetail.identification.foreign.bands import off_bands
+from dovetail.identification.foreign.entries import entries
+from dovetail.identification.foreign.evidence import runs
+from dovetail.identification.foreign.tolerance import Tolerant
+from dovetail.identification.stored import read_identification
+
+
+def noisy(assembly, values, level=0.01, seed=0):
+    normal = np.random.default_rng(seed).standard_normal((2, len(values)))
+    noise = level * values.std() * (normal[0] + 1j * normal[1]) / np.sqrt(2)
+    return dovetail.Frf(assembly.frequency, values + noise, "accelerance")
+
+
+@pytest.fixture(scope="module")
+def loaded_with_a_mass(collet, torque_100):
+    values = collet.frf(torque_100)
+    return dovetail.identify(collet, noisy(collet, values / (1 + 1.2e-3 * values)))
+
+
+def test_a_mass_that_was_left_in_is_named(loaded_with_a_mass):
+    foreign = loaded_with_a_mass.foreign
+    assert foreign.flagged
+    assert foreign.statistic > 10
+    assert foreign.looks_like == "It looks as if an accelerometer mass of 1.2 g was not compensated."
+    assert foreign.bands
+    assert not any("the model is off" in warning for warning in loaded_with_a_mass.warnings)
+
+
+def test_the_same_joint_without_it_is_genuine(collet, torque_100):
+    for seed, level in enumerate((0.01, 0.05)):
+        result = dovetail.identify(collet, noisy(collet, collet.frf(torque_100), level, seed))
+        assert not result.foreign.flagged
+        assert 0 < result.foreign.statistic <= 1
+        assert result.foreign.bands == result.foreign.reasons == ()
+
+
+def test_it_is_kept_with_the_result(loaded_with_a_mass, tmp_path):
+    file = tmp_path / "result.json"
+    file.write_text(json.dumps(loaded_with_a_mass.to_dict(), allow_nan=False))
+    assert read_identification(file).foreign == loaded_with_a_mass.foreign
+    older = {key: value for key, value in loaded_with_a_mass.to_dict().items() if key != "foreign"}
+    file.write_text(json.dumps(older))
+    assert read_identification(file).foreign is None
+
+
+@pytest.mark.parametrize(
+    ("by", "words"),
+    [
+        (9.80665, "all values were 9.807 times too large (m/s^2 read as g?)"),
+        (1e-3, "all values were 1000 times too small (m read as mm?)"),
+        (-1.0, "it had the wrong sign"),
+    ],
+)
+def test_another_unit_is_named(sdof, by, words):
+    result = dovetail.identify(sdof, noisy(sdof, by * sdof.frf()))
+    assert result.foreign.flagged
+    assert words in result.foreign.looks_like
+
+
+def test_another_quantity_is_named(sdof):
+    mobility = sdof.frf() / (2j * np.pi * sdof.frequency)
+    result = dovetail.identify(sdof, noisy(sdof, mobility))
+    assert "it were a mobility, not an accelerance" in result.foreign.looks_like
+
+
+def test_cut_off_peaks_are_named(sdof):
+    values = sdof.frf()
+    level = 0.5 * np.abs(values).max()
+    limited = np.where(np.abs(values) > level, level * values / np.abs(values), values)
+    foreign = dovetail.identify(sdof, noisy(sdof, limited, 0.005)).foreign
+    assert foreign.flagged
+    assert "cut off" in foreign.looks_like
+
+
+def test_what_nothing_explains_is_not_given_a_name(sdof):
+    values = sdof.frf()
+    other = noisy(sdof, values * (1 + 0.5 * np.sin(sdof.frequency / 20)))
+    foreign = dovetail.identify(sdof, other).foreign
+    assert foreign.flagged
+    assert foreign.looks_like == ""
+
+
+def test_the_network_alone_tells_what_is_unlike_its_training(model, measured):
+    assert not model.identify(measured).foreign.flagged
+    foreign = model.identify(replace(measured, values=9.81 * measured.values)).foreign
+    assert foreign.flagged
+    assert foreign.statistic > 1
+    assert foreign.reasons
+
+
+def test_residuals_are_white_for_a_model_that_errs():
+    rng = np.random.default_rng(3)
+    errors, residuals = rng.standard_normal((3, 40)), rng.standard_normal((5, 40))
+    plain = Weighted(np.zeros(20, complex), np.ones(20), np.ones(20), True)
+    white = Tolerant.towards(plain, errors)
+    covariance = np.eye(40) + errors.T @ errors
+    values = residuals[:, 0::2] + 1j * residuals[:, 1::2]
+    expected = np.einsum("nm,nm->n", residuals, np.linalg.solve(covariance, residuals.T).T)
+    np.testing.assert_allclose(np.sum(white.of(values) ** 2, axis=1), expected, rtol=1e-10)
+
+
+def test_derivatives_of_what_passes_through_a_mass_or_a_factor(sdof):
+    theta = sdof.from_unit(np.array([0.4, 0.6]))
+    for passage in (loaded(0.2, np.ones(len(sdof.frequency), complex)), factor(2j)):
+        altered = AlteredAssembly(sdof, passage)
+        values, jacobian = altered.frf_jacobian(theta)
+        np.testing.assert_allclose(values, altered.frf(theta))
+        step = 1e-6 * theta[0] * np.array([1.0, 0.0])
+        difference = (altered.frf(theta + step) - altered.frf(theta - step)) / (2 * step[0])
+        np.testing.assert_allclose(jacobian[:, 0], difference, rtol=1e-5, atol=1e-9 * np.abs(difference).max())
+
+
+def test_each_number_of_a_part_can_be_changed(collet):
+    tool = collet.description.substructures["tool"]
+    found = {entry.name: entry for entry in entries(tool)}
+    assert {"material.young", "material.density", "sections[0].length", "sections[0].outer"} <= set(found)
+    longer = found["sections[0].length"].changed(tool, 0.11)
+    assert longer.nodes[-1].position == pytest.approx(0.11)
+    assert tool.nodes[-1].position == pytest.approx(0.1)
+
+
+def test_bands_are_where_residuals_are_large():
+    lines = np.random.default_rng(0).standard_normal((1000, 2))
+    frequency = 10.0 * np.arange(1, 1001)
+    assert off_bands(frequency, lines) == ()
+    lines[400:450] *= 4
+    ((low, high),) = off_bands(frequency, lines)
+    assert low == pytest.approx(4010, abs=160)
+    assert high == pytest.approx(4500, abs=160)
+
+
+def test_a_run_of_lines_that_are_off_alike_is_no_noise():
+    lines = np.random.default_rng(1).standard_normal((4000, 2))
+    assert max(runs(lines).values()) < 7
+    lines[1000:1200] += 1.0
+    assert max(runs(lines).values()) > 30
