@@ -15,7 +15,6 @@ __all__ = ["learned"]
 _MOST_TRAINING, _MOST_HELD_OUT = 3000, 400
 _LEVELS = (0.003, 0.01, 0.02, 0.05, 0.1, 0.2)
 """Standard deviation of the noise, over that of the FRF."""
-_USUAL = 0.9975
 _NOISE_STREAM = 2
 """Keeps the noise's random numbers apart from others of the same seed."""
 
