@@ -46,6 +46,14 @@ def test_an_frf_without_resonance_has_no_peak() -> None:
     assert resonance_peaks(dovetail.Frf([1.0, 2.0], [1.0, 2.0], "accelerance")).size == 0
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_peak_beside_a_line_of_zero_is_placed() -> None:
+    amplitude = np.ones_like(FREQUENCY)
+    amplitude[1000:1003] = (0.0, 1e3, 900.0)
+    (peak,) = resonance_peaks(dovetail.Frf(FREQUENCY, amplitude, "accelerance", has_phase=False))
+    assert FREQUENCY[1000] < peak < FREQUENCY[1002]
+
+
 def test_each_peak_goes_to_the_nearest_natural_frequency_only() -> None:
     modes = paired_modes(np.array([1000.0, 1080.0, 5000.0]), np.array([1075.0, 9000.0]), np.array([900.0, 1078.0]))
     assert [mode.reconstructed_peak for mode in modes] == [None, 1075.0, None]

@@ -127,6 +127,8 @@ def _peak_frequency(frf: Frf, top: int, prominence: float) -> float:
     if prominence < _PROMINENCE:
         return _skewed_peak(frf, _lines_above(frf, top, prominence / 2.0))
     around = _lines_above(frf, top, 10.0 * np.log10(2.0))
+    if not frf.amplitude[around].all():
+        return _skewed_peak(frf, around)
     squared = (frf.frequency[around] / frf.frequency[top]) ** 2
     receptance = frf.amplitude[around] / squared
     curvature, slope, _ = np.polyfit(squared - 1.0, (receptance[top - around.start] / receptance) ** 2, 2)
