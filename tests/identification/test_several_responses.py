@@ -244,10 +244,12 @@ def test_the_result_has_every_response(chain, noisy, tmp_path):
     assert "2 measured FRFs" in page
 
 
-def test_a_warning_names_the_response_that_is_missed(chain, clean):
+def test_a_foreign_measurement_is_told_with_its_response(chain, clean):
     wrong = dovetail.Frf(chain.frequency, -clean[1].values, "accelerance")
     result = dovetail.identify(chain, [clean[0], wrong], "multistart", starts=4)
-    assert any(warning.startswith("The mean coherence at upper, 0 mm is 0.") for warning in result.warnings)
+    assert result.foreign.flagged
+    assert result.foreign.reasons[0] == "The FRF at upper, 0 mm is the one that fits the least."
+    assert not dovetail.identify(chain, list(clean), "multistart", starts=4).foreign.flagged
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])

@@ -44,12 +44,12 @@ def examine(
         Whether to seek what explains a foreign measurement, which takes some seconds.
     """
     frfs = one_for_each(assembly, measured)
+    if len(frfs) == 1:
+        return _examine(assembly, frfs[0], fit, model_error, name)
     parts = [
-        _examine(one, frf, fit.at(index, len(frfs)), model_error, name)
-        for index, (one, frf) in enumerate(zip(assembly.each_response, frfs, strict=True))
+        _examine(assembly.at(index), frf, fit.at(index, len(frfs)), model_error, name)
+        for index, frf in enumerate(frfs)
     ]
-    if len(parts) == 1:
-        return parts[0]
     worst = max(parts, key=lambda part: part.statistic)
     if not worst.flagged:
         return worst
