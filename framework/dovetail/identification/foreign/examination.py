@@ -47,8 +47,7 @@ def examine(
     if len(frfs) == 1:
         return _examine(assembly, frfs[0], fit, model_error, name)
     parts = [
-        _examine(assembly.at(index), frf, fit.at(index, len(frfs)), model_error, name)
-        for index, frf in enumerate(frfs)
+        _examine(assembly.at(index), frf, fit.at(index, len(frfs)), model_error, name) for index, frf in enumerate(frfs)
     ]
     worst = max(parts, key=lambda part: part.statistic)
     if not worst.flagged:
