@@ -84,6 +84,15 @@ def test_the_band_is_where_chance_alone_leads(right):
     assert np.mean((low < drawn) & (drawn < high)) <= 0.95
 
 
+@pytest.fixture
+def heard():
+    """Ctrl-C is heard, also where the tests were started in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 def test_ctrl_c_gives_what_is_there(sdof):
     def stop(stage, done, total, note=""):
         if done == 5:
