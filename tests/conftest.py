@@ -7,14 +7,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 import dovetail
 
 # Before torch or numba load OpenMP: threads that spin while they wait starve each other on a busy machine.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+PARALLEL = "PYTEST_XDIST_WORKER" in os.environ
+if PARALLEL:  # every core has a process of its own already
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parent.parent
 ASSEMBLIES = ROOT / "assemblies"
+
+
+@pytest.fixture(scope="session", autouse=PARALLEL)
+def one_thread_of_linear_algebra():
+    """NumPy is loaded already, so that its libraries do not look at the environment again."""
+    with threadpool_limits(1, user_api="blas"):
+        yield
 
 
 @pytest.fixture(scope="session")
