@@ -67,10 +67,13 @@ def side_by_side(work: Callable[[int], Result], count: int, workers: int) -> Gen
 
 
 def _begin(work: Callable[[int], Any]) -> None:
-    """Leave Ctrl-C to the process that all come from."""
+    """Leave Ctrl-C to the process that all come from, and take one thread of linear algebra."""
     import signal
 
+    from threadpoolctl import threadpool_limits
+
     global _work
+    threadpool_limits(1, user_api="blas")
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _work = work
 
