@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.identification.posterior.model_error import place_by_place
+
 __all__ = ["small_errors"]
 
-_KNOTS = 6
 _MAGNITUDE = 2.0
 """Relative error of magnitude and phase over that of natural frequencies."""
 
@@ -39,9 +40,6 @@ def small_errors(
     """
     if level == 0.0 or len(frequency) < 2:
         return np.zeros((0, len(frequency)), dtype=np.complex128)
-    knots = np.linspace(frequency[0], frequency[-1], _KNOTS)
-    hats = np.stack([np.interp(frequency, knots, one) for one in np.eye(_KNOTS)])
     stretched = level * frequency * np.gradient(values, frequency)
-    return np.concatenate(
-        [hats * stretched, hats * (_MAGNITUDE * level) * values, hats * (1j * _MAGNITUDE * level) * values]
-    )
+    off = _MAGNITUDE * level * values
+    return place_by_place(frequency, (stretched, off, 1j * off))

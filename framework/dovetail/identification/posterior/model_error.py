@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MODEL_ERROR", "correlation_length", "joint_model_errors", "model_errors"]
+__all__ = ["MODEL_ERROR", "correlation_length", "joint_model_errors", "model_errors", "place_by_place"]
 
 MODEL_ERROR = 5e-4
 """Standard deviation of the relative error of natural frequencies that a model is allowed by default."""
@@ -51,10 +51,15 @@ def model_errors(
     """
     if level == 0.0 or len(frequency) < 2:
         return np.zeros((0, len(frequency)), dtype=np.complex128)
-    knots = np.linspace(frequency[0], frequency[-1], _KNOTS)
-    hats = np.stack([np.interp(frequency, knots, one) for one in np.eye(_KNOTS)])
     stretched = level * frequency * np.gradient(values, frequency)
     sizes = (stretched, 1j * _DAMPING * stretched, _MAGNITUDE * level * values, 1j * _PHASE * level * values)
+    return place_by_place(frequency, sizes)
+
+
+def place_by_place(frequency: NDArray[np.float64], sizes: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+    """Return each error (n_freq,) in parts (n_errors, n_freq), by hat functions around six equally spaced places."""
+    knots = np.linspace(frequency[0], frequency[-1], _KNOTS)
+    hats = np.stack([np.interp(frequency, knots, one) for one in np.eye(_KNOTS)])
     return np.concatenate([hats * size for size in sizes])
 
 
