@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,12 @@ from dovetail.identification.fitting.misfit import Weighted
 from dovetail.identification.foreign import examine
 from dovetail.identification.foreign.altered import AlteredAssembly, factor, loaded
 from dovetail.identification.foreign.bands import off_bands
+from dovetail.identification.foreign.changes import changes
 from dovetail.identification.foreign.entries import entries
 from dovetail.identification.foreign.evidence import runs
+from dovetail.identification.foreign.overhang import overhangs
 from dovetail.identification.foreign.tolerance import Tolerant
+from dovetail.identification.foreign.with_change import WithChange
 from dovetail.identification.stored import read_identification
 from dovetail.measurement import on_grid
 
@@ -133,6 +137,56 @@ def test_each_number_of_a_part_can_be_changed(collet):
     longer = found["sections[0].length"].changed(tool, 0.11)
     assert longer.nodes[-1].position == pytest.approx(0.11)
     assert tool.nodes[-1].position == pytest.approx(0.1)
+
+
+def test_a_part_that_stands_out_further_is_one_with_a_longer_section_there(collet, assemblies):
+    overhang, *_ = overhangs(collet.description)
+    assert (overhang.part, overhang.joint, overhang.length) == ("tool", "collet", pytest.approx(0.08))
+    tool = overhang.changed(collet.description.substructures["tool"], 0.09)
+    positions = [1e3 * node.position for node in tool.nodes]
+    assert positions == pytest.approx([0, *np.linspace(10, 90, 8), 100, 110])
+    longer = {change.name: change for change in changes(collet)}["tool: overhang at 0 mm"].altered(np.log(90 / 80))
+    description = json.loads(dovetail.load(assemblies / "bt40_er32.yaml").description.text)
+    (section,) = description["substructures"]["tool"]["sections"]
+    pieces = {"10 mm": 1, "80 mm": 7, "20 mm": 2}
+    description["substructures"]["tool"]["sections"] = [dict(section, length=k, elements=n) for k, n in pieces.items()]
+    description["joints"]["collet"]["connect"]["tool"]["at"] = ["90 mm", "100 mm", "110 mm"]
+    np.testing.assert_allclose(longer.frf(), dovetail.load(description).frf(), rtol=1e-9)
+
+
+def test_a_section_that_tapers_is_not_divided(collet):
+    """The elements of the holder's taper are not what sections of their own would be, so it is lengthened as one."""
+    holder = collet.description.substructures["holder"]
+    _, overhang = overhangs(collet.description)
+    longer = overhang.changed(holder, overhang.length + 0.02)
+    assert longer.config.sections[-1].elements == holder.config.sections[-1].elements == 10
+    assert longer.nodes[-1].position == pytest.approx(holder.nodes[-1].position + 0.02)
+    within = replace(overhang, first=12)
+    assert within.changed(holder, overhang.length).config.sections[-1].elements == 6
+
+
+def test_derivatives_of_joint_and_change_together(collet, torque_100):
+    change = {change.name: change for change in changes(collet)}["axis"]
+    values = collet.frf(torque_100)
+    residual = Weighted(values, np.ones(len(values)), np.ones(len(values)), True)
+    problem = WithChange(change, residual)
+    position = problem.position(collet.to_unit(torque_100), 0.01)
+    assert problem.amount(position[0]) == pytest.approx(0.01)
+    found = problem.linear(position)
+    for column in range(position.shape[1]):
+        step = np.zeros_like(position)
+        step[0, column] = 1e-6
+        difference = (problem.residuals(position + step) - problem.residuals(position - step))[0] / 2e-6
+        assert np.linalg.norm(found.slopes[0, column] - difference) < 0.01 * np.linalg.norm(difference)
+
+
+@pytest.mark.slow
+def test_a_tool_that_stands_out_further_is_named(collet, torque_100):
+    longer = {change.name: change for change in changes(collet)}["tool: overhang at 0 mm"].altered(np.log(90 / 80))
+    foreign = dovetail.identify(collet, noisy(collet, longer.frf(torque_100))).foreign
+    found = re.fullmatch(r"It looks as if the tool stood out of the collet by (\S+) mm.*", foreign.looks_like)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(90, abs=3)  # the joint makes up for a millimetre or two
 
 
 def test_bands_are_where_residuals_are_large():

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import Frf, unit_of
-from dovetail.identification.fitting import Fit, refine
+from dovetail.identification.fitting import refine
+from dovetail.identification.fitting.least_squares import minimise
+from dovetail.identification.fitting.misfit import FrfMisfit, LogAmplitude
 from dovetail.identification.foreign.changes import Change, changes
 from dovetail.identification.foreign.clipping import plateau
 from dovetail.identification.foreign.coarse import distance, furthest
 from dovetail.identification.foreign.elsewhere import at_other_points, of_other_sizes
 from dovetail.identification.foreign.evidence import Evidence, evidence, is_good
-from dovetail.identification.foreign.remainder import remainder
+from dovetail.identification.foreign.remainder import Remainder, remainder
 from dovetail.identification.foreign.scale import rescaled
+from dovetail.identification.foreign.with_change import WithChange
 from dovetail.identification.posterior.model_error import MODEL_ERROR
 
 __all__ = ["Cause", "causes"]
@@ -32,17 +36,20 @@ _BETTER = 0.5
 _GROSS = 10.0
 """Evidence from which large causes are looked for: another unit, another point, parts of another size."""
 _ALWAYS = ("mass", "axis", "gain")
+_OVERHANGS = (0.1, -0.1)
+"""Logarithms of ratios at which other overhangs are sought as well: a joint follows a small one a long way."""
 _MOST_PARTS = 3
 """Of the numbers of the parts, how many are looked into: those that the remainder points to the most."""
-_SECONDS = 20.0
-"""After which nothing further is tried."""
+_SECONDS = 60.0
+"""After which nothing further is tried; enough for all that there is but on large assemblies."""
 _STRONGEST = 4
 """Of the numbers of the parts, how many are tried at quite other sizes: those on which the FRF depends the most."""
-_MOST_STEPS, _SETTLED = 8, 0.01
-_HOPELESS, _HARDLY = 1, 0.8
-"""Steps after which a change is given up that still leaves this part of the sum of squares."""
-_LARGEST_STEP = 0.25
-"""Part of the range in which an amount is sought that one step takes at most."""
+_MOST_STEPS, _TOLERANCE = 40, 0.5
+_SEARCHES, _SEARCH_TOLERANCE, _SEARCH_STEPS = 3, 1.0, 40
+_HARDLY = 0.8
+"""A change is given up whose first estimate leaves this part of the sum of squares."""
+_FURTHEST = 0.5
+"""Part of the range in which an amount is sought that the first estimate is from none at most."""
 _LESS = 0.3
 """Part of the sum of squares that a cause must leave at most, unless noise leaves as much."""
 _WORTH = 12.0
@@ -69,18 +76,18 @@ class Cause:
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """A foreign measurement, as it came and in the quantity of the response, with its fit."""
+    """A foreign measurement, as it came and in the quantity of the response, and what its fit leaves."""
 
     assembly: Assembly
     measured: Frf
     target: Frf
-    fit: Fit
+    left: Remainder
     found: Evidence
     model_error: float
 
 
 def causes(
-    assembly: Assembly, measured: Frf, fit: Fit, found: Evidence, model_error: float = MODEL_ERROR
+    assembly: Assembly, measured: Frf, left: Remainder, found: Evidence, model_error: float = MODEL_ERROR
 ) -> tuple[Cause, ...]:
     """Return what explains a measurement nearly down to its noise, the best first; nothing if nothing tried does.
 
@@ -89,15 +96,15 @@ def causes(
     assembly : Assembly
     measured : Frf
         On the assembly's frequencies.
-    fit : Fit
-        Of the measurement.
+    left : Remainder
+        What the joint does not explain of it.
     found : Evidence
-        Against that fit.
+        How far that is from noise.
     model_error : float
         Standard deviation of the relative error of natural frequencies that the model is allowed.
     """
     target = measured.to(assembly.description.response.quantity)
-    case = _Case(assembly, measured, target, fit, found, model_error)
+    case = _Case(assembly, measured, target, left, found, model_error)
     deadline = time.monotonic() + _SECONDS
     explaining = [cause for cause in _until(deadline, _small(case)) if cause is not None]
     if not explaining and found.statistic > _GROSS:
@@ -121,9 +128,15 @@ def _small(case: _Case) -> Iterator[Cause | None]:
     """Try what may be a little other than described; of the measurement before the parts."""
     by_name = {change.name: change for change in changes(case.assembly)}
     parts = sorted((name for name in by_name if ": " in name), key=lambda name: -abs(case.found.towards[name]))
-    for name in [*_ALWAYS, *parts[:_MOST_PARTS]]:
+    for name in _ALWAYS:
         if name in by_name:
-            yield _looked_into(case, by_name[name], 0.0, case.found.amounts[name])
+            yield _looked_into(case, by_name[name], case.found.amounts[name])
+    for name in filter(_is_overhang, parts):
+        starts = (case.found.amounts[name], *_OVERHANGS)
+        yield next(filter(None, (_looked_into(case, by_name[name], amount) for amount in starts)), None)
+    for name in parts[:_MOST_PARTS]:
+        if not _is_overhang(name):
+            yield _looked_into(case, by_name[name], case.found.amounts[name])
 
 
 def _large(case: _Case) -> Iterator[Cause | None]:
@@ -134,10 +147,15 @@ def _large(case: _Case) -> Iterator[Cause | None]:
     for other, words in others:
         if distance(other, case.target) < within:
             yield _explained(case, other, words)
-    strongest = sorted(changes(case.assembly), key=lambda change: -case.found.sensitivity(change.name))
-    parts = [change for change in strongest if ": " in change.name][:_STRONGEST]
-    for change, amount in of_other_sizes(parts, case.target):
-        yield _looked_into(case, change, amount, 0.0)
+    parts = [change for change in changes(case.assembly) if ": " in change.name]
+    strongest = sorted(parts, key=lambda change: -case.found.sensitivity(change.name))[:_STRONGEST]
+    overhangs = [change for change in parts if _is_overhang(change.name) and change not in strongest]
+    for change, amount in of_other_sizes([*overhangs, *strongest], case.target):
+        yield _looked_into(case, change, amount)
+
+
+def _is_overhang(name: str) -> bool:
+    return ": overhang" in name
 
 
 def _cut_off(case: _Case) -> Cause | None:
@@ -154,28 +172,34 @@ def _cut_off(case: _Case) -> Cause | None:
     return Cause(f"it were cut off at {flat.level:.3g} {unit} (an overloaded channel?)", found.squares)
 
 
-def _looked_into(case: _Case, change: Change, amount: float, step: float) -> Cause | None:
-    """Seek the amount of a change by Gauss-Newton steps, and fit anew with it if that helps."""
-    theta, squares, altered = case.fit.theta, np.inf, case.assembly
+def _looked_into(case: _Case, change: Change, amount: float) -> Cause | None:
+    """Seek how much of a change explains a measurement, from a first estimate, and fit anew with it if that helps."""
+    nothing = 1.2 * len(case.left.residuals)
+    problem = WithChange(change, case.left.residual)
     try:
-        for tries in range(_MOST_STEPS):
-            most = _LARGEST_STEP * (change.most - change.least)
-            amount = float(np.clip(amount + np.clip(step, -most, most), change.least, change.most))
-            altered = change.altered(amount)
-            left = remainder(altered, case.target, replace(case.fit, theta=theta), case.model_error)
-            now = evidence(left, (_around(change, amount),))
-            theta, squares, step = left.theta, now.squares, now.amounts[change.name]
-            if 0.0 < abs(step) <= _SETTLED * abs(amount) or (
-                tries == _HOPELESS and squares > _HARDLY * case.found.squares
-            ):
-                break
+        amount = float(np.clip(amount, _FURTHEST * change.least, _FURTHEST * change.most))
+        start = problem.position(_near(case, change.altered(amount)), amount)
+        if np.sum(problem.residuals(start) ** 2) > max(_HARDLY * case.found.squares, nothing):
+            return None
+        found = minimise(problem, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS)
     except DovetailError:
         return None
-    if squares > max(_LESS * case.found.squares, 1.2 * len(left.residuals)):
+    amount = problem.amount(found.position[0])
+    if found.cost[0] > max(_LESS * case.found.squares, nothing) or abs(amount) < change.worth:
         return None
-    if abs(amount) < change.worth or _explained(case, altered, "", theta) is None:
-        return None
-    return Cause(change.words(amount), squares)
+    theta = case.assembly.from_unit(found.position[0, :-1])
+    return _explained(case, change.altered(amount), change.words(amount), theta)
+
+
+def _near(case: _Case, other: Assembly) -> NDArray[np.float64]:
+    """Return the fractions of the ranges (p,) where another assembly is the nearest to the measurement."""
+    search = FrfMisfit(other, LogAmplitude(case.target, case.left.residual.residual.variance))
+    random = qmc.LatinHypercube(len(case.left.theta), rng=np.random.default_rng(0)).random(_SEARCHES)
+    starts = np.concatenate([case.assembly.to_unit(case.left.theta)[np.newaxis], random])
+    ends = minimise(search, starts, tolerance=_SEARCH_TOLERANCE, most_steps=_SEARCH_STEPS)
+    rough = ends.position[np.argsort(ends.cost, kind="stable")[:1]]
+    found = minimise(FrfMisfit(other, case.left.residual), rough, tolerance=_SEARCH_TOLERANCE, most_steps=_SEARCH_STEPS)
+    return np.asarray(found.position[0])
 
 
 def _explained(case: _Case, other: Assembly, words: str, *starts: NDArray[np.float64]) -> Cause | None:
@@ -186,10 +210,3 @@ def _explained(case: _Case, other: Assembly, words: str, *starts: NDArray[np.flo
     if found.statistic > limit and not is_good(fit):
         return None
     return Cause(words, found.squares)
-
-
-def _around(change: Change, amount: float) -> Change:
-    """Return the change with its effect around an amount of it."""
-    step = 1e-4 * max(change.most, 1e-2)
-    further = change.altered(amount + step)
-    return replace(change, effect=lambda theta, values: (further.frf(theta) - values) / step)

@@ -15,6 +15,8 @@ from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.identification.foreign.altered import AlteredAssembly, factor, loaded
 from dovetail.identification.foreign.entries import Entry, entries
+from dovetail.identification.foreign.overhang import Overhang, overhangs
+from dovetail.interfaces import SubstructureModel
 from dovetail.units import format_quantity
 
 __all__ = ["Change", "changes"]
@@ -58,7 +60,9 @@ class Change:
 @lru_cache(maxsize=4)
 def changes(assembly: Assembly) -> tuple[Change, ...]:
     """Return what may be other than described: of the measurement, and of each part."""
-    return (*_factors(assembly), *_mass(assembly), *_axis(assembly), *_of_parts(assembly))
+    return (
+        *_factors(assembly), *_mass(assembly), *_axis(assembly), *_overhangs(assembly), *_of_parts(assembly)
+    )  # fmt: skip
 
 
 def _factors(assembly: Assembly) -> Iterator[Change]:
@@ -131,24 +135,40 @@ def _axis(assembly: Assembly) -> Iterator[Change]:
     )
 
 
+def _overhangs(assembly: Assembly) -> Iterator[Change]:
+    for overhang in overhangs(assembly.description):
+        yield from _of_part(
+            assembly,
+            overhang.part,
+            f"overhang at {1e3 * overhang.end:.4g} mm",
+            partial(_with_overhang, assembly, overhang),
+            partial(_overhang_in_words, overhang),
+        )
+
+
 def _of_parts(assembly: Assembly) -> Iterator[Change]:
     for name, model in assembly.description.substructures.items():
-        if 2 * len(model.nodes) > _LARGEST:
-            continue
         for entry in entries(model):
-            try:
-                changed = _with_entry(assembly, name, entry, _STEP)
-            except DovetailError:
-                continue
-            yield Change(
-                f"{name}: {entry.name}",
-                _difference(assembly, changed),
+            yield from _of_part(
+                assembly,
+                name,
+                entry.name,
                 partial(_with_entry, assembly, name, entry),
                 partial(_entry_in_words, name, entry),
-                -0.5,
-                0.5,
-                0.002,
             )
+
+
+def _of_part(
+    assembly: Assembly, part: str, name: str, altered: Callable[[float], Assembly], words: Callable[[float], str]
+) -> Iterator[Change]:
+    """Yield a change of a part by the logarithm of a ratio, unless it takes too long or cannot be."""
+    if 2 * len(assembly.description.substructures[part].nodes) > _LARGEST:
+        return
+    try:
+        changed = altered(_STEP)
+    except DovetailError:
+        return
+    yield Change(f"{part}: {name}", _difference(assembly, changed), altered, words, -0.5, 0.5, 0.002)
 
 
 def _difference(assembly: Assembly, changed: Assembly) -> Effect:
@@ -156,9 +176,24 @@ def _difference(assembly: Assembly, changed: Assembly) -> Effect:
 
 
 def _with_entry(assembly: Assembly, part: str, entry: Entry, amount: float) -> Assembly:
-    parts = assembly.description.substructures
-    changed = entry.changed(parts[part], entry.value * float(np.exp(amount)))
-    return Assembly(replace(assembly.description, substructures={**parts, part: changed}))
+    model = assembly.description.substructures[part]
+    return _with_part(assembly, part, entry.changed(model, entry.value * float(np.exp(amount))))
+
+
+def _with_overhang(assembly: Assembly, overhang: Overhang, amount: float) -> Assembly:
+    model = assembly.description.substructures[overhang.part]
+    return _with_part(assembly, overhang.part, overhang.changed(model, overhang.length * float(np.exp(amount))))
+
+
+def _with_part(assembly: Assembly, part: str, model: SubstructureModel) -> Assembly:
+    parts = {**assembly.description.substructures, part: model}
+    return Assembly(replace(assembly.description, substructures=parts))
+
+
+def _overhang_in_words(overhang: Overhang, amount: float) -> str:
+    described = 1e3 * overhang.length
+    now = described * np.exp(amount)
+    return f"the {overhang.part} stood out of the {overhang.joint} by {now:.3g} mm in place of {described:.4g} mm"
 
 
 def _entry_in_words(part: str, entry: Entry, amount: float) -> str:

@@ -62,7 +62,7 @@ def _examine(assembly: Assembly, measured: Frf, fit: Fit, model_error: float, na
     found = evidence(left, changes(assembly))
     if found.statistic <= 1.0 or is_good(fit):
         return Foreign(False, min(found.statistic, 1.0))
-    explaining = causes(assembly, measured, fit, found, model_error) if name else ()
+    explaining = causes(assembly, measured, left, found, model_error) if name else ()
     reason = f"No joint within the ranges explains it: {found.words()} (chi-squared {fit.chi_squared:.3g})."
     return Foreign(True, found.statistic, _looks_like(explaining), (reason,), off_bands(target.frequency, left.lines))
 
