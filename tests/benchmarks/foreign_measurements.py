@@ -127,7 +127,7 @@ NAMES = {
     "point": "measured on the tool at 20 mm",
     "axis": "frequency axis",
     "clipped": "cut off",
-    "mode": "mode",
+    "mode": "resonance were missing",
 }
 """What the name of a cause must say, by the first word of the kind."""
 

@@ -19,6 +19,7 @@ from dovetail.identification.foreign.changes import changes
 from dovetail.identification.foreign.entries import entries
 from dovetail.identification.foreign.evidence import runs
 from dovetail.identification.foreign.overhang import overhangs
+from dovetail.identification.foreign.resonances import missing_resonance
 from dovetail.identification.foreign.tolerance import Tolerant
 from dovetail.identification.foreign.with_change import WithChange
 from dovetail.identification.stored import read_identification
@@ -187,6 +188,16 @@ def test_a_tool_that_stands_out_further_is_named(collet, torque_100):
     found = re.fullmatch(r"It looks as if the tool stood out of the collet by (\S+) mm.*", foreign.looks_like)
     assert found is not None
     assert float(found[1]) == pytest.approx(90, abs=3)  # the joint makes up for a millimetre or two
+
+
+def test_a_resonance_that_every_joint_has_is_missed(collet, torque_100):
+    values = collet.frf(torque_100)
+    first = collet.frequency < 2500
+    assert missing_resonance(collet, noisy(collet, values)) is None
+    filtered = np.where(first, np.interp(collet.frequency, [100, 2500], np.abs(values[[0, 1200]])), values)
+    low, high = missing_resonance(collet, noisy(collet, filtered))
+    resonance = collet.frequency[first][np.argmax(np.abs(values[first]))]
+    assert low < resonance < high < 1500
 
 
 def test_bands_are_where_residuals_are_large():

@@ -14,6 +14,7 @@ from dovetail.identification.foreign.changes import changes
 from dovetail.identification.foreign.evidence import evidence, is_good
 from dovetail.identification.foreign.foreign import Foreign
 from dovetail.identification.foreign.remainder import remainder
+from dovetail.identification.foreign.resonances import missing_resonance
 from dovetail.identification.posterior.model_error import MODEL_ERROR
 
 __all__ = ["examine"]
@@ -62,12 +63,19 @@ def _examine(assembly: Assembly, measured: Frf, fit: Fit, model_error: float, na
     found = evidence(left, changes(assembly))
     if found.statistic <= 1.0 or is_good(fit):
         return Foreign(False, min(found.statistic, 1.0))
-    explaining = causes(assembly, measured, left, found, model_error) if name else ()
+    looks_like = _looks_like(assembly, target, causes(assembly, measured, left, found, model_error)) if name else ""
     reason = f"No joint within the ranges explains it: {found.words()} (chi-squared {fit.chi_squared:.3g})."
-    return Foreign(True, found.statistic, _looks_like(explaining), (reason,), off_bands(target.frequency, left.lines))
+    return Foreign(True, found.statistic, looks_like, (reason,), off_bands(target.frequency, left.lines))
 
 
-def _looks_like(explaining: tuple[Cause, ...]) -> str:
-    if not explaining:
+def _looks_like(assembly: Assembly, target: Frf, explaining: tuple[Cause, ...]) -> str:
+    if explaining:
+        return f"It looks as if {', or '.join(cause.words for cause in explaining[:_MOST_NAMED])}."
+    missing = missing_resonance(assembly, target)
+    if missing is None:
         return ""
-    return f"It looks as if {', or '.join(cause.words for cause in explaining[:_MOST_NAMED])}."
+    low, high = missing
+    return (
+        f"It looks as if a resonance were missing or elsewhere: nearly every joint has one between {low:.0f} Hz and "
+        f"{high:.0f} Hz, the measurement has none there."
+    )
