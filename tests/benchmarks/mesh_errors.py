@@ -4,7 +4,8 @@
 
 Poles and residues of the FRFs are those of rational functions through them (AAA), for random joints of each assembly
 that ships with a mesh. Errors are roots of mean squares, the largest twentieth cut; the ratios are over the relative
-error of the natural frequencies.
+error of the natural frequencies. The last column is how far they displace the joint that is identified from the finer
+mesh's FRF, in its own standard deviations: noise of one per cent of the FRF's, the default model error, all linear.
 """
 
 from __future__ import annotations
@@ -18,10 +19,15 @@ from scipy.interpolate import AAA
 
 import dovetail
 from dovetail.evaluation.finer_mesh import finer
+from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
+from dovetail.identification.foreign.tolerance import Tolerant
+from dovetail.identification.posterior.model_error import MODEL_ERROR, model_errors
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 NAMES = ("bt40_er32", "bolted_lap_beam", "shaft_hub", "spindle_bt40_er32")
 LINES, TOLERANCE, TERMS = 1100, 1e-9, 40
+NOISE, PRIOR = 0.01, 12.0
+"""Of the FRF's standard deviation in each line; information of a range, in fractions of it."""
 SAME, MOST_DAMPED = 0.01, 0.06
 """Relative distance within which a pole of the finer mesh is the same; damping beyond which a pole is none."""
 
@@ -60,14 +66,31 @@ def root_mean_square(sizes: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.minimum(sizes, np.quantile(sizes, 0.95)) ** 2)))
 
 
+def displacement(assembly: dovetail.Assembly, factor: int, joints: int) -> float:
+    """Return the root of the mean square, over joints and parameters, of displacements over standard deviations."""
+    fractions = np.random.default_rng(1).random((joints, len(assembly.parameters)))
+    theta, found = assembly.from_unit(fractions), []
+    for fraction, coarse, fine in zip(fractions, assembly.frf(theta), finer(assembly, factor).frf(theta), strict=True):
+        variance = np.full(len(coarse), (NOISE * coarse.std()) ** 2)
+        plain = Weighted(coarse, variance, np.sqrt(2.0 / variance), True)
+        allowed = model_errors(assembly.frequency, [coarse], MODEL_ERROR)
+        residual = Tolerant.towards(plain, plain.slopes(coarse[np.newaxis], allowed[np.newaxis])[0])
+        slopes = FrfMisfit(assembly, residual).linear(fraction[np.newaxis]).slopes[0]
+        precision = slopes @ slopes.T + PRIOR * np.eye(len(fraction))
+        moved = np.linalg.solve(precision, slopes @ residual.of(fine[np.newaxis])[0])
+        found.append(moved / np.sqrt(np.diag(np.linalg.inv(precision))))
+    return float(np.sqrt(np.mean(np.square(found))))
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--joints", type=int, default=40)
     parser.add_argument("--finer-mesh", type=int, default=4)
     given = parser.parse_args()
-    print("| assembly | natural frequencies | damping, ratio | modal constants, ratio | their angles, ratio |")
-    print("|---|---|---|---|---|")
+    print("| assembly | natural frequencies | damping, ratio | modal constants, ratio | their angles, ratio | joint |")
+    print("|---|---|---|---|---|---|")
     for name in NAMES:
-        found = errors(dovetail.load(ASSEMBLIES / f"{name}.yaml"), given.finer_mesh, given.joints)
-        first, *rest = (root_mean_square(column) for column in found.T)
-        print(f"| `{name}` | {first:.1e} | {' | '.join(f'{one / first:.2g}' for one in rest)} |")
+        assembly = dovetail.load(ASSEMBLIES / f"{name}.yaml")
+        first, *rest = (root_mean_square(column) for column in errors(assembly, given.finer_mesh, given.joints).T)
+        moved = displacement(assembly, given.finer_mesh, given.joints)
+        print(f"| `{name}` | {first:.1e} | {' | '.join(f'{one / first:.2g}' for one in rest)} | {moved:.2f} |")

@@ -73,6 +73,7 @@ def test_the_study_of_mesh_errors_has_a_row_for_each_assembly():
     assert len(rows) == 4
     assert all(1e-6 < float(row[1]) < 1e-2 for row in rows)
     assert float(rows[0][3]) > 3.0  # modal constants err more than natural frequencies
+    assert all(0.0 < float(row[5]) < 2.0 for row in rows)  # the joint is not displaced by more than is allowed for
 
 
 def test_the_study_of_the_gaussian_form_has_a_row_for_each_parameter():

@@ -7,9 +7,11 @@ from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import dovetail
 from dovetail.errors import MeasurementError
+from dovetail.identification.methods import METHODS
 
 
 def test_known_parameters_come_back(model: dovetail.Identifier, small: dovetail.Assembly) -> None:
@@ -175,3 +177,13 @@ def test_parameters_that_the_network_guesses_are_named(model: dovetail.Identifie
     guessing = replace(model, evaluation=replace(model.evaluation, parameters=metrics))
     (warning,) = guessing.identify(measured).warnings
     assert warning.startswith("Do not rely on c: ")
+
+
+def test_linear_algebra_takes_one_thread_while_a_joint_is_identified(small, measured, monkeypatch):
+    def threads(*_):
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    monkeypatch.setitem(METHODS, "refined", threads)
+    with threadpool_limits(2, user_api="blas"):
+        assert dovetail.identify(small, measured) == {1}
+        assert threads() == {2}

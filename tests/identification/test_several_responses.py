@@ -19,7 +19,9 @@ from dovetail.identification.fitting.frfs import Frfs
 from dovetail.identification.fitting.measured import Measured
 from dovetail.identification.fitting.misfit import FrfMisfit
 from dovetail.identification.posterior import sample_posterior
-from dovetail.identification.posterior.model_error import joint_model_errors, model_errors
+from dovetail.identification.posterior.model_error import model_errors
+from dovetail.identification.posterior.reduced import squares_with_errors
+from dovetail.identification.posterior.resonances import resonances
 from dovetail.identification.stored import read_identification
 
 LINES = 300
@@ -263,20 +265,43 @@ def test_a_wrong_number_of_measurements_is_one_clear_error(chain, clean, count):
         multistart(chain, (clean * 2)[:count])
 
 
+def test_resonances_make_up_the_frfs_of_all_responses(chain, clean):
+    values = [frf.values for frf in clean]
+    found = resonances(chain.frequency, values)
+    expected = chain.natural_frequencies(TRUTH)
+    np.testing.assert_allclose(found.poles.real, expected[: len(found.poles)], rtol=1e-3)
+    assert found.terms.shape == (2, len(found.poles), LINES)
+    np.testing.assert_allclose(found.terms.sum(axis=1) + found.rest, values, rtol=1e-12)
+    assert np.abs(found.rest[0]).max() < 1e-9 * np.abs(values[0]).max()  # a receptance is nothing else
+    np.testing.assert_allclose(found.rest[1], 1.0, atol=1e-9)  # an accelerance tends to one over the mass of 1 kg
+
+
 def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, clean):
     values = [frf.values for frf in clean]
-    each = [model_errors(chain.frequency, one, 1e-3) for one in values]
-    joint = joint_model_errors(chain.frequency, values, 1e-3)
-    poles = len(each[0]) // 2
-    assert joint.shape == (3 * poles, 2 * LINES)
-    covariance = joint.T @ joint.conj()
-    for index, own in enumerate(each):
-        part = slice(index * LINES, (index + 1) * LINES)
-        expected = own.T @ own.conj()
-        np.testing.assert_allclose(covariance[part, part], expected, atol=1e-12 * np.abs(expected).max())
-    shared = each[0][:poles].T @ each[1][:poles].conj()
-    np.testing.assert_allclose(covariance[:LINES, LINES:], shared, atol=1e-12 * np.abs(shared).max())
-    np.testing.assert_array_equal(joint_model_errors(chain.frequency, values[:1], 1e-3), each[0])
+    poles = len(resonances(chain.frequency, values).poles)
+    errors = model_errors(chain.frequency, values, 1e-3)
+    shared, own = 2 * (6 + poles) + 4 * poles, 2 * 2 * (6 + poles)
+    assert errors.shape == (shared + own, 2 * LINES)
+    for row in errors[shared:]:
+        assert row[:LINES].any() != row[LINES:].any()
+    for row in errors[12 : 12 + 2]:
+        assert row[:LINES].any()
+        assert row[LINES:].any()
+
+
+def test_a_natural_frequency_that_is_off_is_within_the_errors(sdof):
+    """A mass lighter by 0.2 % and stiffness as it was: the natural frequency is 0.1 % higher, nothing else is off."""
+    values = sdof.frf()
+    description = json.loads(sdof.description.text)
+    changed = json.loads(json.dumps(description).replace("1 kg", "0.998 kg"))
+    assert changed != description
+    difference = dovetail.load(changed).frf() - values
+    noise = 1e-2 * values.std()
+    errors = model_errors(sdof.frequency, [values], 1e-3) / noise
+    rows = np.concatenate([errors.real, errors.imag], axis=1)
+    off = np.concatenate([difference.real, difference.imag])[np.newaxis] / noise
+    assert np.sum(off**2) > 100
+    assert squares_with_errors(off, rows)[0] < 10.0  # 4.0; without what is not linear in it 21
 
 
 def test_model_error_widens_the_posterior_of_both(chain, noisy):

@@ -77,7 +77,7 @@ def predict_band(assembly: Assembly, result: Identification, *, level: float = L
         values = _frfs(assembly, result, posterior.theta[chosen])
     else:
         values = _linear(assembly, result, posterior.fraction[chosen], posterior.mode)
-    errors = model_errors(assembly.frequency, predict(assembly, result).values, posterior.model_error)
+    errors = model_errors(assembly.frequency, [predict(assembly, result).values], posterior.model_error)
     amplitude = np.abs(values + random.standard_normal((len(values), len(errors))) @ errors)
     lower, upper = np.quantile(amplitude, [(1.0 - level) / 2.0, (1.0 + level) / 2.0], axis=0)
     return Band(assembly.frequency, lower, upper, level)

@@ -72,7 +72,10 @@ def identify(
             found = f"the method '{method}' has no option '{name}'."
             raise ParameterError(Fault("options", found, listing(accepted_options) or "none"))
     frfs = tuple(on_grid(frf, assembly.frequency) for frf in one_for_each(assembly, measured))
-    return METHODS[method](assembly, frfs, model, **options)
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="blas"):  # matrices are small: more threads wait for each other
+        return METHODS[method](assembly, frfs, model, **options)
 
 
 def method_options(method: str) -> tuple[str, ...]:

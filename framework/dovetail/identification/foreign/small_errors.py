@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.identification.posterior.model_error import place_by_place
-
 __all__ = ["small_errors"]
 
+_PLACES = 6
 _MAGNITUDE = 2.0
 """Relative error of magnitude and phase over that of natural frequencies."""
 
@@ -35,11 +36,17 @@ def small_errors(
 
     Notes
     -----
-    The posterior allows a model more than that, since its intervals must hold all that a joint can be mistaken for;
-    here what a joint cannot follow is looked for, and errors of that size would hide it.
+    The posterior allows a model more than that, and each resonance on its own, since its intervals must hold all that a
+    joint can be mistaken for; here what a joint cannot follow is looked for, and such errors would hide it.
     """
     if level == 0.0 or len(frequency) < 2:
         return np.zeros((0, len(frequency)), dtype=np.complex128)
     stretched = level * frequency * np.gradient(values, frequency)
     off = _MAGNITUDE * level * values
-    return place_by_place(frequency, (stretched, off, 1j * off))
+    return _place_by_place(frequency, (stretched, off, 1j * off))
+
+
+def _place_by_place(frequency: NDArray[np.float64], sizes: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
+    knots = np.linspace(frequency[0], frequency[-1], _PLACES)
+    hats = np.stack([np.interp(frequency, knots, one) for one in np.eye(_PLACES)])
+    return np.concatenate([hats * size for size in sizes])

@@ -15,7 +15,7 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.frfs import Frfs
 from dovetail.identification.fitting.measured import Measured, missed
 from dovetail.identification.fitting.misfit import SideBySide, Weighted
-from dovetail.identification.posterior.model_error import correlation_length, joint_model_errors
+from dovetail.identification.posterior.model_error import correlation_length, model_errors
 
 __all__ = ["Likelihood", "check_options", "likelihood"]
 
@@ -67,7 +67,7 @@ def likelihood(assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, mode
         each = zip(target.frfs, target.split(values), deviation, target.split(off), strict=True)
         off = np.concatenate([part * correlation_length(missed(frf, own) / size) for frf, own, size, part in each])
     residual = target.weighted(fit.variance + off, fit.used)
-    errors = joint_model_errors(assembly.frequency, target.split(values), model_error)
+    errors = model_errors(assembly.frequency, target.split(values), model_error)
     with_errors = residual.slopes(values[np.newaxis], errors[np.newaxis])[0]
     return Likelihood(target, fit.variance + off, residual, int(np.count_nonzero(fit.used)), with_errors)
 

@@ -1,4 +1,4 @@
-"""What a model that is a little wrong can do to an FRF: resonances misplaced, magnitudes and phases off, smoothly."""
+"""What a model that is a little wrong can do to FRFs: resonances misplaced, too high or too broad."""
 
 from __future__ import annotations
 
@@ -8,65 +8,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MODEL_ERROR", "correlation_length", "joint_model_errors", "model_errors", "place_by_place"]
+from dovetail.identification.posterior.resonances import resonances
+
+__all__ = ["MODEL_ERROR", "correlation_length", "model_errors"]
 
 MODEL_ERROR = 5e-4
 """Standard deviation of the relative error of natural frequencies that a model is allowed by default."""
 
 _UNCORRELATED = 0.05
-_KNOTS = 6
-_OF_POLES = 2 * _KNOTS
-"""Errors of the poles, which all responses share: natural frequencies and damping ratios."""
 _DAMPING, _MAGNITUDE, _PHASE = 0.3, 20.0, 2.0
 """Errors over the relative error of natural frequencies: of damping ratios, of magnitudes (relative), of phases [rad].
 
 Natural frequencies are stationary in the mode shapes, modal constants and damping are not. These are the largest ratios
 that a mesh twice as fine shows among the assemblies that ship (docs/uncertainty.md).
 """
+_OWN = 0.3
+"""Error that each resonance has on its own, over the one that it shares with its neighbours."""
+_PLACES = 6
+"""Equally spaced frequencies between which neighbours err alike."""
+_BEYOND = (2, 3)
+"""Orders beyond the linear one up to which a misplaced resonance is followed: a peak far above the noise shows them."""
 
 
 def model_errors(
-    frequency: NDArray[np.float64], values: NDArray[np.complex128], level: float
-) -> NDArray[np.complex128]:
-    """Return what one standard deviation of each error adds to an FRF.
-
-    Parameters
-    ----------
-    frequency : (n_freq,) array
-        Hz.
-    values : (n_freq,) complex array
-        The FRF.
-    level : float
-        Relative error of natural frequencies; the others are in proportion.
-
-    Returns
-    -------
-    (n_errors, n_freq) complex array
-        Natural frequencies, damping ratios, magnitude and phase changed, each by a hat function around one of six
-        equally spaced frequencies: neighbouring resonances err alike, distant ones on their own.
-
-    Notes
-    -----
-    A pole moves by as much as the frequency axis is stretched; damping is its imaginary part.
-    """
-    if level == 0.0 or len(frequency) < 2:
-        return np.zeros((0, len(frequency)), dtype=np.complex128)
-    stretched = level * frequency * np.gradient(values, frequency)
-    sizes = (stretched, 1j * _DAMPING * stretched, _MAGNITUDE * level * values, 1j * _PHASE * level * values)
-    return place_by_place(frequency, sizes)
-
-
-def place_by_place(frequency: NDArray[np.float64], sizes: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
-    """Return each error (n_freq,) in parts (n_errors, n_freq), by hat functions around six equally spaced places."""
-    knots = np.linspace(frequency[0], frequency[-1], _KNOTS)
-    hats = np.stack([np.interp(frequency, knots, one) for one in np.eye(_KNOTS)])
-    return np.concatenate([hats * size for size in sizes])
-
-
-def joint_model_errors(
     frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]], level: float
 ) -> NDArray[np.complex128]:
-    """Return what one standard deviation of each error adds to the FRFs of several responses.
+    """Return what one standard deviation of each error adds to the FRFs of one structure.
 
     Parameters
     ----------
@@ -75,20 +42,47 @@ def joint_model_errors(
     values : sequence of (n_freq,) complex arrays
         The FRF of each response.
     level : float
-        As in `model_errors`.
+        Relative error of natural frequencies; the others are in proportion.
 
     Returns
     -------
     (n_errors, n_responses n_freq) complex array
         The lines of each response behind those of the one before. Natural frequencies and damping are those of the
         structure, so that all responses err alike in them; magnitude and phase err in each response on their own.
+
+    Notes
+    -----
+    Neighbouring resonances err alike for the most part: the FRF is stretched, and its magnitude and phase change,
+    smoothly over the frequency axis, by a hat function around each of six places. For the rest each resonance errs on
+    its own, which moves the zeros between them too. An error of 5e-4 is a quarter of the half width of a peak with a
+    loss factor of 0.004. What that adds is not linear in it: terms of higher order are errors of their own, of the
+    size that they have for one standard deviation.
     """
-    each = [model_errors(frequency, own, level) for own in values]
-    if len(each) == 1 or not len(each[0]):
-        return np.concatenate(each, axis=1)
-    own = [np.pad(one[_OF_POLES:], ((0, 0), (k * len(frequency), (len(each) - k - 1) * len(frequency))))
-        for k, one in enumerate(each)]  # fmt: skip
-    return np.concatenate([np.concatenate([one[:_OF_POLES] for one in each], axis=1), *own])
+    count, lines = len(values), len(frequency)
+    if level == 0.0 or lines < 2:
+        return np.zeros((0, count * lines), dtype=np.complex128)
+    found = resonances(frequency, values)
+    stretched = np.concatenate([_alike(frequency, frequency * np.gradient(one, frequency)) for one in values], axis=1)
+    single = found.displaced(_OWN * level, 1)
+    linear = np.concatenate([level * stretched, single])
+    beyond = np.concatenate([found.displaced(level, order) for order in _BEYOND])
+    of_each = [np.concatenate([_alike(frequency, one), _OWN * found.terms[k]]) for k, one in enumerate(values)]
+    sizes = level * np.concatenate([_in_place(one, k, count) for k, one in enumerate(of_each)])
+    return np.concatenate(
+        [linear, 1j * _DAMPING * linear, beyond, 1j * beyond, _MAGNITUDE * sizes, 1j * _PHASE * sizes]
+    )
+
+
+def _alike(frequency: NDArray[np.float64], error: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return an error (n_freq,) in parts (n_places, n_freq), each around its place."""
+    places = np.linspace(frequency[0], frequency[-1], _PLACES)
+    return np.asarray([np.interp(frequency, places, one) * error for one in np.eye(_PLACES)])
+
+
+def _in_place(errors: NDArray[np.complex128], index: int, count: int) -> NDArray[np.complex128]:
+    """Return errors (n, n_freq) of one of several responses, (n, count n_freq)."""
+    lines = errors.shape[1]
+    return np.pad(errors, ((0, 0), (index * lines, (count - index - 1) * lines)))
 
 
 def correlation_length(residuals: NDArray[Any]) -> float:
