@@ -121,8 +121,8 @@ def without_mode(frequency: np.ndarray, values: np.ndarray, rank: int, part: flo
 
 NAMES = {
     "tool": "tool stood out",
-    "holder": "of the holder",
-    "quantity": "times too|it were an? ",
+    "holder": "length' of the holder|holder stood out",
+    "quantity": "(9.807|4.448|1000) times too|it were a (mobility|receptance)",
     "mass": "accelerometer mass",
     "point": "measured on the tool at 20 mm",
     "axis": "frequency axis",
@@ -158,6 +158,26 @@ def kinds(assembly: dovetail.Assembly) -> Mapping[str, Kind]:
         "axis off by 1 %": lambda theta, case: stretched(assembly, theta, (0.01, -0.01)[case % 2]),
         "clipped, 3 % of the lines": lambda theta, _: cut_off(assembly.frf(theta), 0.03),
         "mode missing": lambda theta, case: without_mode(assembly.frequency, assembly.frf(theta), case % 2),
+    }
+
+
+def sizes(assembly: dovetail.Assembly) -> Mapping[str, Kind]:
+    """Return causes of several sizes."""
+
+    def axis(by: float) -> Kind:
+        return lambda theta, case: stretched(assembly, theta, by if case % 2 else -by)
+
+    def mass(grams: float) -> Kind:
+        return lambda theta, _: assembly.frf(theta) / (1.0 + 1e-3 * grams * assembly.frf(theta))
+
+    return {
+        "mass of 0.3 g left in": mass(0.3),
+        "mass of 0.1 g left in": mass(0.1),
+        "all values 1 % too large": lambda theta, _: 1.01 * assembly.frf(theta),
+        "axis off by 2 %": axis(0.02),
+        "axis off by 0.5 %": axis(0.005),
+        "holder section 20 mm longer": lambda theta, case: with_holder((2, 4, 5, 7)[case % 4], 20.0).frf(theta),
+        "tool 3 mm longer": lambda theta, _: with_tool(3.0).frf(theta),
     }
 
 
@@ -260,15 +280,17 @@ def main() -> None:
     parser.add_argument("--model-error", type=float, default=MODEL_ERROR, help="0 if the model is known to be exact")
     parser.add_argument("--reach", action="store_true", help="count those that any test could find")
     parser.add_argument("--name", action="store_true", help="name what looks wrong, and print it")
-    parser.add_argument("--only", help="kinds that begin with this")
+    parser.add_argument("--sizes", action="store_true", help="causes of other sizes in place of the eight kinds")
+    parser.add_argument("--only", help="kinds that begin with this, or one of these with commas between")
     given = parser.parse_args()
     assembly = dovetail.load(ASSEMBLY)
     model = None if given.model is None else dovetail.load_model(given.model)
-    of_kinds: dict[str, tuple[Kind, int]] = {kind: (make, given.foreign) for kind, make in kinds(assembly).items()}
+    causes = sizes(assembly) if given.sizes else kinds(assembly)
+    of_kinds: dict[str, tuple[Kind, int]] = {kind: (make, given.foreign) for kind, make in causes.items()}
     of_kinds["genuine"] = lambda theta, _: assembly.frf(theta), given.genuine
     of_kinds["genuine, mesh four times finer"] = lambda theta, _: finer(4).frf(theta), given.finer
     if given.only:
-        of_kinds = {kind: entry for kind, entry in of_kinds.items() if kind.startswith(given.only)}
+        of_kinds = {kind: entry for kind, entry in of_kinds.items() if kind.startswith(tuple(given.only.split(",")))}
     print(HEADER, flush=True)
     foreign = []
     for kind, found in study(

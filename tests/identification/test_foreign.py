@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.assembly import Assembly
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.misfit import Weighted
 from dovetail.identification.foreign import examine
@@ -18,8 +19,8 @@ from dovetail.identification.foreign.bands import off_bands
 from dovetail.identification.foreign.changes import changes
 from dovetail.identification.foreign.entries import entries
 from dovetail.identification.foreign.evidence import runs
+from dovetail.identification.foreign.missing_resonance import missing_resonance
 from dovetail.identification.foreign.overhang import overhangs
-from dovetail.identification.foreign.resonances import missing_resonance
 from dovetail.identification.foreign.tolerance import Tolerant
 from dovetail.identification.foreign.with_change import WithChange
 from dovetail.identification.stored import read_identification
@@ -141,7 +142,7 @@ def test_each_number_of_a_part_can_be_changed(collet):
 
 
 def test_a_part_that_stands_out_further_is_one_with_a_longer_section_there(collet, assemblies):
-    overhang, *_ = overhangs(collet.description)
+    overhang, *_ = overhangs(collet.description, 1000)
     assert (overhang.part, overhang.joint, overhang.length) == ("tool", "collet", pytest.approx(0.08))
     tool = overhang.changed(collet.description.substructures["tool"], 0.09)
     positions = [1e3 * node.position for node in tool.nodes]
@@ -155,10 +156,27 @@ def test_a_part_that_stands_out_further_is_one_with_a_longer_section_there(colle
     np.testing.assert_allclose(longer.frf(), dovetail.load(description).frf(), rtol=1e-9)
 
 
+@pytest.mark.parametrize("node", range(8))
+def test_what_lies_between_the_end_and_the_response_stays_as_it_is(collet, node):
+    (response,) = collet.description.responses
+    description = replace(collet.description, responses=(replace(response, node=node),))
+    overhang, *_ = overhangs(description, 1000)
+    assert overhang.part == "tool"
+    assert overhang.shortest == pytest.approx(0.01 * node)
+    tool = overhang.changed(description.substructures["tool"], 0.09)
+    positions = np.array([node.position for node in tool.nodes])
+    np.testing.assert_allclose(positions[: node + 1], 0.01 * np.arange(node + 1), atol=1e-12)
+    assert np.all(np.diff(positions) > 0)
+    (change,) = (one for one in changes(Assembly(description)) if one.overhang and "tool" in one.name)
+    altered = change.altered(change.least).description.substructures["tool"]
+    assert np.all(np.diff([node.position for node in altered.nodes]) > 0)
+
+
 def test_a_section_that_tapers_is_not_divided(collet):
     """The elements of the holder's taper are not what sections of their own would be, so it is lengthened as one."""
     holder = collet.description.substructures["holder"]
-    _, overhang = overhangs(collet.description)
+    _, overhang = overhangs(collet.description, 1000)
+    assert not list(overhangs(collet.description, 5))
     longer = overhang.changed(holder, overhang.length + 0.02)
     assert longer.config.sections[-1].elements == holder.config.sections[-1].elements == 10
     assert longer.nodes[-1].position == pytest.approx(holder.nodes[-1].position + 0.02)

@@ -6,6 +6,8 @@ import inspect
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from threadpoolctl import threadpool_limits
+
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
@@ -60,6 +62,11 @@ def identify(
         The assembly has nothing to identify, or the method has no such option or needs a model.
     ValueError
         `method` is not a method.
+
+    Notes
+    -----
+    Meanwhile the linear algebra of this process takes one thread: the matrices are small, and more threads wait for
+    each other.
     """
     if method not in METHODS:
         accepted = ", ".join(METHODS)
@@ -72,9 +79,7 @@ def identify(
             found = f"the method '{method}' has no option '{name}'."
             raise ParameterError(Fault("options", found, listing(accepted_options) or "none"))
     frfs = tuple(on_grid(frf, assembly.frequency) for frf in one_for_each(assembly, measured))
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1, user_api="blas"):  # matrices are small: more threads wait for each other
+    with threadpool_limits(1, user_api="blas"):
         return METHODS[method](assembly, frfs, model, **options)
 
 

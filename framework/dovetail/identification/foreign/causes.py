@@ -41,7 +41,7 @@ _OVERHANGS = (0.1, -0.1)
 _MOST_PARTS = 3
 """Of the numbers of the parts, how many are looked into: those that the remainder points to the most."""
 _SECONDS = 60.0
-"""After which nothing further is tried; enough for all that there is but on large assemblies."""
+"""After which nothing new is tried; enough for all that there is but on large assemblies."""
 _STRONGEST = 4
 """Of the numbers of the parts, how many are tried at quite other sizes: those on which the FRF depends the most."""
 _MOST_STEPS, _TOLERANCE = 40, 0.5
@@ -128,15 +128,17 @@ def _small(case: _Case) -> Iterator[Cause | None]:
     """Try what may be a little other than described; of the measurement before the parts."""
     by_name = {change.name: change for change in changes(case.assembly)}
     parts = sorted((name for name in by_name if ": " in name), key=lambda name: -abs(case.found.towards[name]))
+    numbers = [name for name in parts if not by_name[name].overhang]
     for name in _ALWAYS:
         if name in by_name:
             yield _looked_into(case, by_name[name], case.found.amounts[name])
-    for name in filter(_is_overhang, parts):
+    for name in parts:
+        if not by_name[name].overhang:
+            continue
         starts = (case.found.amounts[name], *_OVERHANGS)
         yield next(filter(None, (_looked_into(case, by_name[name], amount) for amount in starts)), None)
-    for name in parts[:_MOST_PARTS]:
-        if not _is_overhang(name):
-            yield _looked_into(case, by_name[name], case.found.amounts[name])
+    for name in numbers[:_MOST_PARTS]:
+        yield _looked_into(case, by_name[name], case.found.amounts[name])
 
 
 def _large(case: _Case) -> Iterator[Cause | None]:
@@ -149,13 +151,9 @@ def _large(case: _Case) -> Iterator[Cause | None]:
             yield _explained(case, other, words)
     parts = [change for change in changes(case.assembly) if ": " in change.name]
     strongest = sorted(parts, key=lambda change: -case.found.sensitivity(change.name))[:_STRONGEST]
-    overhangs = [change for change in parts if _is_overhang(change.name) and change not in strongest]
+    overhangs = [change for change in parts if change.overhang and change not in strongest]
     for change, amount in of_other_sizes([*overhangs, *strongest], case.target):
         yield _looked_into(case, change, amount)
-
-
-def _is_overhang(name: str) -> bool:
-    return ": overhang" in name
 
 
 def _cut_off(case: _Case) -> Cause | None:
@@ -174,25 +172,31 @@ def _cut_off(case: _Case) -> Cause | None:
 
 def _looked_into(case: _Case, change: Change, amount: float) -> Cause | None:
     """Seek how much of a change explains a measurement, from a first estimate, and fit anew with it if that helps."""
+    try:
+        found = _sought(case, change, float(np.clip(amount, _FURTHEST * change.least, _FURTHEST * change.most)))
+        if found is None or abs(found[1]) < change.worth:
+            return None
+        theta, amount = found
+        return _explained(case, change.altered(amount), change.words(amount), theta)
+    except (DovetailError, np.linalg.LinAlgError):
+        return None
+
+
+def _sought(case: _Case, change: Change, amount: float) -> tuple[NDArray[np.float64], float] | None:
+    """Return the joint (p,) [SI] and the amount that leave the least, or None if that is too much."""
     nothing = 1.2 * len(case.left.residuals)
     problem = WithChange(change, case.left.residual)
-    try:
-        amount = float(np.clip(amount, _FURTHEST * change.least, _FURTHEST * change.most))
-        start = problem.position(_near(case, change.altered(amount)), amount)
-        if np.sum(problem.residuals(start) ** 2) > max(_HARDLY * case.found.squares, nothing):
-            return None
-        found = minimise(problem, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS)
-    except DovetailError:
+    start = problem.position(_nearest_joint(case, change.altered(amount)), amount)
+    if np.sum(problem.residuals(start) ** 2) > max(_HARDLY * case.found.squares, nothing):
         return None
-    amount = problem.amount(found.position[0])
-    if found.cost[0] > max(_LESS * case.found.squares, nothing) or abs(amount) < change.worth:
+    found = minimise(problem, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS)
+    if found.cost[0] > max(_LESS * case.found.squares, nothing):
         return None
-    theta = case.assembly.from_unit(found.position[0, :-1])
-    return _explained(case, change.altered(amount), change.words(amount), theta)
+    return case.assembly.from_unit(found.position[0, :-1]), problem.amount(found.position[0])
 
 
-def _near(case: _Case, other: Assembly) -> NDArray[np.float64]:
-    """Return the fractions of the ranges (p,) where another assembly is the nearest to the measurement."""
+def _nearest_joint(case: _Case, other: Assembly) -> NDArray[np.float64]:
+    """Return the fractions of the ranges (p,) where another assembly is nearest: by amplitudes, then with phases."""
     search = FrfMisfit(other, LogAmplitude(case.target, case.left.residual.residual.variance))
     random = qmc.LatinHypercube(len(case.left.theta), rng=np.random.default_rng(0)).random(_SEARCHES)
     starts = np.concatenate([case.assembly.to_unit(case.left.theta)[np.newaxis], random])

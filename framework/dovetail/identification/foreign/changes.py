@@ -26,6 +26,9 @@ _STEP = 1e-4
 _LARGEST = 2000
 """DOFs of a substructure above which condensing it anew takes too long to ask what it would be otherwise."""
 
+_LEAST_BETWEEN = 0.05
+"""Part of the length between joint and response, or end, that is left at least."""
+
 Effect: TypeAlias = Callable[[NDArray[np.float64], NDArray[np.complex128]], NDArray[np.complex128]]
 
 
@@ -46,6 +49,8 @@ class Change:
         Amounts between which it is sought.
     worth : float
         Amount below which it is not worth a word.
+    overhang : bool
+        Whether it is how far a part stands out of its joint.
     """
 
     name: str
@@ -55,6 +60,7 @@ class Change:
     least: float
     most: float
     worth: float = 0.0
+    overhang: bool = False
 
 
 @lru_cache(maxsize=4)
@@ -136,34 +142,27 @@ def _axis(assembly: Assembly) -> Iterator[Change]:
 
 
 def _overhangs(assembly: Assembly) -> Iterator[Change]:
-    for overhang in overhangs(assembly.description):
-        yield from _of_part(
-            assembly,
-            overhang.part,
-            f"overhang at {1e3 * overhang.end:.4g} mm",
-            partial(_with_overhang, assembly, overhang),
-            partial(_overhang_in_words, overhang),
-        )
+    for overhang in overhangs(assembly.description, _LARGEST // 2):
+        altered = partial(_with_overhang, assembly, overhang)
+        words = partial(_overhang_in_words, overhang)
+        for change in _of_part(assembly, overhang.part, f"overhang at {1e3 * overhang.end:.4g} mm", altered, words):
+            shortest = np.log(_LEAST_BETWEEN + (1.0 - _LEAST_BETWEEN) * overhang.shortest / overhang.length)
+            yield replace(change, least=max(change.least, float(shortest)), overhang=True)
 
 
 def _of_parts(assembly: Assembly) -> Iterator[Change]:
     for name, model in assembly.description.substructures.items():
+        if 2 * len(model.nodes) > _LARGEST:
+            continue
         for entry in entries(model):
-            yield from _of_part(
-                assembly,
-                name,
-                entry.name,
-                partial(_with_entry, assembly, name, entry),
-                partial(_entry_in_words, name, entry),
-            )
+            altered = partial(_with_entry, assembly, name, entry)
+            yield from _of_part(assembly, name, entry.name, altered, partial(_entry_in_words, name, entry))
 
 
 def _of_part(
     assembly: Assembly, part: str, name: str, altered: Callable[[float], Assembly], words: Callable[[float], str]
 ) -> Iterator[Change]:
-    """Yield a change of a part by the logarithm of a ratio, unless it takes too long or cannot be."""
-    if 2 * len(assembly.description.substructures[part].nodes) > _LARGEST:
-        return
+    """Yield a change of a part by the logarithm of a ratio, if it can be."""
     try:
         changed = altered(_STEP)
     except DovetailError:

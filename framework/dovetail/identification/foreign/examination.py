@@ -13,8 +13,8 @@ from dovetail.identification.foreign.causes import Cause, causes
 from dovetail.identification.foreign.changes import changes
 from dovetail.identification.foreign.evidence import evidence, is_good
 from dovetail.identification.foreign.foreign import Foreign
+from dovetail.identification.foreign.missing_resonance import missing_resonance
 from dovetail.identification.foreign.remainder import remainder
-from dovetail.identification.foreign.resonances import missing_resonance
 from dovetail.identification.posterior.model_error import MODEL_ERROR
 
 __all__ = ["examine"]

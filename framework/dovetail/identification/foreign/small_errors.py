@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.identification.posterior.hats import hats
+
 __all__ = ["small_errors"]
 
-_PLACES = 6
 _MAGNITUDE = 2.0
 """Relative error of magnitude and phase over that of natural frequencies."""
 
@@ -43,10 +42,4 @@ def small_errors(
         return np.zeros((0, len(frequency)), dtype=np.complex128)
     stretched = level * frequency * np.gradient(values, frequency)
     off = _MAGNITUDE * level * values
-    return _place_by_place(frequency, (stretched, off, 1j * off))
-
-
-def _place_by_place(frequency: NDArray[np.float64], sizes: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
-    knots = np.linspace(frequency[0], frequency[-1], _PLACES)
-    hats = np.stack([np.interp(frequency, knots, one) for one in np.eye(_PLACES)])
-    return np.concatenate([hats * size for size in sizes])
+    return np.concatenate([hats(frequency) * size for size in (stretched, off, 1j * off)])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.identification.posterior.hats import hats
 from dovetail.identification.posterior.resonances import resonances
 
 __all__ = ["MODEL_ERROR", "correlation_length", "model_errors"]
@@ -24,8 +25,6 @@ that a mesh twice as fine shows among the assemblies that ship (docs/uncertainty
 """
 _OWN = 0.3
 """Error that each resonance has on its own, over the one that it shares with its neighbours."""
-_PLACES = 6
-"""Equally spaced frequencies between which neighbours err alike."""
 _BEYOND = (2, 3)
 """Orders beyond the linear one up to which a misplaced resonance is followed: a peak far above the noise shows them."""
 
@@ -56,27 +55,21 @@ def model_errors(
     smoothly over the frequency axis, by a hat function around each of six places. For the rest each resonance errs on
     its own, which moves the zeros between them too. An error of 5e-4 is a quarter of the half width of a peak with a
     loss factor of 0.004. What that adds is not linear in it: terms of higher order are errors of their own, of the
-    size that they have for one standard deviation.
+    size that they have for one standard deviation of the whole, and at any phase, since frequency and damping mix.
     """
     count, lines = len(values), len(frequency)
     if level == 0.0 or lines < 2:
         return np.zeros((0, count * lines), dtype=np.complex128)
-    found = resonances(frequency, values)
-    stretched = np.concatenate([_alike(frequency, frequency * np.gradient(one, frequency)) for one in values], axis=1)
+    found, alike = resonances(frequency, values), hats(frequency)
+    stretched = np.concatenate([alike * (frequency * np.gradient(one, frequency)) for one in values], axis=1)
     single = found.displaced(_OWN * level, 1)
     linear = np.concatenate([level * stretched, single])
     beyond = np.concatenate([found.displaced(level, order) for order in _BEYOND])
-    of_each = [np.concatenate([_alike(frequency, one), _OWN * found.terms[k]]) for k, one in enumerate(values)]
+    of_each = [np.concatenate([alike * one, _OWN * found.terms[k]]) for k, one in enumerate(values)]
     sizes = level * np.concatenate([_in_place(one, k, count) for k, one in enumerate(of_each)])
     return np.concatenate(
         [linear, 1j * _DAMPING * linear, beyond, 1j * beyond, _MAGNITUDE * sizes, 1j * _PHASE * sizes]
     )
-
-
-def _alike(frequency: NDArray[np.float64], error: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return an error (n_freq,) in parts (n_places, n_freq), each around its place."""
-    places = np.linspace(frequency[0], frequency[-1], _PLACES)
-    return np.asarray([np.interp(frequency, places, one) * error for one in np.eye(_PLACES)])
 
 
 def _in_place(errors: NDArray[np.complex128], index: int, count: int) -> NDArray[np.complex128]:

@@ -27,7 +27,7 @@ class Resonances:
     Parameters
     ----------
     poles : (n,) complex array
-        Natural frequencies [Hz]; the imaginary part is half the loss factor's.
+        Natural frequencies [Hz], ascending; the imaginary part is the real part times half the loss factor.
     terms : (n_responses, n, n_freq) complex array
         What each resonance contributes to each FRF.
     near : (n_responses, n, n_freq) complex array
@@ -57,10 +57,12 @@ class Resonances:
         Returns
         -------
         (n, n_responses n_freq) complex array
-            The lines of each response behind those of the one before.
+            The lines of each response behind those of the one before. Where the pole moves by more than its distance,
+            and the series diverges, no term is larger than the resonance itself.
         """
-        each = self.near * (by * self.relative) ** order
-        return np.asarray(each.transpose(1, 0, 2).reshape(len(self.poles), -1))
+        moved = by * self.relative
+        each = self.near * (moved / np.maximum(1.0, np.abs(moved))) ** order
+        return np.asarray(each.transpose(1, 0, 2).reshape(len(self.poles), self.rest.size))
 
 
 def resonances(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]]) -> Resonances:
@@ -72,6 +74,11 @@ def resonances(frequency: NDArray[np.float64], values: Sequence[NDArray[np.compl
         Hz.
     values : sequence of (n_freq,) complex arrays
         The FRF of each response.
+
+    Returns
+    -------
+    Resonances
+        None at all where the FRFs show none; then the rest is all that there is.
 
     Notes
     -----

@@ -15,7 +15,7 @@ from dovetail.identification.foreign.coarse import samples
 __all__ = ["missing_resonance"]
 
 _SMOOTHED = 9
-"""Lines over which a measured amplitude is averaged."""
+"""Lines over which a measured amplitude is averaged, so that noise makes no resonance."""
 _FAINT, _CLEAR = 1.0, 3.0
 """Decibels by which a resonance of a joint stands out at least, and one of the measurement."""
 _ABOVE_NOISE = 4.0
@@ -27,16 +27,21 @@ _BESIDE = 0.05
 
 
 def missing_resonance(assembly: Assembly, target: Frf) -> tuple[float, float] | None:
-    """Return between which frequencies [Hz] the one resonance lies that a measurement lacks; None if it lacks none.
+    """Return between which frequencies [Hz] the one resonance lies that a measurement lacks.
 
     Parameters
     ----------
     assembly : Assembly
     target : Frf
         In the quantity of the assembly's response, on its frequencies.
+
+    Returns
+    -------
+    (float, float) or None
+        None if it lacks none or several, or if the joints have no more than one in common.
     """
     found = _measured(target)
-    ranges = _ranges([target.frequency[_resonances(one, _FAINT)] for one in 20.0 * np.log10(samples(assembly))])
+    ranges = _ranges([target.frequency[_peaks(one, _FAINT)] for one in 20.0 * np.log10(samples(assembly))])
     absent = [(low, high) for low, high in ranges if not np.any((found > low) & (found < high))]
     return absent[0] if len(absent) == 1 < len(ranges) else None
 
@@ -47,10 +52,10 @@ def _measured(target: Frf) -> NDArray[np.float64]:
     noise = float(np.sqrt(np.median(estimated_variance(target) if known is None else known)))
     smooth = uniform_filter1d(target.amplitude, _SMOOTHED, mode="nearest")
     floor = np.maximum(smooth, max(_ABOVE_NOISE * noise, np.finfo(float).tiny))
-    return target.frequency[_resonances(20.0 * np.log10(floor), _CLEAR)]
+    return target.frequency[_peaks(20.0 * np.log10(floor), _CLEAR)]
 
 
-def _resonances(decibels: NDArray[np.float64], prominence: float) -> NDArray[np.intp]:
+def _peaks(decibels: NDArray[np.float64], prominence: float) -> NDArray[np.intp]:
     return np.asarray(find_peaks(decibels, prominence=prominence)[0])
 
 
