@@ -134,8 +134,7 @@ NAMES = {
 
 def says(words: str, kind: str) -> bool:
     """Say whether words name what kind of a measurement it is."""
-    expected = next((pattern for first, pattern in NAMES.items() if kind.startswith(first)), "")
-    return bool(expected) and re.search(expected, words) is not None
+    return any(kind.startswith(first) and re.search(pattern, words) is not None for first, pattern in NAMES.items())
 
 
 def kinds(assembly: dovetail.Assembly) -> Mapping[str, Kind]:
@@ -233,7 +232,7 @@ def study(
                 verdict = examine(assembly, measured, refine(assembly, measured), model_error, name=name)
                 found.refined[level].append(verdict.flagged)
                 found.words[level].append(verdict.looks_like)
-                if name and verdict.flagged:
+                if name and verdict.flagged and not kind.startswith("genuine"):
                     found.named[level].append(says(verdict.looks_like, kind))
                 if model is not None:
                     answer = model.identify(measured).foreign
