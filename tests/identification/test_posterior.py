@@ -81,8 +81,8 @@ def test_where_no_search_arrives_moves_from_the_peak_find_the_same_posterior(sdo
     np.testing.assert_allclose(np.sqrt(found.weight @ (found.fraction - ours) ** 2), deviation, rtol=0.1)
 
 
-@pytest.mark.parametrize("level", [5e-4, 2e-3])
-def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level):
+@pytest.mark.parametrize(("level", "wider"), [(5e-4, 2), (2e-3, 3)])
+def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level, wider):
     frf = noisy(sdof, sdof.from_unit(np.array([0.4, 0.5])), 0.05, 1)
     fit = refine(sdof, frf)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
@@ -92,7 +92,7 @@ def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level):
     without = sample_posterior(sdof, frf, fit, samples=2000, model_error=0.0)
     found = sample_posterior(sdof, frf, fit, samples=2000, model_error=level)
     spread = [np.sqrt(p.weight @ (p.fraction - p.weight @ p.fraction) ** 2) for p in (without, found)]
-    assert spread[1][0] > 2 * spread[0][0]  # the stiffness, which the natural frequency tells
+    assert spread[1][0] > wider * spread[0][0]  # the stiffness, which the natural frequency tells
     np.testing.assert_allclose(spread[1], deviation, rtol=0.05)
 
 

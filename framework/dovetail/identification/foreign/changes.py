@@ -25,7 +25,6 @@ _STEP = 1e-4
 """Relative change by which derivatives are taken."""
 _LARGEST = 2000
 """DOFs of a substructure above which condensing it anew takes too long to ask what it would be otherwise."""
-
 _LEAST_BETWEEN = 0.05
 """Part of the length between joint and response, or end, that is left at least."""
 
@@ -66,9 +65,8 @@ class Change:
 @lru_cache(maxsize=4)
 def changes(assembly: Assembly) -> tuple[Change, ...]:
     """Return what may be other than described: of the measurement, and of each part."""
-    return (
-        *_factors(assembly), *_mass(assembly), *_axis(assembly), *_overhangs(assembly), *_of_parts(assembly)
-    )  # fmt: skip
+    of_measurement = (*_factors(assembly), *_mass(assembly), *_axis(assembly))
+    return (*of_measurement, *_overhangs(assembly), *_of_parts(assembly))
 
 
 def _factors(assembly: Assembly) -> Iterator[Change]:
