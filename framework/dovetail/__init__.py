@@ -62,6 +62,7 @@ if TYPE_CHECKING:
         write_frf,
     )
     from dovetail.registry import hookimpl
+    from dovetail.report import write_report
     from dovetail.units import InUnit
 
 _HOMES = {
@@ -117,6 +118,7 @@ _HOMES = {
         "write_frf",
     ),
     "dovetail.registry": ("hookimpl",),
+    "dovetail.report": ("write_report",),
     "dovetail.units": ("InUnit",),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
@@ -174,6 +176,7 @@ __all__ = [
     "without_window_damping",
     "write_frf",
     "write_receptance",
+    "write_report",
 ]
 
 

@@ -27,8 +27,8 @@ from scipy.stats import norm
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.identification.fitting import refine
-from dovetail.identification.foreign import examine
-from dovetail.identification.foreign.remainder import remainder
+from dovetail.identification.misspecification import examine
+from dovetail.identification.misspecification.whitened_residuals import remainder
 from dovetail.identification.posterior.model_error import MODEL_ERROR
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"

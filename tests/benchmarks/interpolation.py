@@ -29,7 +29,7 @@ from synthesis import printed
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.synthesis.barycentric import RationalPair, chebyshev_lines
+from dovetail.synthesis.interpolation import RationalPair, chebyshev_lines
 
 COUNTS = (13, 17, 21, 25, 29, 33, 41, 49)
 TOLERANCE = 1e-9

@@ -23,10 +23,10 @@ import numpy as np
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.synthesis import Engine
-from dovetail.synthesis.code import kernel_source
-from dovetail.synthesis.loops import looped_kernel_source
-from dovetail.synthesis.machine import MachineKernel, aligned_empty, as_vectors
-from dovetail.synthesis.vectors import VECTOR, WIDTH, constant
+from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty, as_vectors
+from dovetail.synthesis.codegen.looped import looped_kernel_source
+from dovetail.synthesis.codegen.straight_line import kernel_source
+from dovetail.synthesis.codegen.vector_ir import VECTOR, WIDTH, constant
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 
@@ -82,7 +82,7 @@ def optimised(source: str) -> str:
     """Run LLVM's own optimisations (-O3) on the code."""
     import llvmlite.binding as llvm
 
-    from dovetail.synthesis.machine import _target_machine
+    from dovetail.synthesis.codegen.compiler import _target_machine
 
     module = llvm.parse_assembly(source)
     builder = llvm.create_pass_builder(_target_machine(), llvm.create_pipeline_tuning_options(speed_level=3))
@@ -121,7 +121,7 @@ class Bench:
         """Print how many floating-point instructions on vectors the processor gets."""
         import llvmlite.binding as llvm
 
-        from dovetail.synthesis.machine import _target_machine
+        from dovetail.synthesis.codegen.compiler import _target_machine
 
         code = _target_machine().emit_assembly(llvm.parse_assembly(source))
         count = len(re.findall(r"^\s+v(?:f|mul|add|sub|div|sqrt|xor|and|cmp)\w*\s", code, flags=re.M))

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.interpolate import AAA
 
 import dovetail
-from dovetail.evaluation.finer_mesh import finer
-from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
-from dovetail.identification.foreign.tolerance import Tolerant
+from dovetail.evaluation.mesh_refinement import finer
+from dovetail.identification.fitting.residuals import FrfMisfit, Weighted
+from dovetail.identification.misspecification.whitened_residuals import Tolerant
 from dovetail.identification.posterior.model_error import MODEL_ERROR, model_errors
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"

@@ -18,7 +18,7 @@ import numpy as np
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.evaluation import plan
-from dovetail.evaluation.planning import NOISE
+from dovetail.evaluation.experiment_design import NOISE
 from dovetail.identification.fitting import refine
 from dovetail.identification.posterior import Posterior, quantiles, sample_posterior
 

@@ -30,11 +30,17 @@ import numpy as np
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.least_squares import Linear, SumOfSquares, minimise
-from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
+from dovetail.identification.fitting.levenberg_marquardt import Linear, SumOfSquares, minimise
+from dovetail.identification.fitting.residuals import FrfMisfit, Weighted
 from dovetail.identification.posterior import sample_posterior
-from dovetail.identification.posterior.coordinates import PriorAndData, fraction_of, quantile_of
-from dovetail.identification.posterior.in_cube import InCube, into_cube, out_of_cube
+from dovetail.identification.posterior.prior import (
+    InCube,
+    PriorAndData,
+    fraction_of,
+    into_cube,
+    out_of_cube,
+    quantile_of,
+)
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISE = 0.01

@@ -233,7 +233,7 @@ def test_predict_as_json(run, results, heavier):
 
 
 def test_a_result_read_back_is_the_same(results, bench):
-    from dovetail.identification.stored import read_identification
+    from dovetail.identification.result_file import read_identification
 
     result = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured))
     assert read_identification(results).to_dict() == result.to_dict()

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from dovetail.assembly.reader import read_description
-from dovetail.assembly.yaml_source import LARGEST_FILE, LARGEST_TREE
+from dovetail.documents.yaml_reader import LARGEST_FILE, LARGEST_TREE
 from dovetail.errors import DescriptionError
 
 BILLION_LAUGHS = "a0: &a0 lol\n" + "".join(

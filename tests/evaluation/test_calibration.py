@@ -16,8 +16,8 @@ import dovetail
 from dovetail.errors import DovetailError, ParameterError
 from dovetail.evaluation import calibrate
 from dovetail.evaluation import calibration as study
-from dovetail.evaluation.finer_mesh import finer
-from dovetail.evaluation.workers import side_by_side
+from dovetail.evaluation.mesh_refinement import finer
+from dovetail.evaluation.parallel import side_by_side
 
 CASES = 120
 

@@ -13,7 +13,7 @@ import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.evaluation import plan
-from dovetail.evaluation.within_ranges import left_over
+from dovetail.evaluation.truncated_gaussian import left_over
 from dovetail.identification.fitting import refine
 from dovetail.identification.posterior import sample_posterior
 

@@ -12,10 +12,9 @@ from scipy.optimize import least_squares
 import dovetail
 from dovetail.errors import MeasurementError, ParameterError
 from dovetail.identification.fitting import multistart, refine
-from dovetail.identification.fitting.bad_lines import isolated_lines
-from dovetail.identification.fitting.least_squares import Linear, minimise
-from dovetail.identification.fitting.misfit import FrfMisfit, LogAmplitude, Weighted
-from dovetail.identification.fitting.variance import estimated_variance
+from dovetail.identification.fitting.levenberg_marquardt import Linear, minimise
+from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines
+from dovetail.identification.fitting.residuals import FrfMisfit, LogAmplitude, Weighted
 from dovetail.measurement import complex_noise
 
 

@@ -12,18 +12,16 @@ import pytest
 import dovetail
 from dovetail.assembly import Assembly
 from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.misfit import Weighted
-from dovetail.identification.foreign import examine
-from dovetail.identification.foreign.altered import AlteredAssembly, factor, loaded
-from dovetail.identification.foreign.bands import off_bands
-from dovetail.identification.foreign.changes import changes
-from dovetail.identification.foreign.entries import entries
-from dovetail.identification.foreign.evidence import runs
-from dovetail.identification.foreign.missing_resonance import missing_resonance
-from dovetail.identification.foreign.overhang import overhangs
-from dovetail.identification.foreign.tolerance import Tolerant
-from dovetail.identification.foreign.with_change import WithChange
-from dovetail.identification.stored import read_identification
+from dovetail.identification.fitting.residuals import Weighted
+from dovetail.identification.misspecification import examine
+from dovetail.identification.misspecification.explanations import WithChange
+from dovetail.identification.misspecification.frequency_bands import off_bands
+from dovetail.identification.misspecification.overhang import overhangs
+from dovetail.identification.misspecification.perturbations import AlteredAssembly, changes, entries, factor, loaded
+from dovetail.identification.misspecification.prior_predictive import missing_resonance
+from dovetail.identification.misspecification.significance import runs
+from dovetail.identification.misspecification.whitened_residuals import Tolerant
+from dovetail.identification.result_file import read_identification
 from dovetail.measurement import on_grid
 
 

@@ -14,14 +14,14 @@ import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.least_squares import Linear
+from dovetail.identification.fitting.levenberg_marquardt import Linear
 from dovetail.identification.posterior import Posterior, laplace_posterior, sample_posterior
-from dovetail.identification.posterior.convergence import halves_apart
-from dovetail.identification.posterior.coordinates import PriorAndData
 from dovetail.identification.posterior.laplace import Gaussian
-from dovetail.identification.posterior.modes import climb
-from dovetail.identification.posterior.reduced import WithErrors, squares_with_errors
-from dovetail.identification.stored import read_identification
+from dovetail.identification.posterior.likelihood import WithErrors, squares_with_errors
+from dovetail.identification.posterior.mode_search import climb
+from dovetail.identification.posterior.posterior import halves_apart
+from dovetail.identification.posterior.prior import PriorAndData
+from dovetail.identification.result_file import read_identification
 
 
 class Banana:
@@ -110,7 +110,7 @@ def test_the_form_is_stored_and_shown(sdof, assemblies, tmp_path):
     np.testing.assert_allclose(again.posterior.mode, result.posterior.mode)
     ours, theirs = dovetail.predict_band(sdof, again), dovetail.predict_band(sdof, result)
     np.testing.assert_allclose(ours.upper, theirs.upper, rtol=1e-9)
-    page = result.report(tmp_path / "report.html").read_text(encoding="utf-8")
+    page = dovetail.write_report(result, tmp_path / "report.html").read_text(encoding="utf-8")
     assert "A Gaussian at the most probable place" in page
     spoilt = result.to_dict()
     spoilt["posterior"]["mode"] = [1.0]

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.posterior.model_error import model_errors
-from dovetail.identification.posterior.reduced import squares_with_errors
-from dovetail.identification.posterior.resonances import resonances
+from dovetail.identification.posterior.likelihood import squares_with_errors
+from dovetail.identification.posterior.model_error import model_errors, resonances
 
 
 @pytest.mark.parametrize("lines", [2, 5, 40])

@@ -13,16 +13,15 @@ import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.measured import Measured
-from dovetail.identification.fitting.misfit import FrfMisfit, Weighted
+from dovetail.identification.fitting.observations import Measured
+from dovetail.identification.fitting.residuals import FrfMisfit, Weighted
 from dovetail.identification.posterior import Posterior, model_errors, quantiles, sample_posterior, sampling
-from dovetail.identification.posterior.coordinates import PriorAndData, quantile_of
+from dovetail.identification.posterior.likelihood import ReducedMisfit, WithErrors, squares_with_errors
+from dovetail.identification.posterior.mode_search import search_modes
 from dovetail.identification.posterior.model_error import correlation_length
-from dovetail.identification.posterior.modes import search_modes
-from dovetail.identification.posterior.moves import move
-from dovetail.identification.posterior.optimised import Charts, Places
-from dovetail.identification.posterior.reduced import ReducedMisfit, WithErrors, squares_with_errors
-from dovetail.identification.stored import read_identification
+from dovetail.identification.posterior.prior import PriorAndData, quantile_of
+from dovetail.identification.posterior.randomize_then_optimize import Charts, Places, move
+from dovetail.identification.result_file import read_identification
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.modes import paired_modes, resonance_peaks
+from dovetail.identification.resonance_peaks import paired_modes, resonance_peaks
 
 FREQUENCY = np.arange(100.0, 9001.0, 2.0)
 NATURAL = np.array([1319.0, 6446.0, 8133.0])

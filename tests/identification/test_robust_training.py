@@ -10,9 +10,8 @@ import pytest
 import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.errors import DatasetError
-from dovetail.identification.augmentation import Augmentation
-from dovetail.identification.epochs import NoisyFeatures, ReducedEpochs
-from dovetail.identification.scaling import TargetScaling, ZScore
+from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures, ReducedEpochs
+from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 
 AXIS = np.arange(1.0, 2001.0)
 SILENT = {"additive": 0.0, "multiplicative": 0.0}

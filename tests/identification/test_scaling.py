@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dovetail.identification.features import log10p1
-from dovetail.identification.scaling import BLOCK_ROWS, TargetScaling, ZScore
+from dovetail.identification.network.preprocessing import BLOCK_ROWS, TargetScaling, ZScore, log10p1
 from dovetail.interfaces import Parameter
 
 RNG = np.random.default_rng(3)

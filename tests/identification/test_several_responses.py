@@ -11,17 +11,14 @@ import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.dataset import complex_accelerance
 from dovetail.errors import MeasurementError
-from dovetail.identification.augmentation import Augmentation
-from dovetail.identification.epochs import NoisyFeatures
-from dovetail.identification.features import log10p1
 from dovetail.identification.fitting import multistart, refine
-from dovetail.identification.fitting.frfs import Frfs
-from dovetail.identification.fitting.measured import Measured
-from dovetail.identification.fitting.misfit import FrfMisfit
+from dovetail.identification.fitting.observations import Measured
+from dovetail.identification.fitting.residuals import FrfMisfit, Frfs
+from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures
+from dovetail.identification.network.preprocessing import log10p1
 from dovetail.identification.posterior import sample_posterior
-from dovetail.identification.posterior.model_error import model_errors
-from dovetail.identification.posterior.resonances import resonances
-from dovetail.identification.stored import read_identification
+from dovetail.identification.posterior.model_error import model_errors, resonances
+from dovetail.identification.result_file import read_identification
 
 LINES = 300
 CHAIN = {
@@ -239,7 +236,7 @@ def test_the_result_has_every_response(chain, noisy, tmp_path):
     assert [one.point for one in stored.responses] == ["lower, 0 mm", "upper, 0 mm"]
     np.testing.assert_array_equal(stored.responses[1].measured.values, result.responses[1].measured.values)
     assert stored.responses[1].mean_coherence == pytest.approx(result.responses[1].mean_coherence)
-    page = result.report(tmp_path / "report.html").read_text()
+    page = dovetail.write_report(result, tmp_path / "report.html").read_text()
     assert page.count("<figure>") == 2
     assert "<h3>upper, 0 mm</h3>" in page
     assert "2 measured FRFs" in page

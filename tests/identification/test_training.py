@@ -9,9 +9,8 @@ import pytest
 
 import dovetail
 from dovetail.errors import DatasetError
-from dovetail.identification.features import log10p1
-from dovetail.identification.scaling import BLOCK_ROWS
-from dovetail.identification.training import split
+from dovetail.identification.network.preprocessing import BLOCK_ROWS, log10p1
+from dovetail.identification.network.training import split
 
 
 class InMemoryDataset:

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dovetail import atomic_files
 from dovetail.errors import MeasurementError
 from dovetail.frf import QUANTITIES, Frf
-from dovetail.measurement import disk, read_frf, write_frf
+from dovetail.measurement import read_frf, write_frf
 
 EXACT = [("a.csv", {}), ("a.npz", {}), ("a.uff", {"binary": True}), ("A.UNV", {"binary": True}), ("a.CSV", {})]
 
@@ -128,7 +129,7 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, measured: Frf, m
     def broken(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(disk.os, "replace", broken)
+    monkeypatch.setattr(atomic_files.os, "replace", broken)
     with pytest.raises(MeasurementError, match="the file cannot be written: No space left on device"):
         write_frf(measured.to("mobility"), path, overwrite=True)
     assert os.listdir(tmp_path) == ["a.csv"]

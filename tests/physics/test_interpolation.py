@@ -11,7 +11,7 @@ import pytest
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.errors import DatasetError, ParameterError
-from dovetail.synthesis.barycentric import RationalPair, chebyshev_lines
+from dovetail.synthesis.interpolation import RationalPair, chebyshev_lines
 
 
 def error(found, exact):

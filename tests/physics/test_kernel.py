@@ -12,8 +12,8 @@ from dovetail import JointModel, Parameter, Port
 from dovetail.dataset import latin_hypercube
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
+from dovetail.synthesis.codegen.vector_ir import WIDTH
 from dovetail.synthesis.elimination import eliminate, run
-from dovetail.synthesis.vectors import WIDTH
 
 FREQUENCY = np.linspace(20.0, 900.0, 61)
 

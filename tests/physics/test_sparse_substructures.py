@@ -12,8 +12,8 @@ from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.reader import read_description
 from dovetail.errors import PluginError
 from dovetail.registry import Registry
-from dovetail.synthesis import condensation, direct_receptance, reduced_basis
-from dovetail.synthesis.partition import Partition
+from dovetail.synthesis import condensation, direct_receptance, sparse_condensation
+from dovetail.synthesis.sparse_condensation import Partition
 
 LENGTH, SIDE, LOSS = 0.3, 0.03, 0.003
 
@@ -138,6 +138,10 @@ def test_receptance_of_a_sparse_part_is_that_of_a_dense_one():
     np.testing.assert_allclose(*parts, rtol=1e-7)
 
 
+def _no_modes(partition, highest):
+    return np.empty((partition.inner.size, 0))
+
+
 @pytest.mark.parametrize("with_modes", [True, False])
 def test_the_reduced_basis_states_an_error_that_holds_at_every_line(with_modes, monkeypatch):
     """At a mode of the held bar the stiffness grows without bound; the error holds there too.
@@ -145,26 +149,26 @@ def test_the_reduced_basis_states_an_error_that_holds_at_every_line(with_modes, 
     Without its modes the basis meets the first exact lines by chance only, and has to ask for more of them.
     """
     if not with_modes:
-        monkeypatch.setattr(reduced_basis, "_modes", lambda partition, highest: np.empty((partition.inner.size, 0)))
+        monkeypatch.setattr(sparse_condensation, "_modes", _no_modes)
     partition = Partition(Solid(Solid.Config()).matrices(), range(6))
     frequency = np.arange(100.0, 20001.0, 50.0)
     exact = partition.condensed(frequency)
     for tolerance in (1e-3, 1e-6, 1e-9):
-        reduced = reduced_basis.condense_on_basis(partition, frequency, tolerance)
+        reduced = sparse_condensation.condense_on_basis(partition, frequency, tolerance)
         assert reduced.error <= tolerance
-        assert reduced_basis.relative_difference(reduced.stiffness, exact).max() <= tolerance
+        assert sparse_condensation.relative_difference(reduced.stiffness, exact).max() <= tolerance
         assert reduced.exact_lines < 12
 
 
 def test_a_part_states_how_exactly_it_is_condensed(monkeypatch):
-    monkeypatch.setattr(reduced_basis, "_modes", lambda partition, highest: np.empty((partition.inner.size, 0)))
+    monkeypatch.setattr(sparse_condensation, "_modes", _no_modes)
     frequency = np.arange(100.0, 20001.0, 50.0)
     exact, fine, coarse = (
         condensation.boundary_dynamic_stiffness(Solid(Solid.Config(tolerance=tolerance)), range(6), frequency)
         for tolerance in (0.0, 1e-9, 1e12)
     )
-    assert reduced_basis.relative_difference(fine, exact).max() < 1e-9
-    assert reduced_basis.relative_difference(coarse, exact).max() > 1e-9
+    assert sparse_condensation.relative_difference(fine, exact).max() < 1e-9
+    assert sparse_condensation.relative_difference(coarse, exact).max() > 1e-9
 
 
 def test_a_dense_part_of_many_dofs_is_condensed_as_a_sparse_one(monkeypatch):

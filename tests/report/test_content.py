@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from dovetail.identification import Foreign, Identification, Mode
-from dovetail.report import Truth
+from dovetail.report import Truth, write_report
 from dovetail.report.content import (
     evaluation_rows,
     foreign_sentences,
@@ -99,7 +99,7 @@ def test_a_foreign_measurement_is_said_before_any_number(result, tmp_path):
     sentences = foreign_sentences(flagged)
     assert sentences[0] == "This model cannot have made this measurement: do not believe the numbers below."
     assert sentences[1:] == ["It looks as if a mass was left in.", "It is off.", "It is off at 100 to 250 Hz."]
-    page = flagged.report(tmp_path / "report.html").read_text(encoding="utf-8")
+    page = write_report(flagged, tmp_path / "report.html").read_text(encoding="utf-8")
     assert 0 < page.index(sentences[0]) < page.index("It looks as if") < page.index("Identified parameters")
     nameless = replace(result, foreign=replace(foreign, looks_like=""))
     assert foreign_sentences(nameless)[1] == "It looks like another structure or response point."

@@ -238,7 +238,7 @@ def test_ids_are_unique_and_every_reference_resolves(result: Identification, tmp
 def test_a_report_replaces_an_earlier_one(result: Identification, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
     path.write_text("earlier")
-    assert result.report(path) == path
+    assert write_report(result, path) == path
     assert "earlier" not in path.read_text(encoding="utf-8")
     assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
 

@@ -4,7 +4,7 @@ from dovetail.assembly.assembly import Assembly, PluginPaths, components, load
 from dovetail.assembly.description import Description, IdentificationSettings
 from dovetail.assembly.json_schema import description_schema
 from dovetail.assembly.parameters import ParameterSpace, Theta
-from dovetail.assembly.probe import SAME, largest_difference
+from dovetail.assembly.regression_check import SAME, largest_difference
 from dovetail.assembly.sections import AugmentationSection
 
 __all__ = [

@@ -9,9 +9,9 @@ from typing import Any, TypeGuard
 
 from pydantic import BaseModel
 
-from dovetail.assembly.findings import Findings
-from dovetail.assembly.tree import Path, replaced, shown
-from dovetail.assembly.validation import validate
+from dovetail.documents.fault_list import Findings
+from dovetail.documents.tree import Path, replaced, shown
+from dovetail.documents.validation import validate
 from dovetail.errors import DovetailError, PluginError, listing
 from dovetail.interfaces import Component, FileName, Kind
 from dovetail.registry import Offer, Registry

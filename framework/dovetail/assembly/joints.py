@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from dovetail.assembly.component_sections import Built, build
 from dovetail.assembly.description import JointEntry
-from dovetail.assembly.findings import Findings
-from dovetail.assembly.nodes import find_node
 from dovetail.assembly.parameter_sections import check_ranges, read_parameters
 from dovetail.assembly.sections import AttachmentSection
-from dovetail.assembly.tree import Path, shown
-from dovetail.assembly.validation import validate
+from dovetail.documents.fault_list import Findings
+from dovetail.documents.tree import Path, shown
+from dovetail.documents.validation import validate
 from dovetail.errors import did_you_mean, listing
-from dovetail.interfaces import Port, SubstructureModel, joint_faults, source_file
+from dovetail.interfaces import Node, Port, SubstructureModel, joint_faults, source_file
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_quantity
 
-__all__ = ["Substructures", "read_joint"]
+__all__ = ["Substructures", "check_connected", "find_node", "node_positions", "read_joint"]
 
 Substructures = Mapping[str, SubstructureModel | None]
 """The substructures by name; None for one that has faults."""
@@ -132,3 +131,74 @@ class _Connect:
 
 def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def check_connected(
+    substructures: Mapping[str, SubstructureModel], joints: Mapping[str, JointEntry], response: str, findings: Findings
+) -> None:
+    """Report substructures and joints that the response cannot feel; motion does not pass through the ground."""
+    parts = {
+        name: {attachment.substructure for attachment in joint.connection.attachments} for name, joint in joints.items()
+    }
+    reached, new = {response}, [response]
+    while new:
+        part = new.pop()
+        for attached in parts.values():
+            if part in attached and not substructures[part].grounded:
+                new.extend(attached - reached)
+                reached |= attached
+    for name in substructures:
+        if name not in reached:
+            found = f"no joint connects '{name}' with '{response}', where the response is."
+            findings.add(("substructures", name), found, remedy="Connect it or remove it.", key=True)
+    for name, attached in parts.items():
+        if attached and all(substructures[part].grounded for part in attached):
+            found = f"the joint '{name}' attaches to nothing that moves."
+            findings.add(("joints", name), found, remedy="Connect it to a part that moves, or remove it.", key=True)
+
+
+_ABSOLUTE, _RELATIVE = 1e-9, 1e-6
+"""How far a position may be from its node [m], and relative to itself."""
+
+
+def find_node(
+    name: str, substructure: SubstructureModel, place: float | str, path: Path, findings: Findings
+) -> int | None:
+    """Return the index of the node at a position [m] or of a label, or None with a fault."""
+    if isinstance(place, str):
+        return _find_label(name, substructure, place, path, findings)
+    nodes, position = substructure.nodes, place
+    tolerance = _ABSOLUTE + _RELATIVE * abs(position)
+    there = [index for index, node in enumerate(nodes) if abs(node.position - position) <= tolerance]
+    shown = format_quantity(position, "m", 8)
+    if len(there) == 1 or (there and substructure.grounded):
+        return there[0]
+    if there:
+        labels = listing(nodes[index].label for index in there)
+        findings.add(path, f"{shown} of substructure '{name}' could be any of its nodes {labels}.")
+    else:
+        remedy = _nearest(nodes, position)
+        findings.add(path, f"substructure '{name}' has no node at {shown}.", node_positions(nodes), remedy)
+    return None
+
+
+def _find_label(name: str, substructure: SubstructureModel, label: str, path: Path, findings: Findings) -> int | None:
+    labels = [node.label for node in substructure.nodes]
+    if label in labels:
+        return labels.index(label)
+    found = f"substructure '{name}' has no node '{label}'."
+    findings.add(path, found, f"{listing(labels)}; or a position", did_you_mean(label, labels))
+    return None
+
+
+def node_positions(nodes: Sequence[Node]) -> str:
+    """List where the nodes are."""
+    return listing(format_quantity(node.position, "m") for node in nodes)
+
+
+def _nearest(nodes: Sequence[Node], position: float) -> str:
+    nearest = sorted({node.position for node in nodes}, key=lambda place: abs(place - position))[:2]
+    places = [format_quantity(place, "m", 8) for place in sorted(nearest)]
+    if len(places) == 1:
+        return f"The only node is at {places[0]}."
+    return f"The nearest nodes are at {places[0]} and {places[1]}."

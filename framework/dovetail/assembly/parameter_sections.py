@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dovetail.assembly.component_sections import Built
-from dovetail.assembly.findings import Findings
 from dovetail.assembly.sections import ParameterSection
-from dovetail.assembly.tree import Item, Path, plain, shown
-from dovetail.assembly.validation import validate
+from dovetail.documents.fault_list import Findings
+from dovetail.documents.tree import Item, Path, plain, shown
+from dovetail.documents.validation import validate
 from dovetail.errors import UnitError, did_you_mean, listing
 from dovetail.interfaces import Parameter, blamed_on
 from dovetail.units import to_si

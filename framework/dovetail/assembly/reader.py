@@ -8,21 +8,29 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dovetail.assembly.component_sections import build, read_property
-from dovetail.assembly.connectivity import check_connected
-from dovetail.assembly.description import Description, IdentificationSettings, JointEntry
-from dovetail.assembly.findings import Findings
-from dovetail.assembly.frequencies import read_frequency
-from dovetail.assembly.inheritance import read_source
-from dovetail.assembly.joints import Substructures, read_joint
-from dovetail.assembly.responses import read_responses
-from dovetail.assembly.sections import FORMAT, DescriptionSection, DescriptionSectionOfSeveral, IdentificationSection
-from dovetail.assembly.tree import plain, shown
-from dovetail.assembly.validation import validate
+from dovetail.assembly.description import Description, IdentificationSettings, JointEntry, Response
+from dovetail.assembly.joints import Substructures, check_connected, find_node, read_joint
+from dovetail.assembly.sections import (
+    FORMAT,
+    DescriptionSection,
+    DescriptionSectionOfSeveral,
+    FrequencySection,
+    IdentificationSection,
+    ResponseSection,
+)
+from dovetail.documents.extends import read_source
+from dovetail.documents.fault_list import Findings
+from dovetail.documents.tree import Path, dotted, plain, shown
+from dovetail.documents.validation import validate
+from dovetail.errors import did_you_mean, listing
 from dovetail.interfaces import SubstructureModel, node_faults, source_file
 from dovetail.registry import Registry
 
-__all__ = ["read_description"]
+__all__ = ["MOST_LINES", "read_description", "read_frequency", "read_responses"]
 
 _LEAST_OF_A_PART = 2
 """Samples that training and testing have at least."""
@@ -151,3 +159,105 @@ def _read_identification(findings: Findings, registry: Registry) -> Identificati
         regressor.component,
         section.augmentation,
     )
+
+
+MOST_LINES = 1_000_000
+_OFF_GRID = 1e-6
+"""How far `stop` may be from a line, in steps."""
+_PATH = ("frequency",)
+
+
+def read_frequency(findings: Findings) -> NDArray[np.float64] | None:
+    """Return the (n_freq,) lines in Hz, read-only, or None with faults."""
+    if findings.root.at(_PATH) is None:
+        return None
+    section = validate(FrequencySection, _PATH, findings, "'frequency'")
+    if section is None:
+        return None
+    start, stop = section.start, section.stop
+    if stop <= start:
+        findings.add((*_PATH, "stop"), f"stop ({stop:.10g} Hz) must be greater than start ({start:.10g} Hz).")
+        return None
+    if (section.step is None) == (section.lines is None):
+        found = "the frequency has a step and a number of lines." if section.step else "the frequency has no step."
+        findings.add(_PATH, found, "step or lines", key=True)
+        return None
+    steps = (stop - start) / section.step if section.step else float((section.lines or 0) - 1)
+    if steps + 1 > MOST_LINES:
+        findings.add((*_PATH, "step"), f"{steps + 1:.4g} lines are more than {MOST_LINES}.")
+        return None
+    if abs(steps - round(steps)) > _OFF_GRID or steps < _OFF_GRID:
+        before = start + np.floor(steps) * (section.step or 0.0)
+        found = f"stop ({stop:.10g} Hz) is not on a line: from {start:.10g} Hz in steps of {section.step:.10g} Hz"
+        remedy = f"The lines nearest to it are {before:.10g} Hz and {before + (section.step or 0.0):.10g} Hz."
+        findings.add((*_PATH, "stop"), f"{found}.", remedy=remedy)
+        return None
+    frequency = np.linspace(start, stop, round(steps) + 1)
+    frequency.setflags(write=False)
+    return frequency
+
+
+_ONE: Path = ("response",)
+_SEVERAL: Path = ("responses",)
+
+
+def read_responses(substructures: Substructures, findings: Findings) -> tuple[Response, ...]:
+    """Return the responses in their order; those with faults are left out.
+
+    Parameters
+    ----------
+    substructures : mapping of str to SubstructureModel or None
+        None where one has faults of its own.
+    findings : Findings
+    """
+    one, several = findings.root.at(_ONE), findings.root.at(_SEVERAL)
+    if several is None:
+        response = None if one is None else _read_response(_ONE, substructures, findings)
+        return () if response is None else (response,)
+    if one is not None:
+        remedy = "Keep one of them: a single response, or the list of all."
+        findings.add(_ONE, "the description has 'response' and 'responses'.", remedy=remedy, key=True)
+    if not isinstance(several.value, tuple):
+        remedy = "Begin each entry with '- at:'."
+        findings.add(_SEVERAL, f"{shown(several.value)} is not a list of responses.", remedy=remedy, key=True)
+        return ()
+    if not several.value:
+        findings.add(_SEVERAL, "there are no responses.", key=True)
+    return _read_all(len(several.value), substructures, findings)
+
+
+def _read_all(count: int, substructures: Substructures, findings: Findings) -> tuple[Response, ...]:
+    places: dict[tuple[str, int, str], Path] = {}
+    read = []
+    for index in range(count):
+        path = (*_SEVERAL, index)
+        response = _read_response(path, substructures, findings)
+        if response is None:
+            continue
+        read.append(response)
+        first = places.setdefault((response.substructure, response.node, response.direction), path)
+        if first != path:
+            remedy = "Average measurements of the same point, or remove one of the two."
+            findings.add(path, f"this is the same point as {dotted(first)}.", remedy=remedy, key=True)
+    return tuple(read)
+
+
+def _read_response(path: Path, substructures: Substructures, findings: Findings) -> Response | None:
+    section = validate(ResponseSection, path, findings, f"'{dotted(path)}'")
+    if section is None:
+        return None
+    if section.at not in substructures:
+        if substructures:
+            hint = did_you_mean(section.at, substructures)
+            findings.add((*path, "at"), f"there is no substructure {shown(section.at)}.", listing(substructures), hint)
+        return None
+    substructure = substructures[section.at]
+    if substructure is None:
+        return None
+    if substructure.grounded:
+        moving = listing(name for name, part in substructures.items() if part is not None and not part.grounded)
+        found = f"the response cannot be at '{section.at}', which does not move."
+        findings.add((*path, "at"), found, moving)
+        return None
+    node = find_node(section.at, substructure, section.position, (*path, "position"), findings)
+    return None if node is None else Response(section.at, node, section.direction, section.quantity)

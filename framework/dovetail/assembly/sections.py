@@ -7,9 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-from dovetail.assembly.places import NodePlace
 from dovetail.frf import Quantity
-from dovetail.units import Frequency, Mass
+from dovetail.units import Frequency, InUnit, Mass
 
 __all__ = [
     "FORMAT",
@@ -19,6 +18,7 @@ __all__ = [
     "DescriptionSectionOfSeveral",
     "FrequencySection",
     "IdentificationSection",
+    "NodePlace",
     "ParameterSection",
     "ResponseSection",
 ]
@@ -238,3 +238,19 @@ class DescriptionSectionOfSeveral(DescriptionSection):
 
     response: Any = None
     responses: Any
+
+
+_LABEL = re.compile(r"node\s+(\S.*)|([^\W\d][\w.-]*)")
+"""``node 1042``, or a word that begins with a letter."""
+
+
+class _LabelOrPosition(InUnit):
+    """A float in metres that may be written with a unit; a text that names a node stays a text."""
+
+    def _parse(self, value: object) -> float | str:  # type: ignore[override]
+        if isinstance(value, str) and (label := _LABEL.fullmatch(value.strip())):
+            return str(label[1] or label[2])
+        return super()._parse(value)
+
+
+NodePlace = Annotated[float | str, _LabelOrPosition("m")]

@@ -119,8 +119,8 @@ def _print(name: str, done: Calibration) -> None:
 
 
 def _write(done: Calibration, folder: Path) -> None:
+    from dovetail.atomic_files import write_whole
     from dovetail.cli.result_files import csv_text
-    from dovetail.measurement.disk import write_whole
     from dovetail.report.calibration_figures import coverage_figure, rank_figure
     from dovetail.report.figures import save_png
 

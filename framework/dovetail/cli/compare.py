@@ -106,8 +106,8 @@ def _print(done: Comparison) -> None:
 
 
 def _write(done: Comparison, folder: Path) -> None:
+    from dovetail.atomic_files import write_whole
     from dovetail.cli.result_files import csv_text
-    from dovetail.measurement.disk import write_whole
     from dovetail.report.comparison import write_comparison
 
     for name, (header, rows) in _tables(done).items():

@@ -58,8 +58,8 @@ def frf(
     a second hit, a response that rings on) is said.
     """
     import dovetail
-    from dovetail.measurement.estimation import ESTIMATORS
-    from dovetail.measurement.signal_files import read_signals
+    from dovetail.measurement.impact_test.frf_estimation import ESTIMATORS
+    from dovetail.measurement.impact_test.signal_files import read_signals
 
     chosen = next((known for known in ESTIMATORS if known == estimator), None)
     if chosen is None:

@@ -43,7 +43,7 @@ def predict(
     """
     import dovetail
     from dovetail.identification.prediction import joint_values
-    from dovetail.identification.stored import read_identification
+    from dovetail.identification.result_file import read_identification
 
     files = output or []
     check_frf_files(files, overwrite)
@@ -72,8 +72,8 @@ def predict(
 
 
 def _write_band(band: Band, frf: Frf, file: Path) -> None:
+    from dovetail.atomic_files import write_whole
     from dovetail.cli.result_files import csv_text
-    from dovetail.measurement.disk import write_whole
 
     columns = (band.frequency, frf.amplitude, band.lower, band.upper)
     rows = zip(*(column.tolist() for column in columns), strict=True)

@@ -62,7 +62,7 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
     -------
     tuple of Path
     """
-    from dovetail.measurement.disk import write_whole
+    from dovetail.atomic_files import write_whole
     from dovetail.report import write_report
     from dovetail.report.figures import frf_figure, save_png
 

@@ -104,8 +104,8 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write(rows: Sequence[RobustnessRow], folder: Path) -> None:
+    from dovetail.atomic_files import write_whole
     from dovetail.cli.result_files import csv_text
-    from dovetail.measurement.disk import write_whole
     from dovetail.report.figures import robustness_figure, save_png
 
     flat = [_finite(row.flat()) for row in rows]

@@ -51,7 +51,7 @@ def train(
 def _check_target(folder: Path) -> None:
     """Make sure, before any work, that a model can be put at `folder`."""
     from dovetail.errors import BundleError, Fault
-    from dovetail.identification.manifest import is_bundle
+    from dovetail.identification.network.manifest import is_bundle
 
     if folder.exists() and not is_bundle(folder) and not (folder.is_dir() and not any(folder.iterdir())):
         raise BundleError(

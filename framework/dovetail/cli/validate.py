@@ -104,8 +104,8 @@ def _text(value: float | None, form: str) -> str:
 
 
 def _write(done: Validation, folder: Path) -> None:
+    from dovetail.atomic_files import write_whole
     from dovetail.cli.result_files import csv_text
-    from dovetail.measurement.disk import write_whole
     from dovetail.report.figures import save_png
     from dovetail.report.validation_figures import series_figure, validation_figure
 

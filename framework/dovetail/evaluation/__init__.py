@@ -3,7 +3,7 @@
 from dovetail.evaluation.calibration import CalibratedParameter, Calibration, calibrate
 from dovetail.evaluation.cases import Case, Cases, read_cases
 from dovetail.evaluation.comparison import Compared, Comparison, compare, read_truths
-from dovetail.evaluation.planning import Plan, PlannedPoint, plan
+from dovetail.evaluation.experiment_design import Plan, PlannedPoint, plan
 from dovetail.evaluation.robustness import LEVELS, RobustnessRow, robustness
 from dovetail.evaluation.validation import PeakRow, ValidatedCase, Validation, validate
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError
-from dovetail.evaluation.finer_mesh import finer
-from dovetail.evaluation.workers import cores, side_by_side
+from dovetail.evaluation.mesh_refinement import finer
+from dovetail.evaluation.parallel import cores, side_by_side
 from dovetail.frf import Frf
 from dovetail.identification import identify
 from dovetail.identification.posterior import LEVEL

@@ -9,10 +9,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from dovetail.assembly.findings import Findings
-from dovetail.assembly.inheritance import read_source
-from dovetail.assembly.tree import plain, shown
-from dovetail.assembly.validation import validate
+from dovetail.documents.extends import read_source
+from dovetail.documents.fault_list import Findings
+from dovetail.documents.tree import plain, shown
+from dovetail.documents.validation import validate
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf
 from dovetail.units import InUnit

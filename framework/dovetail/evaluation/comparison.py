@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from pydantic import BaseModel, ValidationError
 
 from dovetail.assembly import Assembly, components, load
+from dovetail.atomic_files import read_bounded
 from dovetail.dataset import Dataset, generate
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.cases import Case, Cases
@@ -21,10 +22,9 @@ from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, Identifier, identify, train
 from dovetail.identification.fitting import one_for_each
 from dovetail.identification.methods import METHODS
-from dovetail.identification.modes import counterpart, resonance_peaks
+from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import on_grid
-from dovetail.measurement.disk import read_bounded
 
 __all__ = ["DEFAULT_METHODS", "RIGID", "Compared", "Comparison", "compare", "read_truths"]
 

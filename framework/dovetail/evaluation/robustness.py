@@ -15,7 +15,7 @@ from dovetail.dataset import Dataset
 from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
 from dovetail.identification.metrics import parameter_metrics
-from dovetail.identification.training import split
+from dovetail.identification.network.training import split
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import data_noise
 from dovetail.registry import Registry

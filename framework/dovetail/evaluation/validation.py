@@ -14,9 +14,9 @@ from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, predict
-from dovetail.identification.modes import counterpart, resonance_peaks
 from dovetail.identification.prediction import joint_values
-from dovetail.identification.stored import read_identification
+from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
+from dovetail.identification.result_file import read_identification
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import on_grid
 

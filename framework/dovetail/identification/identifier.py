@@ -1,45 +1,34 @@
-"""A trained model: it identifies joint parameters from a measured FRF."""
+"""A trained model: it identifies joint parameters from a measured FRF, and is saved and loaded."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from dovetail.assembly import Assembly
-from dovetail.errors import Fault, MeasurementError
+from dovetail.assembly import Assembly, PluginPaths
+from dovetail.dataset import Dataset
 from dovetail.frf import Frf
-from dovetail.identification.foreign import Novelty
 from dovetail.identification.identify import identify
-from dovetail.identification.metrics import Evaluation
-from dovetail.identification.network import Network
+from dovetail.identification.network.bundle import read_bundle, write_bundle
+from dovetail.identification.network.trained_network import TrainedNetwork
+from dovetail.identification.network.training import train_network
 from dovetail.identification.result import Identification
+from dovetail.interfaces import Progress, silent
 
-__all__ = ["Identifier"]
+__all__ = ["Identifier", "load_model", "train"]
 
 
-@dataclass(frozen=True, eq=False)
-class Identifier:
-    """A trained network together with the assembly it was trained for.
+class Identifier(TrainedNetwork):
+    """A trained network that identifies joints of the assembly it was trained for.
 
-    Parameters
-    ----------
-    assembly : Assembly
-    network : Network
-    evaluation : Evaluation
-        How well it does on the test part of its dataset.
-    novelty : Novelty or None
-        What is usual for the FRFs that it was trained on; None with a model of an earlier version.
+    `train` and `load_model` give one. Its fields are those of `TrainedNetwork`.
     """
 
-    assembly: Assembly
-    network: Network
-    evaluation: Evaluation
-    novelty: Novelty | None = None
+    @classmethod
+    def of(cls, trained: TrainedNetwork) -> Self:
+        """Return the identifier of a trained network."""
+        return cls(trained.assembly, trained.network, trained.evaluation, trained.novelty)
 
     def identify(self, measured: Frf | Sequence[Frf], method: str = "network", **options: Any) -> Identification:
         """Identify the joint from the measured FRF of the assembly's response point, or of each of its points.
@@ -70,34 +59,6 @@ class Identifier:
         """
         return identify(self.assembly, measured, method, model=self, **options)
 
-    def predict_parameters(self, amplitude: ArrayLike) -> NDArray[np.float64]:
-        """Predict parameters from the amplitude of the accelerance, on the assembly's frequencies.
-
-        Parameters
-        ----------
-        amplitude : (n_samples, n_responses n_freq) array
-            m/(N s^2); the lines of a second response stand behind those of the first.
-
-        Returns
-        -------
-        (n_samples, n_params) array
-            SI values, in the order of ``assembly.parameters``; not confined to their ranges.
-
-        Raises
-        ------
-        MeasurementError
-            The shape is another, or values are negative or not finite.
-        """
-        given = np.asarray(amplitude, dtype=np.float32)
-        lines = len(self.assembly.description.responses) * len(self.assembly.frequency)
-        if given.ndim != 2 or given.shape[0] == 0 or given.shape[1] != lines:
-            raise MeasurementError(
-                Fault("", f"the amplitudes have the shape {given.shape}.", f"(n_samples, {lines}), one row an FRF")
-            )
-        if not (np.isfinite(given).all() and np.all(given >= 0)):
-            raise MeasurementError("an amplitude is negative or not finite.")
-        return self.network.predict(given)
-
     def save(self, path: str | Path) -> Path:
         """Write the model as a bundle: a folder of JSON and safetensors, nothing pickled.
 
@@ -115,6 +76,59 @@ class Identifier:
         BundleError
             Something else than a model is at `path`, or it cannot be written.
         """
-        from dovetail.identification.bundle import save
+        return write_bundle(self, path)
 
-        return save(self, path)
+
+def train(
+    assembly: Assembly, dataset: Dataset | None = None, *, robust: bool = False, progress: Progress = silent
+) -> Identifier:
+    """Train the network of an assembly's description and evaluate it on the test part of the dataset.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    dataset : Dataset, optional
+        Samples of this assembly. Without one, as many as the description says are generated and then discarded.
+    robust : bool
+        Train on FRFs with noise, as the description's `augmentation` says or else by its defaults. A description that
+        has an `augmentation` is trained so in any case.
+    progress : Progress
+        Called as training goes on.
+
+    Returns
+    -------
+    Identifier
+
+    Raises
+    ------
+    DatasetError
+        The dataset is not of this assembly, too small to be split, or holds values that are not finite.
+    PluginError
+        The reducer or the regressor breaks its contract.
+    """
+    return Identifier.of(train_network(assembly, dataset, robust=robust, progress=progress))
+
+
+def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:
+    """Load a model that `Identifier.save` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        The folder.
+    plugins : path or iterable of paths
+        Plugin files that the model's components come from. A bundle itself never runs code.
+
+    Returns
+    -------
+    Identifier
+
+    Raises
+    ------
+    BundleError
+        The bundle is damaged, tampered with, of another program or of a newer format; a component is missing; or the
+        components here answer otherwise, or give other FRFs, than when the model was trained.
+    PluginError
+        A plugin file cannot be loaded.
+    """
+    return Identifier.of(read_bundle(path, plugins=plugins))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -13,11 +13,9 @@ from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting import one_for_each
 from dovetail.identification.methods import METHODS
+from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.result import Identification
 from dovetail.measurement import on_grid
-
-if TYPE_CHECKING:
-    from dovetail.identification.identifier import Identifier
 
 __all__ = ["identify", "method_options"]
 
@@ -27,7 +25,7 @@ def identify(
     measured: Frf | Sequence[Frf],
     method: str = "refined",
     *,
-    model: Identifier | None = None,
+    model: TrainedNetwork | None = None,
     **options: Any,
 ) -> Identification:
     """Identify the joint of an assembly from the measured FRF of its response point, or of each of its response points.
@@ -42,7 +40,7 @@ def identify(
         ``"refined"``: a least-squares fit, down to the measurement's random error. ``"multistart"``: many local
         searches from all over the ranges. ``"posterior"``: the refined fit, with intervals and verdicts for each
         parameter. ``"network"``: the answer of `model` as it is.
-    model : Identifier, optional
+    model : TrainedNetwork, optional
         A trained network of this assembly: its answer is one more start of the refined fit.
     **options
         Of the method: ``seed`` for all but the network; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or

@@ -14,8 +14,8 @@ from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit, one_for_each
-from dovetail.identification.foreign import Foreign
-from dovetail.identification.modes import paired_modes, resonance_peaks
+from dovetail.identification.misspecification import Foreign
+from dovetail.identification.resonance_peaks import paired_modes, resonance_peaks
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.units import format_quantity
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from importlib import import_module
-from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification.fitting.fit import Fit
-from dovetail.identification.foreign.foreign import Foreign
+from dovetail.identification.misspecification.result import Foreign
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Scale
 
@@ -206,20 +204,6 @@ class Identification:
             "coherence": self.coherence.tolist(),
             "further_responses": [one.to_dict() for one in self.further],
         }
-
-    def report(self, path: str | Path) -> Path:
-        """Write the result as one self-contained HTML file.
-
-        Parameters
-        ----------
-        path : str or Path
-
-        Returns
-        -------
-        Path
-        """
-        # The report layer stands above this one, so it is looked up when it is asked for, never imported.
-        return cast(Path, import_module("dovetail.report").write_report(self, path))
 
 
 def _plain(frf: Frf) -> dict[str, Any]:

@@ -1,12 +1,12 @@
 """What a plugin implements, a contract a file."""
 
-from dovetail.interfaces.blame import blamed_on, source_file
 from dovetail.interfaces.component import KINDS, Component, ComponentConfig, Kind
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.joint import JointModel, Parameter, Port, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.option_schema import option_schema
+from dovetail.interfaces.plugin_errors import blamed_on, source_file
 from dovetail.interfaces.progress import Progress, silent
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor

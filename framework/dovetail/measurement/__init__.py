@@ -1,8 +1,8 @@
 """Measured FRFs: files of several formats, the accelerometer's mass, the assembly's frequency grid, noise."""
 
 from dovetail.measurement.accelerometer import add_accelerometer_mass, remove_accelerometer_mass
-from dovetail.measurement.estimation import EstimatedFrf, frf_from_signals, without_window_damping
-from dovetail.measurement.files import read_frf, write_frf
+from dovetail.measurement.frf_files import read_frf, write_frf
+from dovetail.measurement.impact_test.frf_estimation import EstimatedFrf, frf_from_signals, without_window_damping
 from dovetail.measurement.noise import complex_noise, data_noise
 from dovetail.measurement.resampling import on_grid
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,9 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, did_you_mean
 from dovetail.frf import QUANTITIES, Frf, Quantity, unit_of
-from dovetail.measurement.unit_labels import UnitMeaning, meaning_of_unit
+from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 
-__all__ = ["MOST_LINES", "Recording", "known_quantity"]
+__all__ = ["MOST_LINES", "Recording", "Selection", "Written", "known_quantity", "prepared"]
 
 MOST_LINES = 1_000_000
 """Longest FRF that is read."""
@@ -233,3 +235,79 @@ def known_quantity(word: str, where: str) -> Quantity:
     raise MeasurementError(
         Fault(where, f"{word[:80]!r} is not a quantity.", ", ".join(QUANTITIES), did_you_mean(word[:80], QUANTITIES))
     )
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What the caller says about a file's content.
+
+    Parameters
+    ----------
+    index : int or None
+        Number of the FRF, from 1.
+    response, force : str or None
+        Names of the DOFs.
+    names : mapping of str to str
+        From a part of the FRF (``frequency``, ``values``, ``coherence``, ...) to its name in the file.
+    """
+
+    index: int | None = None
+    response: str | None = None
+    force: str | None = None
+    names: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def chooses(self) -> str:
+        """The first option by which the caller chooses one of several FRFs, with its value, or an empty string."""
+        for name in ("index", "response", "force"):
+            if (value := getattr(self, name)) is not None:
+                return f"{name}={value}"
+        return ""
+
+
+@dataclass(frozen=True)
+class Written:
+    """What every writer needs.
+
+    Parameters
+    ----------
+    frf : Frf
+        In the quantity of the file.
+    unit : str
+        Of the values in the file.
+    factor : float
+        SI for one unit of the file.
+    """
+
+    frf: Frf
+    unit: str
+    factor: float
+
+    @property
+    def values(self) -> NDArray[np.complex128]:
+        """(n_freq,) values in the file's unit."""
+        return self.frf.values if self.factor == 1.0 else self.frf.values / self.factor
+
+    @property
+    def variance(self) -> NDArray[np.float64] | None:
+        """(n_freq,) variance in the square of the file's unit, where the FRF has one."""
+        return None if self.frf.variance is None else self.frf.variance / self.factor**2
+
+
+def prepared(frf: Frf, path: Path, unit: str | None) -> Written:
+    """Return what is written for an FRF, in a unit or in SI.
+
+    Raises
+    ------
+    MeasurementError
+        A coherence that is not finite, a unit that is none of an FRF, a displacement's unit for a rotation.
+    """
+    if frf.coherence is not None and not np.all(np.isfinite(frf.coherence)):
+        raise MeasurementError(Fault(str(path), f"the coherence of {frf.label} is not finite: nothing is written."))
+    if unit is None:
+        return Written(frf, frf.unit, 1.0)
+    meaning = meaning_of_unit(unit, "the argument unit")
+    if meaning.rotation != frf.rotation:
+        kind = "a rotation per moment" if frf.rotation else "a displacement per force"
+        raise MeasurementError(Fault("the argument unit", f"{frf.label} is {kind}, and '{unit}' is no unit of that."))
+    return Written(frf.to(meaning.quantity), unit, meaning.factor)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from dovetail import __version__
+from dovetail.atomic_files import write_whole
 from dovetail.evaluation import Comparison
-from dovetail.measurement.disk import write_whole
 from dovetail.report.comparison_figures import frf_comparison, parameter_comparison
 from dovetail.report.report import environment
 from dovetail.report.svg import inline_svg

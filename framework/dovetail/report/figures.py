@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dovetail.atomic_files import write_whole
 from dovetail.frf import Frf
-from dovetail.measurement.disk import write_whole
 from dovetail.report.wording import unit_text
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail import __version__
+from dovetail.atomic_files import write_whole
 from dovetail.identification import Identification
-from dovetail.measurement.disk import write_whole
 from dovetail.report import content
 from dovetail.report.figures import frf_figure
 from dovetail.report.svg import inline_svg

@@ -9,8 +9,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
+from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, UnitError, did_you_mean, listing
-from dovetail.measurement.disk import read_bounded
 from dovetail.units import to_si
 
 __all__ = ["Truth", "read_truth"]

@@ -1,12 +1,11 @@
 """Frequency-domain substructure synthesis (FDSS)."""
 
-from dovetail.synthesis.direct import assembly_matrices, direct_receptance
+from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Attachment, Connection, Graph
 from dovetail.synthesis.interpolation import InterpolatedEngine
-from dovetail.synthesis.literal import LiteralSynthesis
-from dovetail.synthesis.modes import elastic_frequencies
-from dovetail.synthesis.system import Point
+from dovetail.synthesis.natural_frequencies import elastic_frequencies
+from dovetail.synthesis.reference import LiteralSynthesis, assembly_matrices, direct_receptance
 
 __all__ = [
     "Attachment",

@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.synthesis.code import kernel_source
-from dovetail.synthesis.contributions import Contributions
+from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty, as_vectors, compiled
+from dovetail.synthesis.codegen.layout import Layout
+from dovetail.synthesis.codegen.looped import looped_kernel_source
+from dovetail.synthesis.codegen.straight_line import kernel_source
+from dovetail.synthesis.codegen.vector_ir import WIDTH
+from dovetail.synthesis.coupled_system import CoupledSystem, Point
 from dovetail.synthesis.elimination import Program, eliminate
-from dovetail.synthesis.general import GeneralContributions
 from dovetail.synthesis.graph import Graph
-from dovetail.synthesis.layout import Layout
-from dovetail.synthesis.loops import looped_kernel_source
-from dovetail.synthesis.machine import MachineKernel, aligned_empty, as_vectors, compiled
+from dovetail.synthesis.joint_evaluation import Theta
+from dovetail.synthesis.kernel_inputs import Contributions, GeneralContributions
 from dovetail.synthesis.pivoting import PivotedSolver
-from dovetail.synthesis.system import CoupledSystem, Point, Theta
-from dovetail.synthesis.vectors import WIDTH
 
 __all__ = ["Engine"]
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.synthesis.barycentric import RationalPair, chebyshev_lines
+from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Graph
-from dovetail.synthesis.system import Point, Theta
+from dovetail.synthesis.joint_evaluation import Theta
 
-__all__ = ["InterpolatedEngine"]
+__all__ = ["InterpolatedEngine", "RationalPair", "chebyshev_lines"]
 
 _COUNTS = (9, 13, 17, 21, 25, 27, 29, 33, 41, 49, 65, 81, 97)
 """Numbers of exact lines that are tried, in this order."""
@@ -143,3 +143,135 @@ class InterpolatedEngine(Engine):
             result[refused] = exactly({name: values[refused] for name, values in theta.items()})
             self.refused += int(np.count_nonzero(refused))
         return result
+
+
+_LINES_AT_ONCE = 512
+"""So that the arrays of a block of FRFs stay in the second-level cache."""
+
+
+def chebyshev_lines(count: int, lines: int) -> NDArray[np.intp]:
+    """Return `count` of `lines` lines, denser towards both ends, as Chebyshev's points are."""
+    place = (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2.0
+    return np.unique(np.round(place * (lines - 1)).astype(np.intp))
+
+
+class _Rational:
+    """Rational functions of frequency in barycentric form, through the same support lines for all FRFs.
+
+    r(f) = n(f) / d(f), n(f) = sum_j w_j h_j / (f - f_j), d(f) = sum_j w_j / (f - f_j). It takes the values h_j at the
+    support frequencies f_j whatever the weights are; they make it take those at the other lines too (Antoulas and
+    Anderson 1986).
+    """
+
+    def __init__(self, nodes: NDArray[np.float64], support: NDArray[np.intp], others: NDArray[np.intp]) -> None:
+        self.support = support
+        self._others = others
+        self._nodes = nodes
+        self._cauchy = 1.0 / (nodes[others][:, None] - nodes[support])
+
+    def weights(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return w (n, n_support) for the values h (n, n_nodes), scaled by its last column."""
+        held, met = values[:, self.support], values[:, self._others]
+        loewner = (met[:, :, None] - held[:, None, :]) * self._cauchy / np.abs(met)[:, :, None]
+        weights = np.ones_like(held)
+        weights[:, :-1] = -np.linalg.solve(loewner[:, :, :-1], loewner[:, :, -1:])[:, :, 0]
+        return weights
+
+    def basis(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return 1 / (f - f_j), (n_support, n_freq); at a support line only its own column counts."""
+        distance = frequency[None, :] - self._nodes[self.support][:, None]
+        hit = distance == 0.0
+        basis = 1.0 / np.where(hit, 1.0, distance)
+        basis[:, hit.any(axis=0)] = 0.0
+        basis[hit] = 1.0
+        return basis
+
+
+class RationalPair:
+    """Two rational functions of different degree through the exact lines of an FRF.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array
+        Hz, where the FRFs are wanted.
+    lines : (n_nodes,) array
+        Numbers of the lines that are known exactly, an odd number of nine or more.
+
+    Notes
+    -----
+    The first function has its support at every other exact line and passes through all of them. The second is of lower
+    degree, has its support where the first has not, and passes through all but two, a and b. Both meet at all others:
+    nothing is left of the numerator of their difference but a constant: relative to the first it is
+
+        kappa / ((f - a) (f - b) n_1(f) d_2(f)),   kappa = (a - b) w_a (h_a d_2(a) - n_2(a)),
+
+    at every frequency. Its greatest value over all lines is returned as the error: an estimate, and not a bound.
+    """
+
+    def __init__(self, frequency: NDArray[np.float64], lines: NDArray[np.intp]) -> None:
+        nodes = frequency[lines]
+        even, odd = np.arange(0, len(lines), 2), np.arange(1, len(lines), 2)
+        self._a, self._b = len(even) // 3, 2 * len(even) // 3
+        a, b = nodes[even[self._a]], nodes[even[self._b]]
+        self.lines = lines
+        self._high = _Rational(nodes, even, odd)
+        self._low = _Rational(nodes, odd, np.delete(even, [self._a, self._b]))
+        self._high_basis, self._low_basis = self._high.basis(frequency), self._low.basis(frequency)
+        self._at_a = self._low.basis(np.array([a]))[:, 0]
+        self._span = a - b
+        self._distance = ((frequency - a) * (frequency - b)) ** 2
+        self._distance[lines] = np.inf
+
+    def amplitudes(self, known: NDArray[np.complex128], result: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Fill `result` (n, n_freq) with the magnitudes of FRFs whose exact lines `known` (n, n_nodes) are.
+
+        Returns
+        -------
+        (n,) array
+            Estimated greatest relative error; infinite or NaN where there is no such function.
+        """
+        return self._fill(known, result)
+
+    def complex_values(self, known: NDArray[np.complex128], result: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Do the same with complex values."""
+        return self._fill(known, result)
+
+    def _fill(self, known: NDArray[np.complex128], result: NDArray[Any]) -> NDArray[np.float64]:
+        smallest = np.full(len(known), np.inf)
+        with np.errstate(all="ignore"):
+            try:
+                high, low = self._high.weights(known), self._low.weights(known)
+            except np.linalg.LinAlgError:
+                return np.full(len(known), np.inf)
+            above = high * known[:, self._high.support]
+            rows = np.concatenate([part for weights in (above, high) for part in (weights.real, weights.imag)])
+            low_rows = np.concatenate([low.real, low.imag])
+            for first in range(0, result.shape[1], _LINES_AT_ONCE):
+                lines = slice(first, min(first + _LINES_AT_ONCE, result.shape[1]))
+                n, d = (rows @ self._high_basis[:, lines]).reshape(2, 2, len(known), -1)
+                other = (low_rows @ self._low_basis[:, lines]).reshape(2, len(known), -1)
+                if result.dtype.kind == "c":
+                    result[:, lines] = (n[0] + 1j * n[1]) / (d[0] + 1j * d[1])
+                n_square = _square(n)
+                if result.dtype.kind != "c":
+                    result[:, lines] = np.sqrt(n_square / _square(d))
+                n_square *= _square(other)
+                n_square *= self._distance[lines]
+                np.minimum(smallest, n_square.min(axis=1), out=smallest)
+            error: NDArray[np.float64] = np.abs(self._kappa(known, high, low)) / np.sqrt(smallest)
+        return error
+
+    def _kappa(
+        self, known: NDArray[np.complex128], high: NDArray[np.complex128], low: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        at_a = low * self._at_a
+        missed = known[:, self._high.support[self._a]] * at_a.sum(1) - (at_a * known[:, self._low.support]).sum(1)
+        kappa: NDArray[np.complex128] = self._span * high[:, self._a] * missed
+        return kappa
+
+
+def _square(parts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the squared magnitudes of numbers given by their real and imaginary parts, (2, ...), destroying these."""
+    parts *= parts
+    squared: NDArray[np.float64] = np.add(parts[0], parts[1], out=parts[0])
+    return squared

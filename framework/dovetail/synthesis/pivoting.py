@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
-from dovetail.synthesis.system import CoupledSystem, Point, Theta, joint_stiffness_jacobian
+from dovetail.synthesis.coupled_system import CoupledSystem, Point
+from dovetail.synthesis.joint_evaluation import Theta, joint_stiffness_jacobian
 
 __all__ = ["PivotedSolver"]
 

@@ -1,8 +1,8 @@
 """Parameters fitted to measured FRFs themselves, by least squares with exact sensitivities."""
 
 from dovetail.identification.fitting.fit import Fit
-from dovetail.identification.fitting.measured import one_for_each
 from dovetail.identification.fitting.multistart import Objective, multistart
+from dovetail.identification.fitting.observations import one_for_each
 from dovetail.identification.fitting.refinement import refine
 
 __all__ = ["Fit", "Objective", "multistart", "one_for_each", "refine"]

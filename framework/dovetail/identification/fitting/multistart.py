@@ -14,9 +14,9 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting.fit import Fit, agreeing, at_bounds
-from dovetail.identification.fitting.least_squares import minimise
-from dovetail.identification.fitting.measured import Measured
-from dovetail.identification.fitting.misfit import FrfMisfit
+from dovetail.identification.fitting.levenberg_marquardt import minimise
+from dovetail.identification.fitting.observations import Measured
+from dovetail.identification.fitting.residuals import FrfMisfit
 
 __all__ = ["Objective", "multistart"]
 

@@ -2,9 +2,8 @@
 
 from dovetail.identification.posterior.laplace import laplace_posterior
 from dovetail.identification.posterior.model_error import MODEL_ERROR, model_errors
-from dovetail.identification.posterior.posterior import LEVEL, Form, Posterior, Verdict
-from dovetail.identification.posterior.quantiles import quantiles
-from dovetail.identification.posterior.sample import sample_posterior
+from dovetail.identification.posterior.posterior import LEVEL, Form, Posterior, Verdict, quantiles
+from dovetail.identification.posterior.sampling import sample_posterior
 
 __all__ = [
     "LEVEL",

@@ -13,13 +13,12 @@ from scipy.stats import norm, qmc
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.misfit import FrfMisfit
-from dovetail.identification.posterior.coordinates import PriorAndData, fraction_of, quantile_of
-from dovetail.identification.posterior.likelihood import check_options, likelihood
+from dovetail.identification.fitting.residuals import FrfMisfit
+from dovetail.identification.posterior.likelihood import WithErrors, check_options, likelihood
+from dovetail.identification.posterior.mode_search import climb
 from dovetail.identification.posterior.model_error import MODEL_ERROR
-from dovetail.identification.posterior.modes import climb
 from dovetail.identification.posterior.posterior import Posterior
-from dovetail.identification.posterior.reduced import WithErrors
+from dovetail.identification.posterior.prior import PriorAndData, fraction_of, quantile_of
 
 __all__ = ["Gaussian", "laplace_posterior"]
 

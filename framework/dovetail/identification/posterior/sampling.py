@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.identification.fitting.misfit import FrfMisfit, SideBySide, Weighted
-from dovetail.identification.posterior.coordinates import PriorAndData, fraction_of
-from dovetail.identification.posterior.modes import climb
-from dovetail.identification.posterior.moves import KEPT, move
-from dovetail.identification.posterior.optimised import Charts, Places
-from dovetail.identification.posterior.reduced import ReducedMisfit, squares_with_errors
+from dovetail.frf import Frf
+from dovetail.identification.fitting import Fit
+from dovetail.identification.fitting.residuals import FrfMisfit, SideBySide, Weighted
+from dovetail.identification.posterior.likelihood import ReducedMisfit, check_options, likelihood, squares_with_errors
+from dovetail.identification.posterior.mode_search import climb, search_modes
+from dovetail.identification.posterior.model_error import MODEL_ERROR
+from dovetail.identification.posterior.posterior import Posterior
+from dovetail.identification.posterior.prior import PriorAndData, fraction_of
+from dovetail.identification.posterior.randomize_then_optimize import KEPT, Charts, Places, move
 
-__all__ = ["Samples", "draw"]
+__all__ = ["Samples", "draw", "sample_posterior"]
 
 _PILOTS, _MOST_ROUNDS, _FEWEST_ROUNDS = 48, 14, 3
 _PILOT_STEPS, _STEPS = 30, 200
@@ -219,3 +223,56 @@ def _mode(problem: PriorAndData, known: NDArray[np.float64]) -> NDArray[np.float
     residuals = problem.residuals(known)
     start = known[np.argmin(np.einsum("nm,nm->n", residuals, residuals))]
     return np.asarray(climb(problem, start[np.newaxis], tolerance=1e-3)[0][0])
+
+
+def sample_posterior(
+    assembly: Assembly,
+    measured: Frf | Sequence[Frf],
+    fit: Fit,
+    *,
+    samples: int = 400,
+    model_error: float = MODEL_ERROR,
+    seed: int = 0,
+) -> Posterior:
+    """Draw samples of the parameters given a measured FRF, or one for each response.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Its ranges are the prior: uniform on the parameters' scales.
+    measured : Frf or sequence of Frf
+        One for each response, on the assembly's frequencies.
+    fit : Fit
+        Of the same measurement. Its random error and the lines it left out are taken over, and so is the part of the
+        FRF by which it found the model to be off: neighbouring lines are off alike, so many of them count as one.
+    samples : int
+        Searches, each of which gives one sample.
+    model_error : float
+        Standard deviation of the relative error of natural frequencies that the model is allowed, 0 for a model that
+        is exact; errors of damping, magnitude and phase are in proportion (`model_errors`). It cannot be told from the
+        measurement, since the parameters follow it.
+    seed : int
+
+    Returns
+    -------
+    Posterior
+
+    Raises
+    ------
+    ParameterError
+        An option is out of its range.
+    """
+    check_options(samples, model_error)
+    given = likelihood(assembly, measured, fit, model_error)
+    best, random = assembly.to_unit(fit.theta), np.random.default_rng([seed, 3])
+    modes = search_modes(assembly, given.target, given.variance, given.residual, given.errors, best, random)
+    drawn = draw(assembly, given.residual, modes, fit.information, given.errors, count=samples, seed=seed)
+    return Posterior.of(
+        assembly,
+        drawn.fraction,
+        drawn.weight,
+        model_error=model_error,
+        drawn=round(len(drawn.weight) / max(drawn.reached, 1.0 / samples)),
+        lines=drawn.lines,
+        seconds=drawn.seconds,
+    )

@@ -1,0 +1,123 @@
+"""`extends`: a description that overrides another one, key by key."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+from dovetail.documents.fault_list import Findings
+from dovetail.documents.mapping_reader import DICT, read_mapping
+from dovetail.documents.tree import Entry, Item, Path, shown
+from dovetail.documents.yaml_reader import read_yaml
+from dovetail.errors import DescriptionError
+
+__all__ = ["read_source"]
+
+LONGEST_CHAIN = 16
+_EXTENDS = "extends"
+
+
+def read_source(source: str | os.PathLike[str] | Mapping[str, object], findings: Findings) -> tuple[str, Item]:
+    """Read a description and everything that it extends.
+
+    Parameters
+    ----------
+    source : path or mapping
+        The files that a mapping extends are sought from the working directory.
+    findings : Findings
+
+    Returns
+    -------
+    name : str
+        The file, or ``<dict>``.
+    root : Item
+        The merged mapping, without `extends`.
+
+    Raises
+    ------
+    DescriptionError
+        A file cannot be read at all, or extends itself.
+    """
+    if isinstance(source, Mapping):
+        name, file, item = DICT, "", read_mapping(source, findings)
+    else:
+        name = file = os.fspath(source)
+        item = read_yaml(file, 0, findings)
+    chain = [item]
+    seen = [os.path.realpath(file)] if file else []
+    while (base := _base(chain[-1], file, findings)) is not None:
+        if os.path.realpath(base) in seen or len(chain) == LONGEST_CHAIN:
+            raise _endless(chain, base, os.path.realpath(base) in seen, findings)
+        _check_there(chain[-1], base, findings)
+        file = base
+        seen.append(os.path.realpath(file))
+        chain.append(read_yaml(file, len(chain), findings))
+    merged = chain.pop()
+    while chain:
+        merged = _merge(merged, chain.pop(), ())
+    return name, Item(merged.mark, {key: entry for key, entry in merged.entries.items() if key != _EXTENDS})
+
+
+def _base(item: Item, file: str, findings: Findings) -> str | None:
+    """Return the path of the file that an item extends."""
+    entry = item.entries.get(_EXTENDS)
+    if entry is None:
+        return None
+    named = entry.item.value
+    if not isinstance(named, str) or not named:
+        findings.add_at(entry.item.mark, (_EXTENDS,), f"{shown(named or None)} is not a file.", "the path of a file")
+        raise findings.error()
+    return os.path.normpath(os.path.join(os.path.dirname(file), named))
+
+
+def _endless(chain: list[Item], base: str, cyclic: bool, findings: Findings) -> DescriptionError:
+    mark = chain[-1].entries[_EXTENDS].item.mark
+    reason = "extends itself in the end." if cyclic else f"is the end of a chain of more than {LONGEST_CHAIN} files."
+    findings.add_at(mark, (_EXTENDS,), f"'{base}' {reason}")
+    return findings.error()
+
+
+def _check_there(item: Item, base: str, findings: Findings) -> None:
+    if not os.path.exists(base):
+        found = f"there is no file '{base}'."
+        remedy = "The path is taken from the file that names it."
+        findings.add_at(item.entries[_EXTENDS].item.mark, (_EXTENDS,), found, remedy=remedy)
+        raise findings.error()
+
+
+def _merge(base: Item, over: Item, path: Path) -> Item:
+    """Override `base`: sections key by key, everything else whole.
+
+    A section that names another model is another component, so nothing of the old one is kept.
+    """
+    if not (base.is_mapping and over.is_mapping) or _names_another_model(base, over):
+        return over
+    displaced = _displaced_keys(over, path)
+    entries = {key: entry for key, entry in base.entries.items() if key not in displaced}
+    for key, entry in over.entries.items():
+        kept = entries.get(key)
+        item = entry.item if kept is None else _merge(kept.item, entry.item, (*path, key))
+        entries[key] = Entry(entry.key, item)
+    return Item(over.mark, entries)
+
+
+def _names_another_model(base: Item, over: Item) -> bool:
+    old, new = base.entries.get("model"), over.entries.get("model")
+    return old is not None and new is not None and old.item.value != new.item.value
+
+
+def _displaced_keys(over: Item, path: Path) -> set[str]:
+    """Return the keys of the base that exclude what `over` says."""
+    displaced: set[str] = set()
+    if path == ():
+        exclusive = [("response", "responses"), ("responses", "response")]
+    elif path == ("frequency",):
+        exclusive = [("step", "lines"), ("lines", "step")]
+    elif len(path) == 4 and path[0] == "joints" and path[2] == "parameters":
+        exclusive = [("value", "range"), ("value", "scale"), ("range", "value"), ("scale", "value")]
+    else:
+        return displaced
+    for new, old in exclusive:
+        if new in over.entries and old not in over.entries:
+            displaced.add(old)
+    return displaced

@@ -1,0 +1,79 @@
+"""A description given as a dict, as a tree of values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from numbers import Integral, Real
+
+from dovetail.documents.fault_list import Findings
+from dovetail.documents.tree import Entry, Item, Mark, Path, Scalar, shown
+from dovetail.documents.yaml_reader import LARGEST_TREE, LARGEST_WHOLE, MOST_LEVELS, UNPRINTABLE
+
+__all__ = ["DICT", "read_mapping"]
+
+DICT = "<dict>"
+"""What stands in a message in place of a file's name."""
+
+
+def read_mapping(source: Mapping[str, object], findings: Findings) -> Item:
+    """Take in a dict of dicts, lists, texts, numbers and truth values.
+
+    Raises
+    ------
+    DescriptionError
+        It is larger or deeper than a description may be.
+    """
+    return _Reader(findings).item(source, ())
+
+
+class _Reader:
+    def __init__(self, findings: Findings) -> None:
+        self._findings = findings
+        self._count = 0
+
+    def item(self, value: object, path: Path) -> Item:
+        self._count += 1
+        mark = Mark(0, 0, self._count, DICT)
+        if self._count > LARGEST_TREE or len(path) >= MOST_LEVELS:
+            bound = f"{LARGEST_TREE} values" if self._count > LARGEST_TREE else f"{MOST_LEVELS} levels"
+            self._findings.add_at(mark, path[:3], f"the description has more than {bound}.")
+            raise self._findings.error()
+        if isinstance(value, Mapping):
+            return Item(mark, self._entries(value, path))
+        if isinstance(value, (list, tuple)):
+            return Item(mark, tuple(self.item(element, (*path, index)) for index, element in enumerate(value)))
+        return Item(mark, self._scalar(value, mark, path))
+
+    def _entries(self, value: Mapping[object, object], path: Path) -> dict[str, Entry]:
+        entries: dict[str, Entry] = {}
+        for key, element in value.items():
+            mark = Mark(0, 0, self._count + 1, DICT)
+            if not isinstance(key, str):
+                self._findings.add_at(mark, path, f"the key is {shown(key)}.", "a text")
+            elif match := UNPRINTABLE.search(key):
+                self._findings.add_at(mark, path, f"a key holds the character U+{ord(match.group()):04X}.")
+            else:
+                entries[key] = Entry(mark, self.item(element, (*path, key)))
+        return entries
+
+    def _scalar(self, value: object, mark: Mark, path: Path) -> Scalar:
+        if value is None or isinstance(value, bool):
+            return value
+        if isinstance(value, str):
+            if match := UNPRINTABLE.search(value):
+                found = f"the character U+{ord(match.group()):04X} cannot stand in a description."
+                self._findings.add_garbled(mark, path, found)
+            return str(value)
+        if isinstance(value, Integral):
+            if abs(int(value)) > LARGEST_WHOLE:
+                self._findings.add_garbled(mark, path, "this is too large a whole number.")
+                return 0
+            return int(value)
+        if isinstance(value, Real):
+            if not math.isfinite(value):
+                self._findings.add_garbled(mark, path, f"{float(value)!r} is not a finite number.")
+            return float(value)
+        found = f"an object of the type '{type(value).__name__}' cannot stand in a description."
+        self._findings.add_garbled(mark, path, found, "a dict, a list, a text, a number, true or false")
+        return None

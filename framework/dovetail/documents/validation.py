@@ -1,0 +1,233 @@
+"""Pydantic's errors as faults with positions, in plain words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from typing import Annotated, Any, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from dovetail.documents.fault_list import Findings
+from dovetail.documents.tree import Item, Path, dotted, plain, shown
+from dovetail.errors import did_you_mean, listing
+from dovetail.units import InUnit
+
+__all__ = ["validate"]
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+_WHOLE, _NUMBER, _LIST, _SECTION = "a whole number", "a number", "a list", "a section of keys and values"
+_KINDS = {
+    "int_type": _WHOLE, "int_parsing": _WHOLE, "int_from_float": _WHOLE, "int_parsing_size": _WHOLE,
+    "float_type": _NUMBER, "float_parsing": _NUMBER, "finite_number": "a finite number",
+    "bool_type": "true or false", "bool_parsing": "true or false",
+    "string_type": "a text",
+    "list_type": _LIST, "tuple_type": _LIST, "set_type": _LIST, "frozen_set_type": _LIST, "iterable_type": _LIST,
+    "dict_type": _SECTION, "mapping_type": _SECTION, "model_type": _SECTION, "model_attributes_type": _SECTION,
+    "none_required": "an empty value",
+}  # fmt: skip
+"""What a value of the wrong type should have been."""
+
+_BOUNDS = {
+    "greater_than": ("gt", "must be greater than {}"),
+    "greater_than_equal": ("ge", "must be at least {}"),
+    "less_than": ("lt", "must be less than {}"),
+    "less_than_equal": ("le", "must be at most {}"),
+    "multiple_of": ("multiple_of", "must be a multiple of {}"),
+    "too_short": ("min_length", "must have {} or more elements"),
+    "too_long": ("max_length", "must have {} elements or fewer"),
+    "string_too_short": ("min_length", "must have {} or more characters"),
+    "string_too_long": ("max_length", "must have {} characters or fewer"),
+}
+
+
+def validate(
+    model: type[_Model], path: Path, findings: Findings, owner: str, *, reserved: Collection[str] = (), data: Any = None
+) -> _Model | None:
+    """Validate the section at `path`.
+
+    Parameters
+    ----------
+    model : pydantic model class
+    path : Path
+    findings : Findings
+        Takes in the faults.
+    owner : str
+        Whose keys these are, for messages: ``"joint model 'collet' (dovetail-frf 0.1.0)"``.
+    reserved : collection of str
+        Keys of the section that are not the model's.
+    data : optional
+        The section, where it is not in the description.
+
+    Returns
+    -------
+    model or None
+        None where there are faults.
+    """
+    item = findings.root.at(path)
+    given = plain(item) if item is not None else data
+    if isinstance(given, Mapping):
+        given = {key: value for key, value in given.items() if key not in reserved}
+    try:
+        return model.model_validate(given)
+    except ValidationError as error:
+        _Translation(model, path, findings, owner, reserved, item).report(error)
+    except Exception as error:  # a plugin's validator may raise anything
+        findings.add(path, f"{owner} cannot check this section: {type(error).__name__}: {error}", key=True)
+    return None
+
+
+class _Translation:
+    def __init__(
+        self,
+        model: type[BaseModel],
+        path: Path,
+        findings: Findings,
+        owner: str,
+        reserved: Collection[str],
+        item: Item | None,
+    ) -> None:
+        self._model = model
+        self._path = path
+        self._findings = findings
+        self._owner = owner
+        self._reserved = reserved
+        self._item = item
+
+    def report(self, error: ValidationError) -> None:
+        """Add a fault for each value, however many alternatives of its type refused it."""
+        by_path: dict[Path, list[Any]] = {}
+        for detail in error.errors(include_url=False):
+            by_path.setdefault(self._data_path(detail), []).append(detail)
+        meant: set[Path] = set()
+        for path, details in by_path.items():
+            if details[0]["type"] == "extra_forbidden":
+                meant.add((*path[:-1], self._unknown(path)))
+        for path, details in by_path.items():
+            if details[0]["type"] == "missing" and path not in meant:
+                self._missing(path)
+            elif details[0]["type"] not in ("missing", "extra_forbidden") and not _follows(path, details, by_path):
+                self._unfit(path, details)
+
+    def _data_path(self, detail: Any) -> Path:
+        """Keep those steps of the error's location that lead through the data; the others name alternatives."""
+        path: Path = ()
+        *steps, last = detail["loc"] or [None]
+        for step in [*steps, last]:
+            reached = self._item.at((*path, step)) if self._item is not None and step is not None else None
+            if reached is not None:
+                path = (*path, step)
+        return (*path, last) if detail["type"] == "missing" else path
+
+    def _missing(self, path: Path) -> None:
+        keys = _keys_of(_models_at(self._model, path[:-1]))
+        unit = keys.get(str(path[-1]), "")
+        section = self._title(path[:-1])
+        accepted = f"a quantity in {unit}" if unit else ""
+        self._findings.add((*self._path, *path), f"{section} lacks '{path[-1]}'.", accepted, key=True)
+
+    def _unknown(self, path: Path) -> str:
+        """Report a key that is not known, and return the one that may have been meant."""
+        keys = _keys_of(_models_at(self._model, path[:-1]))
+        names = [*self._reserved, *keys] if len(path) == 1 else list(keys)
+        found = f"{shown(path[-1])} is not a key of {self._title(path[:-1])}."
+        accepted = listing(f"{name} [{keys[name]}]" if keys.get(name) else name for name in names) or "no keys"
+        hint = did_you_mean(str(path[-1]), names)
+        self._findings.add((*self._path, *path), found, accepted, hint, key=True)
+        return next((name for name in names if f"'{name}'" in hint), "")
+
+    def _unfit(self, path: Path, details: list[Any]) -> None:
+        item = self._item.at(path) if self._item is not None else None
+        value = shown(plain(item)) if item is not None else "this"
+        full = (*self._path, *path)
+        kinds = list(dict.fromkeys(_KINDS[d["type"]] for d in details if d["type"] in _KINDS))
+        specific = next((detail for detail in details if detail["type"] not in _KINDS), None)
+        if specific is None:
+            self._findings.add(full, f"{value} is not {' or '.join(kinds)}.")
+            return
+        if specific["type"] == "unit" and (item is None or type(item.value) not in (str, int, float)):
+            self._findings.add(full, f"{value} is not a quantity{self._in_unit(path)}.")
+            return
+        found, accepted, remedy = _explain(specific, value, item)
+        if kinds:
+            accepted = " or ".join([*kinds, accepted] if accepted else kinds)
+        self._findings.add(full, found, accepted, remedy)
+
+    def _in_unit(self, path: Path) -> str:
+        keys = [step for step in path if isinstance(step, str)]
+        unit = _keys_of(_models_at(self._model, tuple(keys[:-1]))).get(keys[-1], "") if keys else ""
+        return f" in {unit}" if unit else ""
+
+    def _title(self, path: Path) -> str:
+        return f"'{dotted(path)}' of {self._owner}" if path else self._owner
+
+
+def _follows(path: Path, details: list[Any], by_path: Collection[Path]) -> bool:
+    """Tell whether a list is short only because its elements were refused."""
+    beneath = any(other[: len(path)] == path and len(other) > len(path) for other in by_path)
+    return beneath and details[0]["type"] in ("too_short", "too_long")
+
+
+def _explain(detail: Any, value: str, item: Item | None) -> tuple[str, str, str]:
+    """Return what is found, what is accepted and a remedy."""
+    kind, context = detail["type"], detail.get("ctx", {})
+    if kind in _BOUNDS:
+        key, words = _BOUNDS[kind]
+        return f"{value} {words.format(_bound(context[key]))}.", "", ""
+    if kind in ("literal_error", "enum"):
+        choices = re.findall(r"'([^']*)'", str(context["expected"]))
+        given = item.value if item is not None else ""
+        hint = did_you_mean(given, choices) if isinstance(given, str) else ""
+        return f"{value} is not one of the choices.", listing(choices) or str(context["expected"]), hint
+    if kind == "union_tag_invalid":
+        return f"'{context['tag']}' is not a choice for {context['discriminator']}.", str(context["expected_tags"]), ""
+    if kind == "string_pattern_mismatch":
+        return f"{value} has characters that are not allowed here.", f"texts that match {context['pattern']}", ""
+    message = str(context["error"]) if kind in ("value_error", "assertion_error") else str(detail["msg"])
+    if kind not in ("value_error", "assertion_error", "unit"):
+        message = f"{value} cannot stand here: {message}"
+    return message if message.endswith((".", "!", "?")) else f"{message}.", "", ""
+
+
+def _bound(bound: Any) -> str:
+    return f"{bound:g}" if isinstance(bound, float) else str(bound)
+
+
+def _keys_of(models: Collection[type[BaseModel]]) -> dict[str, str]:
+    """Return the keys that sections of these models take, each with its unit or an empty text."""
+    return {field.alias or name: _unit_of(field) for model in models for name, field in model.model_fields.items()}
+
+
+def _models_at(model: type[BaseModel], path: Path) -> list[type[BaseModel]]:
+    """Return the models that may stand at `path` inside `model`."""
+    models = [model]
+    for step in path:
+        if isinstance(step, str):
+            fields = [f for m in models for name, f in m.model_fields.items() if step in (name, f.alias)]
+            models = [nested for field in fields for nested in _models_in(field.annotation)]
+    return models
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models_in(argument)
+
+
+def _unit_of(field: FieldInfo) -> str:
+    for entry in field.metadata:
+        if isinstance(entry, InUnit):
+            return entry.unit
+    return next((unit for unit in _units_in(field.annotation)), "")
+
+
+def _units_in(annotation: Any) -> Iterator[str]:
+    if get_origin(annotation) is Annotated:
+        for entry in annotation.__metadata__:
+            if isinstance(entry, InUnit):
+                yield entry.unit
+    for argument in get_args(annotation):
+        yield from _units_in(argument)

@@ -1,0 +1,277 @@
+"""Where to measure: what the FRF of each point would tell of each parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.dataset import latin_hypercube
+from dovetail.errors import DovetailError, Fault, ParameterError
+from dovetail.evaluation.truncated_gaussian import Left, left_over
+from dovetail.interfaces import Progress, silent
+from dovetail.units import format_quantity
+
+__all__ = ["NOISE", "Plan", "PlannedPoint", "plan"]
+
+NOISE = 0.01
+"""Noise of every line, the same at all points, over the standard deviation of the FRF at the described response."""
+
+_HIDDEN = 0.01
+"""A mode is hardly seen at a point whose amplitude there is this small a part of the largest of all points."""
+
+_MOST_MODES = 10
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedPoint:
+    """One point and what its FRF would tell.
+
+    Parameters
+    ----------
+    substructure : str
+    position : float
+        m.
+    gain : mapping of str to float
+        Of each parameter: part of its prior variance that the FRF takes away, over the prior's mean.
+    deviation : mapping of str to float
+        Of each parameter: mean standard deviation that is left, in fractions of its range. The width of its interval
+        goes with it.
+    hidden : tuple of float
+        Hz; natural frequencies of the middle of the ranges that have a node of vibration near this point.
+    """
+
+    substructure: str
+    position: float
+    gain: dict[str, float]
+    deviation: dict[str, float]
+    hidden: tuple[float, ...]
+
+    @property
+    def mean_gain(self) -> float:
+        """Mean gain of all parameters."""
+        return float(np.mean(list(self.gain.values())))
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """All points, the most telling first, and what a second one beside that, or beside the described one, would add.
+
+    Parameters
+    ----------
+    points : tuple of PlannedPoint
+    current : int
+        Which of them the description's (first) response is.
+    first : int
+        Which of them is one of the two in `seconds`.
+    seconds : tuple of PlannedPoint
+        For each other point, the gain of its FRF and the first point's together, the most telling pair first.
+    noise : float
+    responses : str
+        The description's section for the most telling pair, as YAML; empty where there is a single point.
+    """
+
+    points: tuple[PlannedPoint, ...]
+    current: int
+    first: int
+    seconds: tuple[PlannedPoint, ...]
+    noise: float
+    responses: str
+
+    @property
+    def narrowing(self) -> dict[str, float]:
+        """Of each parameter: its interval from the most telling pair over that from `first` alone."""
+        if not self.seconds:
+            return {}
+        alone, pair = self.points[self.first].deviation, self.seconds[0].deviation
+        return {name: pair[name] / alone[name] for name in alone}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, fit for JSON."""
+        return {
+            "noise": self.noise,
+            "points": [_plain(point) for point in self.points],
+            "current": _plain(self.points[self.current]),
+            "first": _plain(self.points[self.first]),
+            "with_the_first": [_plain(point) for point in self.seconds],
+            "narrowing": self.narrowing,
+            "responses": self.responses,
+        }
+
+
+def _plain(point: PlannedPoint) -> dict[str, Any]:
+    return {
+        "substructure": point.substructure,
+        "position": point.position,
+        "mean_gain": point.mean_gain,
+        "gain": dict(point.gain),
+        "deviation": dict(point.deviation),
+        "hidden_modes_Hz": list(point.hidden),
+    }
+
+
+def plan(
+    assembly: Assembly,
+    substructures: Sequence[str] = (),
+    *,
+    samples: int = 40,
+    noise: float = NOISE,
+    beside_described: bool = False,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Plan:
+    """Rank the nodes of an assembly, but for those inside a joint, as points where force and response are measured.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With parameters to seek.
+    substructures : sequence of str
+        Whose nodes may be struck; all by default.
+    samples : int
+        Parameter vectors from the ranges over which the gain is averaged.
+    noise : float
+        Of every line, the same at all points, over the standard deviation of the FRF at the described response.
+    beside_described : bool
+        Look for a second point beside the described response, which is measured already, not beside the best point.
+    seed : int
+    progress : callable
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    ParameterError
+        There is nothing to identify, no such substructure, or no noise.
+
+    Notes
+    -----
+    The Fisher information of the complex FRF with the exact sensitivities, and a prior that ends at the ends of the
+    ranges (`left_over`). Several responses of a description count one by one; the first says direction and quantity.
+    """
+    if not assembly.parameters:
+        raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to measure for."))
+    if not noise > 0:
+        raise ParameterError(Fault("noise", f"{noise:g} is no noise.", "more than 0"))
+    candidates = _candidates(assembly, substructures)
+    theta = latin_hypercube(assembly, samples, seed)
+    natural = _natural(assembly)
+    known = _of_each(candidates, theta, noise * assembly.frf(theta).std(axis=1), progress)
+    share = np.array([_share(one, natural) for one in candidates])
+    hidden, truth = share < _HIDDEN * np.max(share, axis=0, initial=0.0), assembly.to_unit(theta)
+    points = _points(candidates, left_over(known, truth, seed), [natural[rows] for rows in hidden])
+    order = sorted(range(len(points)), key=lambda index: -points[index].mean_gain)
+    current = next(index for index in order if _is_current(assembly, candidates[index]))
+    first = current if beside_described else order[0]
+    others = [index for index in order if index != first]
+    seconds = _points(
+        [candidates[index] for index in others],
+        left_over(known[first] + known[others], truth, seed),
+        [natural[hidden[index] & hidden[first]] for index in others],
+    )
+    ranked = tuple(sorted(seconds, key=lambda point: -point.mean_gain))
+    pair = _section(assembly, points[first], ranked[0]) if ranked else ""
+    return Plan(tuple(points[index] for index in order), order.index(current), order.index(first), ranked, noise, pair)
+
+
+def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assembly]:
+    """Return the assembly with its response at each node, in the description's direction."""
+    description = assembly.description
+    parts = description.substructures
+    for name in substructures:
+        if name not in parts:
+            raise ParameterError(Fault("substructures", f"there is no substructure '{name}'.", ", ".join(parts)))
+    chosen = list(substructures) or [name for name, part in parts.items() if not part.grounded]
+    own = description.response
+    attachments = [port for connection in assembly.graph.connections.values() for port in connection.attachments]
+    inside = {(port.substructure, dof) for port in attachments for dof in port.dofs}
+    if own.substructure not in chosen:
+        chosen.append(own.substructure)
+    return [
+        Assembly(replace(description, responses=(replace(own, substructure=name, node=node),)))
+        for name in chosen
+        for node in range(len(parts[name].nodes))
+        if not inside.intersection({(name, 2 * node), (name, 2 * node + 1)})
+        or (own.substructure, own.node) == (name, node)
+    ]
+
+
+def _natural(assembly: Assembly) -> NDArray[np.float64]:
+    """Return the natural frequencies of the middle of the ranges; none where a part has no matrices."""
+    try:
+        found = assembly.natural_frequencies(count=_MOST_MODES)
+    except DovetailError:
+        return np.empty(0)
+    return np.asarray(found[(found >= assembly.frequency[0]) & (found <= assembly.frequency[-1])])
+
+
+def _of_each(
+    candidates: Sequence[Assembly], theta: NDArray[np.float64], deviation: NDArray[np.float64], progress: Progress
+) -> NDArray[np.float64]:
+    """Return the Fisher information (n_candidates, n, p, p) of the parameter vectors at each point."""
+    found = []
+    for index, one in enumerate(candidates):
+        progress("points", index, len(candidates))
+        found.append(_information(one, theta, deviation))
+    progress("points", len(candidates), len(candidates))
+    return np.array(found)
+
+
+def _information(assembly: Assembly, theta: NDArray[np.float64], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Fisher information (n, p, p) of each parameter vector, in fractions of the ranges."""
+    _, jacobian = assembly.frf_jacobian(theta)
+    log = np.array([p.scale == "log" for p in assembly.parameters])
+    width = np.array(
+        [np.log(p.upper / p.lower) if p.scale == "log" else p.upper - p.lower for p in assembly.parameters]
+    )
+    slopes = np.swapaxes(jacobian, 1, 2) * np.where(log, theta * width, width)[:, :, np.newaxis]
+    weighted = slopes * np.sqrt(2.0) / deviation[:, np.newaxis, np.newaxis]
+    return np.asarray(np.real(weighted @ np.conj(weighted).transpose(0, 2, 1)))
+
+
+def _share(assembly: Assembly, natural: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how strongly each mode shows in the accelerance of the point, for the middle of the ranges."""
+    amplitude = assembly.accelerance_amplitude()
+    nearest = np.searchsorted(assembly.frequency, natural).clip(0, len(amplitude) - 1)
+    return np.asarray(amplitude[nearest], dtype=np.float64)
+
+
+def _points(candidates: list[Assembly], left: Left, hidden: list[NDArray[np.float64]]) -> list[PlannedPoint]:
+    rows = zip(candidates, left.variance, left.deviation, hidden, strict=True)
+    return [_point(one, *row) for one, *row in rows]
+
+
+def _point(
+    assembly: Assembly,
+    variance: NDArray[np.float64],
+    deviation: NDArray[np.float64],
+    hidden: NDArray[np.float64],
+) -> PlannedPoint:
+    response = assembly.description.response
+    position = assembly.description.substructures[response.substructure].nodes[response.node].position
+    names = [parameter.name for parameter in assembly.parameters]
+    return PlannedPoint(
+        substructure=response.substructure,
+        position=position,
+        gain=dict(zip(names, (1.0 - 12.0 * variance).tolist(), strict=True)),
+        deviation=dict(zip(names, deviation.tolist(), strict=True)),
+        hidden=tuple(hidden.tolist()),
+    )
+
+
+def _section(assembly: Assembly, first: PlannedPoint, second: PlannedPoint) -> str:
+    """Return the section of a description that has both points, with the quantity of the described response."""
+    own = assembly.description.response
+    keys = f"direction: {own.direction}, quantity: {own.quantity}"
+    places = [f"at: {one.substructure}, position: {format_quantity(one.position, 'm', 8)}" for one in (first, second)]
+    return "responses:\n" + "".join(f"  - {{{place}, {keys}}}\n" for place in places)
+
+
+def _is_current(assembly: Assembly, candidate: Assembly) -> bool:
+    return candidate.description.response == assembly.description.response

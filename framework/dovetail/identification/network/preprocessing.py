@@ -1,0 +1,172 @@
+"""Scaling of features and targets, fitted on training data only (Eqs. 13 and 14)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.frf import Frf
+from dovetail.interfaces import Parameter
+
+__all__ = ["TargetScaling", "ZScore", "accelerance_amplitudes", "blocks", "log10p1"]
+
+BLOCK_ROWS = 2048
+"""Rows handled at a time: 50,000 FRFs are never copied to double precision as a whole."""
+
+
+def blocks(rows: int) -> Iterator[slice]:
+    """Cut `rows` rows into slices small enough to work on."""
+    for start in range(0, rows, BLOCK_ROWS):
+        yield slice(start, min(start + BLOCK_ROWS, rows))
+
+
+@dataclass(frozen=True, eq=False)
+class ZScore:
+    """Mean 0 and standard deviation 1, column by column (Eq. 13).
+
+    Parameters
+    ----------
+    mean, deviation : (n_features,) arrays
+        Of the training features. The deviation of a column that does not vary is 1, so that it stays finite.
+    """
+
+    mean: NDArray[np.float64]
+    deviation: NDArray[np.float64]
+
+    @classmethod
+    def fit(cls, features: NDArray[np.float32]) -> Self:
+        """Take mean and standard deviation from training features (n_samples, n_features)."""
+        count, width = features.shape
+        mean, variance = np.zeros(width), np.zeros(width)
+        for rows in blocks(count):
+            mean += features[rows].sum(axis=0, dtype=np.float64) / count
+        for rows in blocks(count):
+            variance += ((features[rows] - mean) ** 2).sum(axis=0) / count
+        deviation = np.sqrt(variance)
+        rounding = 4.0 * np.finfo(np.float32).eps * np.abs(mean)
+        return cls(mean, np.where(deviation > rounding, deviation, 1.0))
+
+    def transform(self, features: NDArray[np.float32], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+        """Standardise features (n_samples, n_features), into `out` (which may be `features`) if it is given."""
+        scaled = np.empty(features.shape, dtype=np.float32) if out is None else out
+        for rows in blocks(len(features)):
+            scaled[rows] = (features[rows] - self.mean) / self.deviation
+        return scaled
+
+    def state(self) -> dict[str, NDArray[np.generic]]:
+        """Return the arrays that `restore` needs."""
+        return {"mean": self.mean, "deviation": self.deviation}
+
+    @classmethod
+    def restore(cls, state: Mapping[str, NDArray[np.generic]]) -> Self:
+        """Rebuild what `state` was taken from.
+
+        Raises
+        ------
+        ValueError
+            The arrays do not belong together.
+        """
+        mean, deviation = _doubles(state, "mean", "deviation")
+        if not np.all(deviation > 0):
+            raise ValueError("a standard deviation is not positive.")
+        return cls(mean, deviation)
+
+
+@dataclass(frozen=True, eq=False)
+class TargetScaling:
+    """Parameter values to 0..1 over the training targets, on each parameter's scale (Eq. 14).
+
+    Parameters
+    ----------
+    lower, upper : (n_params,) arrays
+        Least and greatest training target: the value, or its natural logarithm for a logarithmic parameter.
+    logarithmic : (n_params,) bool array
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    logarithmic: NDArray[np.bool_]
+
+    @classmethod
+    def fit(cls, theta: NDArray[np.float64], parameters: Sequence[Parameter]) -> Self:
+        """Take the extremes of training targets `theta` (n_samples, n_params), in SI units."""
+        logarithmic = np.array([parameter.scale == "log" for parameter in parameters])
+        on_scale = _on_scale(theta, logarithmic)
+        lower, upper = on_scale.min(axis=0), on_scale.max(axis=0)
+        return cls(lower, np.where(upper > lower, upper, lower + 1.0), logarithmic)
+
+    def transform(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map SI values (n_samples, n_params) to targets of the regressor."""
+        return (_on_scale(theta, self.logarithmic) - self.lower) / (self.upper - self.lower)
+
+    def inverse(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Map the regressor's answer (n_samples, n_params) to SI values."""
+        theta = self.lower + np.asarray(targets, dtype=np.float64) * (self.upper - self.lower)
+        with np.errstate(over="ignore"):
+            theta[:, self.logarithmic] = np.exp(theta[:, self.logarithmic])
+        return theta
+
+    def state(self) -> dict[str, NDArray[np.generic]]:
+        """Return the arrays that `restore` needs."""
+        return {"lower": self.lower, "upper": self.upper, "logarithmic": self.logarithmic}
+
+    @classmethod
+    def restore(cls, state: Mapping[str, NDArray[np.generic]]) -> Self:
+        """Rebuild what `state` was taken from.
+
+        Raises
+        ------
+        ValueError
+            The arrays do not belong together.
+        """
+        lower, upper = _doubles(state, "lower", "upper")
+        logarithmic = np.asarray(state["logarithmic"], dtype=np.bool_)
+        if logarithmic.shape != lower.shape or not np.all(upper > lower):
+            raise ValueError("the extremes of the targets do not belong together.")
+        return cls(lower, upper, logarithmic)
+
+
+def _on_scale(theta: NDArray[np.float64], logarithmic: NDArray[np.bool_]) -> NDArray[np.float64]:
+    on_scale = np.array(theta, dtype=np.float64)
+    on_scale[:, logarithmic] = np.log(on_scale[:, logarithmic])
+    return on_scale
+
+
+def _doubles(
+    state: Mapping[str, NDArray[np.generic]], first: str, second: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return two vectors of a state that must have one length and finite numbers."""
+    one, other = (np.asarray(state[name], dtype=np.float64) for name in (first, second))
+    if one.ndim != 1 or one.shape != other.shape:
+        raise ValueError(f"'{first}' and '{second}' have the shapes {one.shape} and {other.shape}.")
+    if not (np.isfinite(one).all() and np.isfinite(other).all()):
+        raise ValueError(f"'{first}' or '{second}' is not finite.")
+    return one, other
+
+
+def accelerance_amplitudes(measured: Sequence[Frf]) -> NDArray[np.float64]:
+    """Return the accelerance's amplitudes of all responses beside each other, as one row (1, n_responses n_freq)."""
+    return np.concatenate([frf.to("accelerance").amplitude for frf in measured])[np.newaxis]
+
+
+def log10p1(amplitude: NDArray[np.floating], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+    """Return log10(x + 1) of the accelerance's amplitude, in single precision (Eq. 12).
+
+    Parameters
+    ----------
+    amplitude : (..., n_freq) array
+        m/(N s^2), not negative.
+    out : (..., n_freq) float32 array, optional
+        Where to write the features; `amplitude` itself, if it is single precision.
+
+    Returns
+    -------
+    (..., n_freq) float32 array
+    """
+    features = np.asarray(np.log1p(amplitude, out=out, dtype=np.float32), dtype=np.float32)
+    features *= np.float32(1.0 / np.log(10.0))
+    return features

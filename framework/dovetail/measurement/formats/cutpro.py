@@ -1,0 +1,91 @@
+"""FRFs in the text files (.frf) that CutPro exports and reads.
+
+Each row has frequency, real and imaginary part. Behind the numbers of the first row stand the labels of the columns,
+such as ``Freq Hz Real m/N Imag m/N``; exponents may have three digits.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats.tables import text_lines
+from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
+from dovetail.measurement.recording import Recording, Selection
+
+__all__ = ["decode"]
+
+_COLUMNS = 3
+_GAP = re.compile(r"[\s,;]+")
+_LONGEST = 500
+_NOT_READ = re.compile(r"\b(magnitude|mag|phase|amplitude|db)\b", re.IGNORECASE)
+
+
+def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+    """Return what a CutPro file holds.
+
+    Raises
+    ------
+    MeasurementError
+        Not text, a row without three numbers, labels of another kind than real and imaginary part, units that differ.
+    """
+    if selection.chooses or selection.names:
+        option = selection.chooses or f"names={dict(selection.names)}"
+        raise MeasurementError(Fault(str(path), f"{option} is not for {path.suffix} files, which hold one FRF."))
+    lines = text_lines(path, content)
+    numbers, rows, labels = [], [], ""
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        words = _GAP.split(line.strip()[:_LONGEST])
+        rows.append(_three(words, f"{path}:{number}"))
+        numbers.append(number)
+        if len(rows) == 1:
+            labels = " ".join(word.strip('"') for word in words[_COLUMNS:])
+        elif len(words) != _COLUMNS:
+            raise MeasurementError(Fault(f"{path}:{number}", f"the row has {len(words)} columns.", "three numbers"))
+    if not rows:
+        raise MeasurementError(Fault(str(path), "there is no row of numbers."))
+    table = np.array(rows)
+    meaning, unit = _unit(f"{path}:{numbers[0]}", labels)
+    return Recording(
+        where=str(path),
+        label=path.name,
+        frequency=table[:, 0],
+        values=table[:, 1] + 1j * table[:, 2],
+        has_phase=True,
+        quantity=None if meaning is None else meaning.quantity,
+        is_stated=meaning is not None,
+        coherence=None,
+        place=lambda index: f"{path}:{numbers[index]}",
+        how_to_state_quantity="the unit in the first row, such as m/N",
+        factor=1.0 if meaning is None else meaning.factor,
+        unit=unit,
+    )
+
+
+def _three(words: list[str], where: str) -> list[float]:
+    try:
+        row = [float(word) for word in words[:_COLUMNS]]
+    except ValueError:
+        shown = " ".join(words)[:60]
+        raise MeasurementError(Fault(where, f"the row '{shown}' does not start with three numbers.")) from None
+    if len(row) < _COLUMNS:
+        raise MeasurementError(Fault(where, f"the row has {len(row)} columns.", "three numbers"))
+    return row
+
+
+def _unit(where: str, labels: str) -> tuple[UnitMeaning | None, str]:
+    """Return what the labels of the first row say of the values' unit."""
+    if match := _NOT_READ.search(labels):
+        found = f"the labels '{labels[:60]}' speak of {match[0]}."
+        raise MeasurementError(Fault(where, found, "frequency in Hz, real part, imaginary part"))
+    words = [word.strip("[]()") if word.count("/") == 1 else word for word in labels.split()]
+    units = sorted({word for word in words if "/" in word})
+    meanings = {meaning_of_unit(word, where) for word in units}
+    if len(meanings) > 1:
+        raise MeasurementError(Fault(where, f"the values are in different units: {' and '.join(units)}.", "one unit"))
+    return (meanings.pop(), units[0]) if meanings else (None, "")

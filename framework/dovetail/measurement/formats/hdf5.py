@@ -1,0 +1,124 @@
+"""FRFs in HDF5 files, plain or as MATLAB 7.3 writes them."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats.guarded_process import read_apart
+from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
+from dovetail.measurement.recording import Recording, Selection
+
+if TYPE_CHECKING:
+    import h5py
+
+__all__ = ["SIGNATURE", "decode", "opened"]
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_STARTS = (0, *(512 << power for power in range(18)))
+_MOST_OBJECTS = 2000
+_DEEPEST = 8
+_LONGEST_TEXT = 4000
+_COMPLEX = (("r", "i"), ("real", "imag"), ("re", "im"))
+
+
+def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+    """Return what an HDF5 file holds.
+
+    Raises
+    ------
+    MeasurementError
+        Not HDF5, damaged, or its names do not say which FRF it holds.
+    """
+    if not any(content.startswith(SIGNATURE, start) for start in _STARTS):
+        raise MeasurementError(Fault(str(path), "this is no HDF5 file."))
+    return read_apart(path, selection, matlab=False)
+
+
+@contextmanager
+def opened(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
+    """Open an HDF5 file; `matlab` turns MATLAB's order of axes and its texts to numpy's.
+
+    Nothing outside the file is read: links to other files, external storage and virtual datasets are left out.
+
+    Raises
+    ------
+    MeasurementError
+        As `decode`.
+    """
+    import h5py
+
+    try:
+        with h5py.File(io.BytesIO(content), "r") as file:
+            yield Archive(path, dict(_entries(path, file, "", 0, [0], matlab)), _texts(file))
+    except MeasurementError:
+        raise
+    except Exception as error:  # the library raises OSError, RuntimeError, KeyError and others for damaged files
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        raise MeasurementError(Fault(str(path), f"the HDF5 file is damaged or is none: {reason}.")) from None
+
+
+def _entries(
+    path: Path, group: h5py.Group, prefix: str, depth: int, count: list[int], matlab: bool
+) -> Iterator[tuple[str, Entry]]:
+    import h5py
+
+    for name in group:
+        count[0] += 1
+        if count[0] > _MOST_OBJECTS or depth > _DEEPEST:
+            raise MeasurementError(Fault(str(path), "the file has more objects or deeper groups than any FRF."))
+        if (matlab and name.startswith("#")) or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            continue
+        item = group[name]
+        if isinstance(item, h5py.Group):
+            yield from _entries(path, item, f"{prefix}{name}/", depth + 1, count, matlab)
+        elif isinstance(item, h5py.Dataset) and not item.is_virtual and not item.external:
+            what = f"{item.shape} {item.dtype}"
+            yield f"{prefix}{name}", Entry(what, partial(_array, path, item, matlab), _texts(item))
+
+
+def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
+    """Return the numbers or the text of a dataset after its header has shown that it is small."""
+    import h5py
+
+    size = int(np.prod(dataset.shape or (1,), dtype=np.float64)) * dataset.dtype.itemsize
+    if size > LARGEST_ARRAY:
+        accepted = f"at most {LARGEST_ARRAY // 1_000_000} MB"
+        raise MeasurementError(Fault(str(path), f"'{dataset.name[1:]}' unpacks to {size / 1e6:.0f} MB.", accepted))
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        return np.array(_decoded(dataset[()] if dataset.shape == () else dataset[:1].reshape(-1)[0]))
+    if dataset.dtype.hasobject or dataset.shape is None:
+        raise MeasurementError(Fault(str(path), f"'{dataset.name[1:]}' holds references, not numbers or text."))
+    array = np.asarray(dataset[()])
+    if matlab and _texts(dataset).get("MATLAB_class") == "char":
+        return np.array("".join(map(chr, array.T.ravel()[:_LONGEST_TEXT].tolist())))
+    if array.dtype.names in _COMPLEX:
+        real, imaginary = array.dtype.names
+        array = array[real] + 1j * array[imaginary]
+    return array.T if matlab else array
+
+
+def _texts(item: h5py.Group | h5py.Dataset) -> Mapping[str, str]:
+    """Return the attributes that are texts."""
+    found = {}
+    for name in list(item.attrs)[:50]:
+        try:
+            value = item.attrs[name]
+        except Exception:  # an attribute of a type that cannot be read says nothing
+            continue
+        if isinstance(value, str | bytes):
+            found[str(name)] = _decoded(value)
+    return found
+
+
+def _decoded(value: object) -> str:
+    text = value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
+    return text[:_LONGEST_TEXT]

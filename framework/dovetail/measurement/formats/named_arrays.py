@@ -1,0 +1,222 @@
+"""FRFs in files of named arrays: what NPZ, HDF5 and MATLAB files have in common."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import Quantity
+from dovetail.measurement.formats.column_names import NUMBERS, chosen_names, combined, quantity_of_name
+from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
+from dovetail.measurement.recording import MOST_LINES, Recording, Selection, known_quantity
+
+__all__ = ["LARGEST_ARRAY", "Archive", "Entry", "recording_of"]
+
+LARGEST_ARRAY = 40_000_000
+"""Bytes of one unpacked array."""
+_HERTZ = {"": 1.0, "hz": 1.0, "1/s": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
+_LONGEST_TEXT = 1000
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One array or text of a file, not loaded yet.
+
+    Parameters
+    ----------
+    what : str
+        Shape and type in words.
+    load : callable
+        Returns the array; a text is an array of one string.
+    attributes : mapping of str to str
+        Texts that the file attaches to it, such as its unit.
+    """
+
+    what: str
+    load: Callable[[], NDArray[Any]] = field(repr=False)
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Archive:
+    """A file of named arrays.
+
+    Parameters
+    ----------
+    path : Path
+    entries : mapping of str to Entry
+    attributes : mapping of str to str
+        Texts that the file attaches to itself.
+    """
+
+    path: Path
+    entries: Mapping[str, Entry]
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+
+def recording_of(archive: Archive, selection: Selection) -> Recording:
+    """Return the FRF that an archive holds.
+
+    Raises
+    ------
+    MeasurementError
+        Parts that are missing or ambiguous, with a list of what the file holds; shapes and types that do not fit.
+    """
+    where = str(archive.path)
+    names = chosen_names(where, {name: entry.what for name, entry in archive.entries.items()}, selection.names)
+    parts = _parts(archive, names, selection)
+
+    def place(index: int) -> str:
+        return f"{where}  line {index + 1} of the arrays"
+
+    values, has_phase = combined(parts, place)
+    meaning = _unit(archive, names)
+    quantity = _quantity(archive, names, meaning)
+    return Recording(
+        where=where,
+        label=archive.path.name,
+        frequency=parts["frequency"] * _hertz(archive, names["frequency"]),
+        values=values,
+        has_phase=has_phase,
+        quantity=quantity,
+        is_stated=quantity is not None,
+        coherence=parts.get("coherence"),
+        place=place,
+        how_to_state_quantity="a text 'quantity' or 'unit' in the file",
+        note=_text(archive, names, "note"),
+        factor=1.0 if meaning is None else meaning.factor,
+        unit=_text(archive, names, "unit"),
+        averages=_averages(archive, names),
+        variance=parts.get("variance"),
+        rotation=meaning is not None and meaning.rotation,
+        response=_text(archive, names, "response"),
+        force=_text(archive, names, "force"),
+    )
+
+
+def _parts(archive: Archive, names: Mapping[str, str], selection: Selection) -> dict[str, NDArray[Any]]:
+    """Return the arrays that have a number for each line, each of shape (n_freq,)."""
+    frequency = _numbers(archive, names["frequency"], "frequency", "real")
+    if frequency.size != max(frequency.shape, default=0) or frequency.size == 0:
+        raise _misshapen(archive, names["frequency"], frequency, "(n_freq,) real numbers")
+    parts = {"frequency": frequency.ravel()}
+    lines = frequency.size
+    several = False
+    for part in NUMBERS[1:]:
+        if part in names:
+            array = _numbers(archive, names[part], part, "complex" if part == "values" else "real")
+            several |= array.size > lines
+            parts[part] = _one_of_several(archive, names[part], array, lines, selection)
+    if selection.chooses and not several:
+        found = f"{selection.chooses} chooses one of several FRFs, and the file holds one."
+        raise MeasurementError(Fault(str(archive.path), found))
+    return parts
+
+
+def _numbers(archive: Archive, name: str, part: str, kind: str) -> NDArray[Any]:
+    array = archive.entries[name].load()
+    accepted = {"real": "fiu", "complex": "c"}[kind]
+    if array.dtype.kind not in accepted:
+        amplitude = "; an amplitude alone is called amplitude" if part == "values" and array.dtype.kind in "fiu" else ""
+        raise _misshapen(archive, name, array, f"(n_freq,) {kind} numbers{amplitude}")
+    return array.astype(np.complex128 if kind == "complex" else np.float64)
+
+
+def _one_of_several(archive: Archive, name: str, array: NDArray[Any], lines: int, selection: Selection) -> NDArray[Any]:
+    """Return the (n_freq,) numbers of the FRF that is wanted from an array with an axis of frequencies."""
+    if array.size == max(array.shape, default=0) != lines:
+        raise MeasurementError(Fault(str(archive.path), f"'{name}' has {array.size} lines, the frequency has {lines}."))
+    axes = [axis for axis, length in enumerate(array.shape) if length == lines]
+    if len(axes) != 1 and array.size != lines:
+        found = f"'{name}' has the shape {array.shape}, and {len(axes)} axes are as long as the frequency ({lines})."
+        raise MeasurementError(Fault(str(archive.path), found, "one axis of frequencies, at most two of DOFs"))
+    if array.size == lines:
+        return array.ravel()
+    others = np.moveaxis(array, axes[0], 0)
+    wide = [length for length in others.shape[1:] if length > 1]
+    table = others.reshape(lines, *wide)
+    chosen: NDArray[Any] = table.reshape(lines, -1)[:, _position(archive, name, tuple(wide), selection)]
+    return chosen
+
+
+def _position(archive: Archive, name: str, shape: tuple[int, ...], selection: Selection) -> int:
+    """Return the position, from 0, of the wanted FRF among those of an array in C order."""
+    options: tuple[str, ...] = ("response", "force") if len(shape) > 1 else ("index", "response", "force")
+    wanted = [value for option in options if (value := getattr(selection, option)) is not None]
+    numbers = tuple(int(one) if re.fullmatch(r"\d{1,6}", str(one)) else 0 for one in wanted)
+    if len(numbers) != len(shape) or any(not 1 <= n <= length for n, length in zip(numbers, shape, strict=True)):
+        say = " and ".join(options) if len(shape) > 1 else "one of " + ", ".join(options)
+        ranges = ", ".join(f"1 to {length}" for length in shape)
+        found = f"'{name}' holds {' x '.join(map(str, shape))} FRFs, and one is wanted."
+        raise MeasurementError(
+            Fault(str(archive.path), found, f"numbers of {ranges}", f"Choose it by {say}, counted from 1.")
+        )
+    return int(np.ravel_multi_index([number - 1 for number in numbers], shape))
+
+
+def _misshapen(archive: Archive, name: str, array: NDArray[Any], accepted: str) -> MeasurementError:
+    found = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
+    return MeasurementError(Fault(str(archive.path), found, accepted))
+
+
+def _text(archive: Archive, names: Mapping[str, str], part: str) -> str:
+    """Return a text of its own, of the values, or of the file; empty where there is none."""
+    if part in names:
+        array = archive.entries[names[part]].load()
+        if array.size != 1 or array.dtype.kind not in "US":
+            raise MeasurementError(Fault(f"{archive.path}  {names[part]}", "the array is not one word."))
+        word = array.reshape(())[()]
+        text = word.decode("utf-8", errors="replace") if isinstance(word, bytes) else str(word)
+        return text.strip()[:_LONGEST_TEXT]
+    of_values = next(names[kind] for kind in ("values", "real", "amplitude") if kind in names)
+    for attributes in (archive.entries[of_values].attributes, archive.attributes):
+        for key in (part, f"{part}s"):
+            if key in attributes:
+                return attributes[key].strip()[:_LONGEST_TEXT]
+    return ""
+
+
+def _unit(archive: Archive, names: Mapping[str, str]) -> UnitMeaning | None:
+    label = _text(archive, names, "unit")
+    return meaning_of_unit(label, f"{archive.path}  unit") if label else None
+
+
+def _quantity(archive: Archive, names: Mapping[str, str], meaning: UnitMeaning | None) -> Quantity | None:
+    """Return what the file says in words, by its unit or by the name of the values; all must agree."""
+    word = _text(archive, names, "quantity")
+    stated = {
+        "its word": known_quantity(word, f"{archive.path}  quantity") if word else None,
+        "its unit": None if meaning is None else meaning.quantity,
+        "the name of the values": quantity_of_name(names.get("values", "")),
+    }
+    said = {source: quantity for source, quantity in stated.items() if quantity is not None}
+    if len(set(said.values())) > 1:
+        each = ", ".join(f"{quantity} by {source}" for source, quantity in said.items())
+        raise MeasurementError(Fault(str(archive.path), f"the file contradicts itself: {each}."))
+    return next(iter(said.values()), None)
+
+
+def _averages(archive: Archive, names: Mapping[str, str]) -> int | None:
+    if "averages" not in names:
+        return None
+    array = archive.entries[names["averages"]].load()
+    number = array.reshape(-1)[0] if array.size == 1 and array.dtype.kind in "fiu" else np.nan
+    if not (1 <= number <= MOST_LINES and number == int(number)):
+        raise _misshapen(archive, names["averages"], array, "a number of averages of 1 or more")
+    return int(number)
+
+
+def _hertz(archive: Archive, name: str) -> float:
+    """Return Hz for each unit of the frequency, by its attribute."""
+    attributes = archive.entries[name].attributes
+    label = attributes.get("unit", attributes.get("units", "")).strip()
+    if label.lower() not in _HERTZ:
+        raise MeasurementError(Fault(str(archive.path), f"'{name}' is in {label[:40]!r}.", "Hz, kHz, rad/s"))
+    return _HERTZ[label.lower()]

@@ -1,0 +1,136 @@
+"""FRFs in numpy archives, read without pickle."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry, recording_of
+from dovetail.measurement.recording import MOST_LINES, Recording, Selection, Written
+
+__all__ = ["archive_of", "decode", "encode"]
+
+_LARGEST_DIRECTORY = 65536
+"""Bytes of the archive's directory: room for hundreds of arrays, not for millions of empty ones."""
+_WIDEST_ITEM = 4000
+"""Bytes of one array item: a complex number, or a text of 1000 characters."""
+_MOST_AXES = 3
+
+
+def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+    """Return what an NPZ file holds.
+
+    Raises
+    ------
+    MeasurementError
+        Not an archive, missing or misshapen arrays, Python objects.
+    """
+    with _damage_told(path):
+        return recording_of(archive_of(path, content), selection)
+
+
+def archive_of(path: Path, content: bytes) -> Archive:
+    """Return the arrays of an NPZ file, none of them loaded.
+
+    Raises
+    ------
+    MeasurementError
+        Not an archive.
+    """
+    if _directory_size(content) > _LARGEST_DIRECTORY:
+        raise MeasurementError(Fault(str(path), "the archive's directory is larger than that of any FRF."))
+    with _damage_told(path):
+        archive = zipfile.ZipFile(io.BytesIO(content))
+        held = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+        return Archive(path, {name: Entry("", partial(_array, path, archive, name)) for name in held})
+
+
+@contextmanager
+def _damage_told(path: Path) -> Iterator[None]:
+    """Turn what a damaged archive raises into one fault; zipfile, decompressors and numpy each raise their own."""
+    try:
+        yield
+    except MeasurementError:
+        raise
+    except Exception as error:
+        reason = str(error)[:100] or type(error).__name__
+        found = f"the archive is damaged: {reason}."
+        raise MeasurementError(Fault(str(path), found, "a file of np.savez")) from None
+
+
+def encode(written: Written, _path: Path, _binary: bool | None) -> bytes:
+    """Return an NPZ file."""
+    frf = written.frf
+    arrays: dict[str, NDArray[Any]] = {"frequency": frf.frequency, "quantity": np.array(frf.quantity)}
+    arrays |= {"values": written.values} if frf.has_phase else {"amplitude": np.abs(written.values)}
+    arrays["unit"] = np.array(written.unit)
+    for name, array in (("coherence", frf.coherence), ("variance", written.variance)):
+        if array is not None:
+            arrays[name] = array
+    if frf.averages is not None:
+        arrays["averages"] = np.array(frf.averages)
+    for name in ("note", "response", "force"):
+        if text := getattr(frf, name):
+            arrays[name] = np.array(text)
+    stream = io.BytesIO()
+    np.savez(stream, allow_pickle=False, **arrays)
+    return stream.getvalue()
+
+
+def _directory_size(content: bytes) -> int:
+    """Size that the end record of a zip file gives its directory; 0 where there is no such record."""
+    end = content.rfind(b"PK\x05\x06")
+    if end < 0 or len(content) < end + 22:
+        return 0
+    return int(struct.unpack_from("<I", content, end + 12)[0])
+
+
+def _array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    """Return one array after its header has shown that it is small and holds plain values."""
+    with _damage_told(path):
+        return _checked_array(path, archive, name)
+
+
+def _checked_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    size = archive.getinfo(f"{name}.npy").file_size
+    if size > LARGEST_ARRAY:
+        raise MeasurementError(
+            Fault(str(path), f"'{name}' unpacks to {size / 1e6:.0f} MB.", f"at most {LARGEST_ARRAY // 1_000_000} MB")
+        )
+    with archive.open(f"{name}.npy") as stream:
+        shape, dtype = _header(path, stream, name)
+    if dtype.hasobject:
+        raise MeasurementError(
+            Fault(str(path), f"'{name}' holds Python objects (pickle), which are never loaded.", "an array of numbers")
+        )
+    if any(length > MOST_LINES for length in shape) or len(shape) > _MOST_AXES or dtype.itemsize > _WIDEST_ITEM:
+        raise MeasurementError(
+            Fault(
+                str(path),
+                f"'{name}' has the shape {shape} of {dtype.itemsize} bytes each.",
+                f"the shape (n_freq,) or with axes of DOFs, at most {MOST_LINES:,} lines",
+            )
+        )
+    with archive.open(f"{name}.npy") as stream:
+        return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
+
+
+def _header(path: Path, stream: Any, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = np.lib.format.read_magic(stream)
+    if version == (1, 0):
+        shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
+    elif version == (2, 0):
+        shape, _, dtype = np.lib.format.read_array_header_2_0(stream)
+    else:
+        raise MeasurementError(Fault(str(path), f"'{name}' has the array format {version}.", "format 1.0 or 2.0"))
+    return shape, dtype

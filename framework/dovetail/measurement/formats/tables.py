@@ -1,0 +1,343 @@
+"""FRFs in tables of text: comma, semicolon or tab between the columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import Quantity
+from dovetail.measurement.formats.column_names import NUMBERS, chosen_names, combined, plain_name, quantity_of_name
+from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
+from dovetail.measurement.recording import MOST_LINES, Recording, Selection, Written, known_quantity
+
+__all__ = ["Header", "cells_of", "decode", "encode", "read_header", "text_lines"]
+
+_MOST_COMMENTS = 1000
+
+
+def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+    """Return what a table holds.
+
+    Raises
+    ------
+    MeasurementError
+        Not text, a header that is not understood, or a line that does not fit it.
+    """
+    if selection.chooses:
+        found = f"{selection.chooses} chooses one of several FRFs; a {path.suffix} file holds one FRF."
+        raise MeasurementError(Fault(str(path), found))
+    lines = text_lines(path, content)
+    header = read_header(str(path), lines, selection.names)
+    numbers, table = _table(path, lines, header)
+    parts = {part: table[column] if part == "values" else table[column].real for part, column in header.columns.items()}
+    parts["frequency"] = parts["frequency"] * header.hertz
+
+    def place(index: int) -> str:
+        return f"{path}:{numbers[index]}"
+
+    values, has_phase = combined(parts, place)
+    meaning = meaning_of_unit(header.unit, str(path)) if header.unit else None
+    quantity = _quantity(path, header)
+    return Recording(
+        where=str(path),
+        label=path.name,
+        frequency=parts["frequency"],
+        values=values,
+        has_phase=has_phase,
+        quantity=quantity,
+        is_stated=quantity is not None,
+        coherence=parts.get("coherence"),
+        place=place,
+        how_to_state_quantity="a line '# quantity: accelerance' before the header",
+        note=header.comments.get("note", ""),
+        factor=1.0 if meaning is None else meaning.factor,
+        unit=header.unit,
+        averages=_averages(header.comments),
+        variance=parts.get("variance"),
+        rotation=meaning is not None and meaning.rotation,
+        response=header.comments.get("response", ""),
+        force=header.comments.get("force", ""),
+    )
+
+
+def encode(written: Written, path: Path, _binary: bool | None) -> bytes:
+    """Return a CSV file with what is known of the FRF in comments and every digit of the numbers.
+
+    Raises
+    ------
+    MeasurementError
+        A number that is not finite.
+    """
+    frf = written.frf
+    columns = {"frequency_Hz": frf.frequency}
+    if frf.has_phase:
+        columns |= {"real": written.values.real, "imag": written.values.imag}
+    else:
+        columns |= {"amplitude": np.abs(written.values)}
+    for name, array in (("coherence", frf.coherence), ("variance", written.variance)):
+        if array is not None:
+            columns[name] = array
+    table = np.column_stack(list(columns.values()))
+    if not np.all(np.isfinite(table)):
+        raise MeasurementError(Fault(str(path), f"{frf.label} holds numbers that are not finite: nothing is written."))
+    rows = "\n".join(",".join(map(repr, row)) for row in table.tolist())
+    return f"{_comments(written)}{','.join(columns)}\n{rows}\n".encode()
+
+
+def _comments(written: Written) -> str:
+    frf = written.frf
+    said: dict[str, str] = {"quantity": frf.quantity}
+    if frf.rotation or written.factor != 1.0:
+        said["unit"] = written.unit
+    if frf.averages is not None:
+        said["averages"] = str(frf.averages)
+    said |= {name: " ".join(text.split()) for name in ("note", "response", "force") if (text := getattr(frf, name))}
+    return "".join(f"# {name}: {text}\n" for name, text in said.items())
+
+
+def text_lines(path: Path, content: bytes) -> list[str]:
+    """Return the lines of a text file, whatever ends them.
+
+    Raises
+    ------
+    MeasurementError
+        Too many lines, or bytes that are not UTF-8.
+    """
+    if max(content.count(b"\n"), content.count(b"\r")) > MOST_LINES + _MOST_COMMENTS:
+        raise MeasurementError(Fault(str(path), "the file has too many lines.", f"at most {MOST_LINES:,} lines"))
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise MeasurementError(
+            Fault(str(path), f"the file is not text: byte {error.start + 1} is not UTF-8.", "comma-separated text")
+        ) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _quantity(path: Path, header: Header) -> Quantity | None:
+    """Return what a comment, the unit or the name of the values says; all must agree."""
+    word = header.comments.get("quantity", "")
+    meaning = meaning_of_unit(header.unit, str(path)) if header.unit else None
+    stated: tuple[Quantity | None, ...] = (
+        known_quantity(word.lower(), header.comments["quantity stands in"]) if word else None,
+        None if meaning is None else meaning.quantity,
+        quantity_of_name(header.names[header.columns["values"]]) if "values" in header.columns else None,
+    )
+    said: list[Quantity] = [one for one in stated if one is not None]
+    if len(set(said)) > 1:
+        found = f"the file contradicts itself: {' and '.join(said)}."
+        raise MeasurementError(Fault(str(path), found))
+    return said[0] if said else None
+
+
+def _averages(comments: Mapping[str, str]) -> int | None:
+    if "averages" not in comments:
+        return None
+    text = comments["averages"]
+    if not (text.isdecimal() and 1 <= int(text[:9]) <= MOST_LINES):
+        where = comments["averages stands in"]
+        raise MeasurementError(Fault(where, f"{text[:40]!r} is no number of averages.", "a whole number of 1 or more"))
+    return int(text)
+
+
+def _table(path: Path, lines: list[str], header: Header) -> tuple[list[int], NDArray[Any]]:
+    """Return the line number of each row, from 1, and the (n_columns, n_freq) numbers."""
+    numbers: list[int] = []
+    rows: list[list[complex]] = []
+    wanted = sorted(header.columns.values())
+    is_complex = header.columns.get("values")
+    for number, line in enumerate(lines[header.first :], start=header.first + 1):
+        if not line.strip():
+            continue
+        cells = line.split(header.separator, header.width)
+        if len(cells) != header.width:
+            count = line.count(header.separator) + 1
+            found = f"the line has {count} column{'s' * (count != 1)}, the header {header.width}."
+            raise MeasurementError(Fault(f"{path}:{number}", found, ",".join(header.names)))
+        numbers.append(number)
+        rows.append(
+            [_number(cells[column], header, column, f"{path}:{number}", column == is_complex) for column in wanted]
+        )
+    if not rows:
+        raise MeasurementError(Fault(str(path), "there is no line after the header."))
+    table = np.zeros((header.width, len(rows)), dtype=np.float64 if is_complex is None else np.complex128)
+    table[wanted] = np.array(rows).T
+    return numbers, table
+
+
+def _number(cell: str, header: Header, column: int, where: str, is_complex: bool) -> complex:
+    text = cell.strip().strip('"')
+    if header.separator == ";" and "." not in text:
+        text = text.replace(",", ".")
+    try:
+        return complex(text.strip("()").replace("i", "j")) if is_complex else float(text)
+    except ValueError:
+        name = header.names[column]
+        raise MeasurementError(Fault(where, f"{text[:40]!r} in column {name} is not a number.")) from None
+
+
+_COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
+_BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
+_SEPARATORS = ("\t", ";", ",")
+_ANGLES = {"deg": "phase_deg", "degree": "phase_deg", "degrees": "phase_deg", "°": "phase_deg", "rad": "phase_rad"}
+_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
+_PURE = ("", "-", "1", "none")
+_HEADERS = (
+    "frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
+    "each with or without a last column coherence"
+)
+_LONGEST = 1000
+
+
+class Header(NamedTuple):
+    """Where the numbers start and what they are.
+
+    Parameters
+    ----------
+    first : int
+        Index of the first line of numbers.
+    separator : str
+    width : int
+        Columns of each line.
+    columns : mapping of str to int
+        From parts of the FRF to columns.
+    names : tuple of str
+        Of the columns.
+    hertz : float
+        Hz for each unit of the frequency.
+    unit : str
+        Of the values, empty where none is stated.
+    comments : mapping of str to str
+        What the comments say: quantity, averages, note, response, force.
+    """
+
+    first: int
+    separator: str
+    width: int
+    columns: Mapping[str, int]
+    names: tuple[str, ...]
+    hertz: float
+    unit: str
+    comments: Mapping[str, str]
+
+
+def read_header(path: str, lines: Sequence[str], given: Mapping[str, str]) -> Header:
+    """Read comments, header and row of units.
+
+    Parameters
+    ----------
+    path : str
+    lines : sequence of str
+    given : mapping of str to str
+        Names of the columns, by the parts of the FRF.
+
+    Raises
+    ------
+    MeasurementError
+        No header, one that is not understood, units that are not or that differ.
+    """
+    number, comments = _preamble(path, lines)
+    line = lines[number][:_LONGEST]
+    separator = next((one for one in _SEPARATORS if one in line), ",")
+    names, units = _names_and_units(cells_of(line, separator))
+    below = cells_of(lines[number + 1][:_LONGEST], separator) if number + 1 < len(lines) else []
+    has_units = len(below) == len(names) and not any(units) and not any(_is_number(cell) for cell in below)
+    if has_units and any(below):
+        units = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in below]
+    where = f"{path}:{number + 1}"
+    columns = _columns(where, line, names, units, given)
+    return Header(
+        first=number + 1 + (has_units and any(below)),
+        separator=separator,
+        width=len(names),
+        columns=columns,
+        names=tuple(names),
+        hertz=_hertz(where, units[columns["frequency"]]),
+        unit=_unit(where, units, columns, comments.get("unit", "")),
+        comments=comments,
+    )
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """Return the cells of a line without quotes and blanks around them."""
+    return [cell.strip().strip('"').strip() for cell in line.split(separator)]
+
+
+def _preamble(path: str, lines: Sequence[str]) -> tuple[int, dict[str, str]]:
+    """Return the index of the header and what the comments before it say."""
+    comments: dict[str, str] = {}
+    for number, line in enumerate(lines):
+        text = line.strip()
+        if text and text[0] not in "#%":
+            return number, comments
+        if match := _COMMENT.match(text[:_LONGEST]):
+            key = match[1].lower()
+            comments[key] = match[2]
+            comments[f"{key} stands in"] = f"{path}:{number + 1}"
+    raise MeasurementError(Fault(path, "there is no header.", _HEADERS))
+
+
+def _names_and_units(cells: Sequence[str]) -> tuple[list[str], list[str]]:
+    split = [_BRACKET.fullmatch(cell) for cell in cells]
+    names = [match[1] if match else cell for match, cell in zip(split, cells, strict=True)]
+    return names, [match[2].strip() if match else "" for match in split]
+
+
+def _columns(
+    where: str, line: str, names: Sequence[str], units: Sequence[str], given: Mapping[str, str]
+) -> dict[str, int]:
+    """Return the column of each part of the FRF; a column that is none of them is refused unless names are given."""
+    called = [
+        _ANGLES[unit.lower()] if _is_angle(name) and unit.lower() in _ANGLES and name not in given.values() else name
+        for name, unit in zip(names, units, strict=True)
+    ]
+    held = {name: unit for name, unit in zip(called, units, strict=True) if name}
+    shown = line if len(line) <= 60 else f"{line[:60]}..."
+    unclear = MeasurementError(Fault(where, f"the header {shown!r} is not understood.", _HEADERS))
+    if len(held) < sum(1 for name in called if name):
+        raise MeasurementError(Fault(where, f"the header {shown!r} has a name twice.", _HEADERS))
+    try:
+        chosen = chosen_names(where, held, given)
+    except MeasurementError:
+        if given:
+            raise
+        raise unclear from None
+    parts = {part: name for part, name in chosen.items() if part in NUMBERS}
+    if not given and set(held) != set(parts.values()):
+        raise unclear
+    return {part: called.index(name) for part, name in parts.items()}
+
+
+def _is_angle(name: str) -> bool:
+    return plain_name(name) in ("phase", "angle", "arg")
+
+
+def _hertz(where: str, unit: str) -> float:
+    if unit.lower() not in _HERTZ:
+        raise MeasurementError(Fault(where, f"the frequency is in {unit[:40]!r}.", "Hz, kHz, rad/s"))
+    return _HERTZ[unit.lower()]
+
+
+def _unit(where: str, units: Sequence[str], columns: Mapping[str, int], stated: str) -> str:
+    """Return the unit of the values that columns or comments state; they must not differ."""
+    named = {units[columns[part]] for part in ("values", "real", "imag", "amplitude") if part in columns}
+    labels = {label for label in (*named, stated) if label.lower() not in _PURE}
+    meanings: dict[UnitMeaning, str] = {meaning_of_unit(label, where): label for label in sorted(labels)}
+    if len(meanings) > 1:
+        both = " and ".join(sorted(labels))
+        raise MeasurementError(Fault(where, f"the values are in different units: {both}.", "one unit"))
+    return next(iter(meanings.values()), "")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        complex(cell.replace(",", ".").strip("()") or "0")
+    except ValueError:
+        return False
+    return bool(cell)

@@ -1,0 +1,373 @@
+"""The sets of a universal file: where each stands and what its header says."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import QUANTITIES, Quantity, unit_of
+from dovetail.measurement.frf_units import converted, motion_unit, spelled
+from dovetail.measurement.recording import Selection
+
+__all__ = [
+    "ABSCISSA_TYPES",
+    "COHERENCE",
+    "DIRECTIONS",
+    "END",
+    "FORCE",
+    "FRF",
+    "GENERAL",
+    "ORDINATE",
+    "TIME",
+    "Meaning",
+    "UffSet",
+    "check_unit_system",
+    "chosen_set",
+    "clean_header",
+    "meaning_of",
+    "parsed_set",
+    "scanned_sets",
+]
+
+GENERAL, TIME, FRF, COHERENCE = 0, 1, 4, 6
+_FUNCTIONS = {
+    GENERAL: "general function",
+    TIME: "time response",
+    2: "auto spectrum",
+    3: "cross spectrum",
+    FRF: "FRF",
+    5: "transmissibility",
+    COHERENCE: "coherence",
+    9: "power spectral density",
+    12: "spectrum",
+}
+_DIRECTIONS = {0: "scalar", 1: "x", 2: "y", 3: "z", 4: "rotation x", 5: "rotation y", 6: "rotation z"}
+DIRECTIONS = {0: "", 1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
+"""Directions in the names of DOFs."""
+_MOST_SETS = 10_000
+_SETS_SHOWN = 20
+_TAG = re.compile(rb" {4}-1(?=[\r\n]| {74}|\Z)")
+"""Start and end of every set; the same rule as pyuff's."""
+_HEADER = re.compile(rb"(?:[^\r\n]{0,200}(?:\r\n|\r|\n)){13}")
+_NOT_PRINTED = dict.fromkeys((*range(10), 11, 12, *range(14, 32), 0x7F, 0x85, 0x2028, 0x2029), " ")
+"""Characters at which Python, but no universal file, ends a line; and other control characters."""
+END = b"    -1\n"
+
+
+@dataclass(frozen=True)
+class UffSet:
+    """One set of a universal file.
+
+    Parameters
+    ----------
+    where : str
+        File and number of the set.
+    number : int
+        From 1.
+    kind : int
+        Type of the set, 58 for functions; 0 when it cannot be read.
+    start, end : int
+        First byte of the start tag and of the end tag.
+    header_end : int
+        First byte after the thirteen header lines of a set 58.
+    fields : dict
+        pyuff's names and values of a set 58's header; empty when it cannot be read.
+    """
+
+    where: str
+    number: int
+    kind: int
+    start: int
+    end: int
+    header_end: int
+    fields: dict[str, Any]
+
+    @property
+    def function(self) -> int | None:
+        """Function type of a set 58: 4 for an FRF, 6 for a coherence."""
+        return self.fields.get("func_type")
+
+    @property
+    def points(self) -> tuple[int, int, int, int]:
+        """Response node and direction, reference node and direction."""
+        fields = self.fields
+        return fields["rsp_node"], fields["rsp_dir"], fields["ref_node"], fields["ref_dir"]
+
+    @property
+    def response(self) -> str:
+        """Name of the response DOF, such as ``5+x``."""
+        return self._dof("rsp")
+
+    @property
+    def force(self) -> str:
+        """Name of the reference DOF."""
+        return self._dof("ref")
+
+    def _dof(self, end: str) -> str:
+        entity = str(self.fields.get(f"{end}_ent_name", "")).strip()
+        prefix = "" if entity.upper() in ("", "NONE") else f"{entity}:"
+        code = self.fields[f"{end}_dir"]
+        return f"{prefix}{self.fields[f'{end}_node']}{_sign(code)}{DIRECTIONS.get(abs(code), code)}"
+
+    @property
+    def is_rotation(self) -> bool:
+        """Whether the header says that it is a rotation per moment."""
+        return all(abs(self.fields[name]) > 3 for name in ("rsp_dir", "ref_dir"))
+
+    def __str__(self) -> str:
+        if self.kind != 58:
+            return f"set {self.number}: type {self.kind}"
+        if self.function is None:
+            return f"set {self.number}: type 58 with a damaged header"
+        function = _FUNCTIONS.get(self.function, f"function type {self.function}")
+        response, towards, reference, along = self.points
+        return (
+            f"set {self.number}: {function}, response {response} {_direction(towards)}, "
+            f"reference {reference} {_direction(along)}, '{self.fields['id1']}'"
+        )
+
+
+def _sign(code: int) -> str:
+    return "-" if code < 0 else "+" if code else ""
+
+
+def _direction(code: int) -> str:
+    return f"{_sign(code)}{_DIRECTIONS.get(abs(code), code)}"
+
+
+def scanned_sets(path: Path, content: bytes) -> list[UffSet]:
+    """Return the sets of a file, in its order, without reading any data.
+
+    Raises
+    ------
+    MeasurementError
+        No set, a last set without an end, too many sets.
+    """
+    tags: list[int] = []
+    for match in _TAG.finditer(content):
+        tags.append(match.start())
+        if len(tags) > 2 * _MOST_SETS:
+            raise MeasurementError(Fault(str(path), "the file has too many sets.", f"at most {_MOST_SETS:,} sets"))
+    if not tags:
+        raise MeasurementError(Fault(str(path), "this is no universal file: no line '    -1' starts a set."))
+    if len(tags) % 2:
+        raise MeasurementError(
+            Fault(f"{path}: set {len(tags) // 2 + 1}", "the set has no end line '    -1': the file is truncated.")
+        )
+    spans = zip(tags[::2], tags[1::2], strict=True)
+    return [_scanned(path, content, number, *span) for number, span in enumerate(spans, start=1)]
+
+
+def _scanned(path: Path, content: bytes, number: int, start: int, end: int) -> UffSet:
+    kind = re.compile(rb"[^\r\n]{0,200}(?:\r\n|\r|\n) *(\d{1,6})").match(content, start, end)
+    header = _HEADER.match(content, start, end)
+    code = int(kind[1]) if kind else 0
+    fields = parsed_set(clean_header(header[0]) + END, header_only=True) if header and code == 58 else {}
+    return UffSet(f"{path}: set {number}", number, code, start, end, header.end() if header else end, fields)
+
+
+def clean_header(header: bytes) -> bytes:
+    """Return header lines as UTF-8 with plain line ends; older writers use Latin-1."""
+    try:
+        text = header.decode("utf-8")
+    except UnicodeDecodeError:
+        text = header.decode("latin-1")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return "\n".join(line.translate(_NOT_PRINTED) for line in lines).encode()
+
+
+def parsed_set(content: bytes, *, header_only: bool = False) -> dict[str, Any]:
+    """Return what pyuff reads in a file of one set; empty when it cannot read it."""
+    import pyuff
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "set.uff")
+        file.write_bytes(content)
+        try:
+            with np.errstate(all="ignore"):
+                parsed = pyuff.UFF(str(file)).read_sets(header_only=header_only)
+        except Exception:  # pyuff raises bare exceptions that do not say what is wrong
+            return {}
+    return parsed if isinstance(parsed, dict) else {}  # one set comes back bare, none as an empty list
+
+
+def _table(sets: list[UffSet]) -> str:
+    hidden = len(sets) - _SETS_SHOWN
+    return "".join(f"\n    {one}" for one in sets[:_SETS_SHOWN]) + (f"\n    and {hidden} more" if hidden > 0 else "")
+
+
+def chosen_set(path: Path, sets: list[UffSet], selection: Selection) -> UffSet:
+    """Return the FRF that the selection chooses by number or by the names of its DOFs, or the only one.
+
+    Raises
+    ------
+    MeasurementError
+        No such set, no FRF, or several that fit; the fault lists the sets.
+    """
+    table = _table(sets)
+    if selection.index is not None:
+        named = [one for one in sets if one.number == selection.index]
+        if not named or named[0].function != FRF:
+            what = "is no FRF" if named else "is not in the file"
+            raise MeasurementError(Fault(str(path), f"set {selection.index} {what}; it holds:{table}"))
+        return named[0]
+    functions = [one for one in sets if one.function == FRF]
+    if not functions:
+        raise MeasurementError(Fault(str(path), f"the file holds no FRF; it holds:{table}"))
+    fitting = [
+        one for one in functions if _is_dof(one.response, selection.response) and _is_dof(one.force, selection.force)
+    ]
+    if len(fitting) == 1:
+        return fitting[0]
+    if not fitting:
+        wanted = f"from {selection.force or 'any force'} to {selection.response or 'any response'}"
+        raise MeasurementError(Fault(str(path), f"no FRF {wanted} is in the file; it holds:{table}"))
+    first = fitting[0].number
+    raise MeasurementError(
+        Fault(
+            str(path),
+            f"the file holds {len(fitting)} FRFs{' that fit' if selection.chooses else ''}, and one is wanted:{table}",
+            remedy=f"Choose one by its DOFs (response, force) or its number, for example index={first}.",
+        )
+    )
+
+
+def _is_dof(name: str, wanted: str | None) -> bool:
+    """Whether a DOF is the one that is wanted; part, sign and direction may be left out."""
+    if wanted is None:
+        return True
+    given = re.sub(r"[\s:]", "", wanted.lower())
+    entity, _, rest = name.lower().rpartition(":")
+    node = re.match(r"\d*", rest)
+    number = node[0] if node else rest
+    forms = {rest, rest.replace("+", "").replace("-", ""), number}
+    return given in {re.sub(r"[\s:]", "", start + form) for form in forms for start in ("", entity)}
+
+
+ORDINATE: dict[Quantity, tuple[int, str, str]] = {
+    "receptance": (8, "Displacement", "m"),
+    "mobility": (11, "Velocity", "m/s"),
+    "accelerance": (12, "Acceleration", "m/s^2"),
+}
+"""Data type of the ordinate's numerator, its name and its SI unit."""
+FORCE = 13
+ABSCISSA_TYPES = (0, 1, 18)
+"""Unknown, general, frequency."""
+_UNKNOWN = (0, 1)
+_QUANTITY_OF: dict[int, Quantity] = {number: quantity for quantity, (number, _, _) in ORDINATE.items()}
+_NO_LABEL = ("", "none")
+_SI_SYSTEM = 1
+
+
+class Meaning(NamedTuple):
+    """What the values of a set are.
+
+    Parameters
+    ----------
+    quantity : Quantity or None
+        From the data types or the unit labels.
+    over_force : bool
+        The header says that the motion is per force.
+    factor : float
+        Makes the values SI; negative where response and reference point in directions of opposite sense.
+    unit : str
+        Its label, empty where there is none.
+    """
+
+    quantity: Quantity | None
+    over_force: bool
+    factor: float
+    unit: str = ""
+
+
+def meaning_of(one: UffSet) -> Meaning:
+    """Return what the header of a set says about its values.
+
+    Raises
+    ------
+    MeasurementError
+        Not a motion over a force, half a rotation, or a unit label that is not understood.
+    """
+    _check_types(one)
+    fields = one.fields
+    sign = -1.0 if fields["rsp_dir"] * fields["ref_dir"] < 0 else 1.0
+    stated = _QUANTITY_OF.get(fields["ordinate_spec_data_type"])
+    above, below = _spelled(one, "ordinate_axis_units_lab"), _spelled(one, "orddenom_axis_units_lab")
+    over_force = fields["orddenom_spec_data_type"] == FORCE or bool(below)
+    if not above:
+        return Meaning(stated, over_force, sign / _force(one, below))
+    candidates = QUANTITIES if stated is None else (stated,)
+    units = [(q, unit_of(q, rotation=one.is_rotation), motion_unit(q, rotation=one.is_rotation)) for q in candidates]
+    for quantity, frf, motion in units:
+        if (whole := converted(above, frf)) is not None:
+            return Meaning(quantity, True, sign * whole, above)
+        if (alone := converted(above, motion)) is not None:
+            return Meaning(quantity, over_force, sign * alone / _force(one, below), f"{above} over {below or 'N'}")
+    accepted = " or ".join(f"{motion}, {frf}" for _, frf, motion in units)
+    raise _not_understood(one, above, accepted)
+
+
+def _check_types(one: UffSet) -> None:
+    fields = one.fields
+    numerator, denominator = fields["ordinate_spec_data_type"], fields["orddenom_spec_data_type"]
+    if numerator not in (*_UNKNOWN, *_QUANTITY_OF) or denominator not in (*_UNKNOWN, FORCE):
+        raise MeasurementError(
+            Fault(
+                one.where,
+                f"the data are of type {numerator} over type {denominator}.",
+                "displacement (8), velocity (11) or acceleration (12) over excitation force (13)",
+            )
+        )
+    if (abs(fields["rsp_dir"]) > 3) != (abs(fields["ref_dir"]) > 3):
+        accepted = "a translation over a force, or a rotation over a moment"
+        raise MeasurementError(Fault(one.where, "either the response or the reference is a rotation.", accepted))
+    label = fields["abscissa_axis_units_lab"].strip().lower()
+    if label not in (*_NO_LABEL, "hz"):
+        raise MeasurementError(Fault(one.where, f"the frequencies are in {label!r}.", "Hz"))
+
+
+def _force(one: UffSet, label: str) -> float:
+    """Return newtons, or newton metres, per labelled unit of the denominator; 1 where there is no label."""
+    unit = "N m" if one.is_rotation else "N"
+    si = converted(label, unit) if label else 1.0
+    if si is None:
+        raise _not_understood(one, label, unit)
+    return si
+
+
+def _spelled(one: UffSet, field: str) -> str:
+    return spelled(one.fields[field])
+
+
+def _not_understood(one: UffSet, label: str, accepted: str) -> MeasurementError:
+    return MeasurementError(
+        Fault(
+            one.where, f"the unit label '{label}' is not understood.", f"a unit of {accepted}", "Export it in SI units."
+        )
+    )
+
+
+def check_unit_system(content: bytes, sets: list[UffSet]) -> None:
+    """Refuse a file whose set 164 announces another system of units than SI (m, N).
+
+    Raises
+    ------
+    MeasurementError
+        Units code other than 1.
+    """
+    for one in sets:
+        if one.kind != 164:
+            continue
+        record = content[one.start : one.end][:500].splitlines()[2:3]
+        code = record[0][:10].strip() if record else b""
+        if code != b"%d" % _SI_SYSTEM:
+            shown = code.decode("ascii", errors="replace")
+            raise MeasurementError(
+                Fault(one.where, f"the file is in the system of units {shown!r}.", "1 (m, N)", "Export it in SI units.")
+            )

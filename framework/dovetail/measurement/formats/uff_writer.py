@@ -1,0 +1,131 @@
+"""FRFs to universal files by pyuff: each set into an empty file of its own."""
+
+from __future__ import annotations
+
+import re
+import struct
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import Frf
+from dovetail.measurement.formats.uff_sets import COHERENCE, DIRECTIONS, FORCE, FRF, GENERAL, ORDINATE
+from dovetail.measurement.frf_units import motion_unit
+from dovetail.measurement.recording import Written
+
+__all__ = ["VARIANCE", "encode"]
+
+VARIANCE = "variance of the FRF"
+"""First words of a set with the variance of each line."""
+_BYTE_COUNT = slice(38, 50)
+"""Where the first set of a file, when it is binary, counts its data."""
+_DOF = re.compile(r"(?:([^\s:]{1,10}):)?(\d{1,9})([+-]?)(x|y|z|rx|ry|rz)")
+_CODES = {name: code for code, name in DIRECTIONS.items() if name}
+
+
+def encode(written: Written, path: Path, binary: bool | None) -> bytes:
+    """Return a universal file: the FRF, then its coherence and its variance as sets of the same points.
+
+    A DOF that is not known is +X of node 1, or its rotation about Z; one that is not called like ``5+x`` or
+    ``tool:5+x`` goes into an id line.
+
+    Raises
+    ------
+    MeasurementError
+        One line only, or `binary` false and frequencies that six digits cannot hold.
+    """
+    frf = written.frf
+    if frf.frequency.size < 2:
+        raise MeasurementError(Fault(str(path), "a universal file needs two lines or more.", ".csv, .npz"))
+    spacing = _spacing(frf.frequency)
+    if spacing is None and binary is False:
+        raise MeasurementError(
+            Fault(
+                str(path),
+                "the six digits that ASCII gives to frequencies cannot hold these.",
+                remedy="Write .csv, .npz or binary UFF.",
+            )
+        )
+    common = {
+        "type": 58,
+        "binary": int(spacing is None if binary is None else binary),
+        "x": frf.frequency,
+        "abscissa_spacing": spacing or 0,
+        "id1": _id_line(frf.note or frf.label),
+        **_dofs(frf),
+        "abscissa_spec_data_type": 18,
+        "abscissa_axis_lab": "Frequency",
+        "abscissa_axis_units_lab": "Hz",
+    }
+    real = {"orddenom_spec_data_type": 0}
+    file = _written(common | _response(written))
+    if frf.coherence is not None:
+        file += _written(common | {"func_type": COHERENCE, "data": frf.coherence, **real})
+    if written.variance is not None:
+        file += _written(common | {"func_type": GENERAL, "id1": VARIANCE, "data": written.variance, **real})
+    return file
+
+
+def _response(written: Written) -> dict[str, Any]:
+    frf = written.frf
+    number, name, _ = ORDINATE[frf.quantity]
+    units = motion_unit(frf.quantity, rotation=frf.rotation), "N m" if frf.rotation else "N"
+    response = {
+        "func_type": FRF,
+        "data": written.values if frf.has_phase else np.abs(written.values),
+        "ordinate_spec_data_type": number,
+        "ordinate_axis_lab": name,
+        "ordinate_axis_units_lab": units[0] if written.factor == 1.0 else _id_line(written.unit),
+        "orddenom_spec_data_type": FORCE,
+        "orddenom_axis_lab": "Moment" if frf.rotation else "Force",
+        "orddenom_axis_units_lab": units[1] if written.factor == 1.0 else "NONE",
+    }
+    return response if frf.averages is None else response | {"id2": f"averages: {frf.averages}"}
+
+
+def _dofs(frf: Frf) -> dict[str, Any]:
+    """Return the fields that name the DOFs."""
+    fields: dict[str, Any] = {}
+    for end, line, key, name in (("rsp", "id4", "response", frf.response), ("ref", "id5", "force", frf.force)):
+        match = _DOF.fullmatch(name.lower())
+        if name and not match:
+            fields[line] = _id_line(f"{key}: {name}")
+        code = _CODES[match[4]] if match else (6 if frf.rotation else 1)
+        if match and match[1]:
+            fields[f"{end}_ent_name"] = name[: len(match[1])]
+        fields[f"{end}_node"] = int(match[2]) if match else 1
+        fields[f"{end}_dir"] = -code if match and match[3] == "-" else code
+    return fields
+
+
+def _spacing(frequency: NDArray[np.float64]) -> int | None:
+    """Return 1 or 0 where six digits hold the frequencies as even or uneven steps, else None."""
+    first, step = (float(f"{value:.5e}") for value in (frequency[0], frequency[1] - frequency[0]))
+    if np.allclose(first + step * np.arange(frequency.size), frequency, rtol=1e-12, atol=0.0):
+        return 1
+    if all(float(f"{value:.5e}") == value for value in frequency.tolist()):
+        return 0
+    return None
+
+
+def _id_line(label: str) -> str:
+    printable = "".join(character if 32 <= ord(character) < 127 else "?" for character in label)
+    return printable.strip()[:80] or "NONE"
+
+
+def _written(dataset: dict[str, Any]) -> bytes:
+    """Return the bytes of one set: pyuff adds it to an empty file, and the byte count is corrected."""
+    import pyuff
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "set.uff")
+        pyuff.UFF(str(file)).write_sets(dict(dataset), mode="add")
+        content = bytearray(file.read_bytes())
+    if dataset["binary"]:
+        numbers = (2 if np.iscomplexobj(dataset["data"]) else 1) + (dataset["abscissa_spacing"] == 0)
+        content[_BYTE_COUNT] = b"%12d" % (struct.calcsize("d") * numbers * len(dataset["data"]))
+    return bytes(content)

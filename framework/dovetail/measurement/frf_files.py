@@ -1,0 +1,163 @@
+"""Reading and writing a measured FRF in the format that the suffix names."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from dovetail.atomic_files import read_bounded, write_whole
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import Frf
+from dovetail.measurement.accelerometer import remove_accelerometer_mass
+from dovetail.measurement.formats import cutpro, hdf5, matlab, npz, tables, uff_reader, uff_writer
+from dovetail.measurement.recording import Recording, Selection, Written, known_quantity, prepared
+
+__all__ = ["read_frf", "write_frf"]
+
+
+class Format(NamedTuple):
+    """How files with one suffix are read and written; `encode` is None where they are only read."""
+
+    decode: Callable[[Path, bytes, Selection], Recording]
+    encode: Callable[[Written, Path, bool | None], bytes] | None = None
+
+
+_UFF = Format(uff_reader.decode, uff_writer.encode)
+_TABLE = Format(tables.decode)
+_HDF5 = Format(hdf5.decode)
+_FORMATS = {
+    ".uff": _UFF,
+    ".unv": _UFF,
+    ".csv": Format(tables.decode, tables.encode),
+    ".npz": Format(npz.decode, npz.encode),
+    ".tsv": _TABLE,
+    ".txt": _TABLE,
+    ".mat": Format(matlab.decode),
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
+    ".frf": Format(cutpro.decode),
+}
+
+
+def read_frf(
+    path: str | os.PathLike[str],
+    *,
+    quantity: str | None = None,
+    unit: str | None = None,
+    accelerometer_mass: float = 0.0,
+    index: int | None = None,
+    response: str | None = None,
+    force: str | None = None,
+    names: Mapping[str, str] | None = None,
+) -> Frf:
+    """Read one measured FRF.
+
+    A line at 0 Hz is left out. In UFF, response and reference directions of opposite sense turn the sign, so that the
+    FRF is along positive axes. A unit that the file states and that is not SI is converted, or refused when it is not
+    understood.
+
+    Parameters
+    ----------
+    path : path
+        ``.uff`` or ``.unv`` (set 58, ASCII or binary), ``.csv``, ``.tsv`` or ``.txt`` (a header such as
+        ``frequency_Hz,real,imag``, ``Frequency [Hz],Magnitude [um/N],Phase [deg]``, or a row of units below it),
+        ``.npz``, ``.mat`` (version 5 or 7.3), ``.h5`` or ``.hdf5`` (arrays ``frequency`` and ``values``, or others
+        that `names` tells), ``.frf`` (CutPro).
+    quantity : {"receptance", "mobility", "accelerance"}, optional
+        What the file holds. Needed when the file does not say it; must not contradict the file when it does.
+    unit : str, optional
+        The unit of the values, such as ``"um/N"`` or ``"g/N"``; it tells the quantity too. SI without it. Must not
+        contradict the file.
+    accelerometer_mass : float
+        kg at the drive point, removed from the FRF: A / (1 - m A).
+    index : int, optional
+        Which FRF of a file with several, counted from 1: the number of the set in UFF, the column in an array.
+    response, force : str, optional
+        DOFs of the FRF that is wanted from a file with several: ``"5+x"``, ``"tool:5+x"`` or ``"5"`` in UFF, numbers
+        from 1 along the axes of an array.
+    names : mapping of str to str, optional
+        What the file calls the parts of the FRF, such as ``{"frequency": "f", "values": "data/H1"}``. Parts:
+        frequency, values, real, imag, amplitude, phase_deg, phase_rad, coherence, variance, averages, quantity, unit.
+
+    Returns
+    -------
+    Frf
+        `label` is the file's name, `note` what the file says of it in words (the first id line of a UFF set).
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read or does not hold one valid FRF; the fault names the line, the set or the array, and
+        lists what a file with several FRFs or unknown names holds.
+    """
+    source = Path(path)
+    chosen = _format_of(source)
+    if quantity is not None:
+        known_quantity(quantity, "the argument quantity")
+    selection = Selection(index, response, force, dict(names or {}))
+    frf = chosen.decode(source, read_bounded(source), selection).to_frf(quantity, unit)
+    if accelerometer_mass:
+        _check_drive_point(frf)
+    return remove_accelerometer_mass(frf, accelerometer_mass)
+
+
+def _check_drive_point(frf: Frf) -> None:
+    """Refuse to take a mass off an FRF between two DOFs by the formula for one."""
+    ends = [end.replace("-", "+") for end in (frf.response, frf.force)]
+    if all(ends) and ends[0] != ends[1]:
+        found = f"the FRF is from {frf.force} to {frf.response}, and the mass is taken off a drive point."
+        remedy = "Give the drive-point FRF at the accelerometer too: remove_accelerometer_mass(frf, mass, drive=...)."
+        raise MeasurementError(Fault(frf.label, found, remedy=remedy))
+
+
+def write_frf(
+    frf: Frf,
+    path: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    binary: bool | None = None,
+    unit: str | None = None,
+) -> None:
+    """Write an FRF; `read_frf` gives back the same quantity, values, coherence, averages, variance and DOFs.
+
+    CSV, NPZ and binary UFF hold every digit; ASCII UFF holds 12 digits of the values.
+
+    Parameters
+    ----------
+    frf : Frf
+        The FRF.
+    path : path
+        The suffix names the format: ``.uff``, ``.unv``, ``.csv`` or ``.npz``.
+    overwrite : bool
+        Replace a file that is there.
+    binary : bool, optional
+        UFF only. By default ASCII, unless six digits cannot hold the frequencies, which is all that ASCII gives them.
+    unit : str, optional
+        Unit of the values in the file, such as ``"um/N"``; it also says the quantity. SI without it.
+
+    Raises
+    ------
+    MeasurementError
+        An unknown suffix, a file that is there, a folder that is missing, or an FRF that the format cannot hold.
+    """
+    target = Path(path)
+    chosen = _format_of(target)
+    if chosen.encode is None:
+        accepted = ", ".join(suffix for suffix, one in _FORMATS.items() if one.encode is not None)
+        raise MeasurementError(Fault(str(target), f"{target.suffix} files are read, not written.", accepted))
+    if binary is not None and chosen is not _UFF:
+        raise MeasurementError(Fault(str(target), f"binary={binary} is for UFF files, not for {target.suffix}."))
+    written = prepared(frf, target, unit)
+    write_whole(target, chosen.encode(written, target, binary), overwrite=overwrite)
+
+
+def _format_of(path: Path) -> Format:
+    if os.path.isdir(path):
+        raise MeasurementError(Fault(str(path), "this is a directory.", "one measured file"))
+    suffix = path.suffix.lower()
+    if suffix not in _FORMATS:
+        shown = f"'{path.suffix}' is not the suffix of a known format" if suffix else "the name has no suffix"
+        raise MeasurementError(Fault(str(path), f"{shown}.", ", ".join(_FORMATS)))
+    return _FORMATS[suffix]

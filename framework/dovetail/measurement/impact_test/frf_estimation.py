@@ -1,0 +1,211 @@
+"""The FRF from the time records of an impact test."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import Frf, Quantity
+from dovetail.measurement.impact_test.signal_quality import complaints
+from dovetail.measurement.recording import known_quantity
+
+__all__ = ["ESTIMATORS", "EstimatedFrf", "Estimator", "frf_from_signals", "without_window_damping"]
+
+Estimator = Literal["H1", "H2"]
+ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
+_FEWEST_SAMPLES = 16
+_MOST_SAMPLES = 100_000_000
+_RESPONSES = {"receptance": "d", "mobility": "v", "accelerance": "a"}
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EstimatedFrf:
+    """An FRF from time records.
+
+    Parameters
+    ----------
+    frf : Frf
+        With coherence and number of averages, from which `Frf.random_variance` gives the variance of each line
+        (Bendat and Piersol). A single impact has neither coherence nor variance.
+    warnings : tuple of str
+        What is wrong with the records.
+    used : tuple of int
+        Numbers of the impacts that were averaged, from 1.
+    decay : float
+        1/s, what an exponential window adds to the decay of each mode; 0 without one.
+    """
+
+    frf: Frf
+    warnings: tuple[str, ...]
+    used: tuple[int, ...]
+    decay: float
+
+
+def frf_from_signals(
+    force: ArrayLike,
+    response: ArrayLike,
+    rate: float,
+    *,
+    quantity: str = "accelerance",
+    estimator: Estimator = "H1",
+    force_window: float | None = None,
+    exponential_window: float | None = None,
+    leave_out_bad: bool = False,
+    full_scale: tuple[float, float] | None = None,
+    label: str = "signals",
+    note: str = "",
+) -> EstimatedFrf:
+    """Estimate an FRF by averaging the spectra of several impacts (H1 or H2, by pyFRF).
+
+    Parameters
+    ----------
+    force : (n_impacts, n_samples) or (n_samples,) array
+        N, a record for each impact.
+    response : array of the same shape
+        m/s^2, m/s or m, as `quantity` says.
+    rate : float
+        Samples per second.
+    quantity : {"accelerance", "mobility", "receptance"}
+        What the response over the force is.
+    estimator : {"H1", "H2"}
+        H1 errs with noise on the force, H2 with noise on the response.
+    force_window : float, optional
+        Seconds from the beginning of the record in which the force is kept; behind them it is set to zero, and its
+        noise with it.
+    exponential_window : float, optional
+        Value at the end of the record, such as 0.01, of a window ``exp(-decay t)`` on both signals, for a response that
+        has not died away. The estimate then is H at ``i omega + decay``: every mode has the decay in addition to
+        its own, and `without_window_damping` takes it off a damping ratio. It cannot be taken off the FRF.
+    leave_out_bad : bool
+        Leave out impacts with overload or a second hit.
+    full_scale : (float, float), optional
+        Range of force and response: a record that reaches it is overloaded, as is one with three equal highest samples.
+    label, note : str
+        Of the FRF.
+
+    Returns
+    -------
+    EstimatedFrf
+        Its lines are 1 / (n_samples / rate) apart, without 0 Hz and half the sampling rate.
+
+    Raises
+    ------
+    MeasurementError
+        Shapes that do not fit, records that are not finite or without a force, a window that cuts the pulse, or no
+        impact left.
+
+    References
+    ----------
+    Bendat and Piersol, Random Data, 4th ed., chapters 6 and 9. Fladung and Rost, Application and correction of the
+    exponential window for frequency response functions, Mechanical Systems and Signal Processing 11 (1997).
+    """
+    pulses, signals = _records(force, response, rate, label)
+    chosen = known_quantity(quantity, "the argument quantity")
+    if estimator not in ESTIMATORS:
+        raise MeasurementError(Fault("the argument estimator", f"'{estimator}' is none.", ", ".join(ESTIMATORS)))
+    found = complaints(pulses, signals, rate, full_scale)
+    bad = {one.impact for one in found if one.is_bad} if leave_out_bad else set()
+    used = tuple(number for number in range(1, len(pulses) + 1) if number not in bad)
+    if not used:
+        raise MeasurementError(Fault(label, f"no impact is left: {found[0].text}", remedy="Measure again."))
+    rows = [number - 1 for number in used]
+    windowed = _windowed(pulses[rows], signals[rows], rate, force_window, exponential_window, label)
+    frf = _estimated(*windowed, rate, chosen, estimator)
+    warnings = [one.text for one in found if one.impact not in bad]
+    warnings += [f"impact {number} is left out." for number in sorted(bad)]
+    if len(used) == 1:
+        warnings.append("a single impact tells neither coherence nor variance.")
+    decay = _decay(exponential_window, signals.shape[1] / rate)
+    if decay:
+        warnings.append(f"the exponential window adds {decay:.4g} 1/s to the decay of each mode.")
+    return EstimatedFrf(replace(frf, label=label, note=note), tuple(warnings), used, decay)
+
+
+def without_window_damping(ratio: float, natural: float, decay: float) -> tuple[float, float]:
+    """Take an exponential window's damping off a mode that was found in the FRF.
+
+    Parameters
+    ----------
+    ratio : float
+        Viscous damping ratio as found, below 1.
+    natural : float
+        Undamped natural frequency [Hz] as found.
+    decay : float
+        1/s, `EstimatedFrf.decay`.
+
+    Returns
+    -------
+    ratio, natural : float
+        Of the mode itself. The window moves its pole along the real axis; the damped frequency stays.
+    """
+    omega = 2.0 * math.pi * natural
+    damped, own = omega * math.sqrt(1.0 - ratio**2), ratio * omega - decay
+    undamped = math.hypot(damped, own)
+    return own / undamped, undamped / (2.0 * math.pi)
+
+
+def _records(force: ArrayLike, response: ArrayLike, rate: float, label: str) -> tuple[Array, Array]:
+    """Return both signals as (n_impacts, n_samples)."""
+    pulses, signals = (np.atleast_2d(np.asarray(one, dtype=np.float64)) for one in (force, response))
+    if pulses.shape != signals.shape or pulses.ndim != 2:
+        found = f"the force has the shape {pulses.shape}, the response {signals.shape}."
+        raise MeasurementError(Fault(label, found, "the same shape (n_impacts, n_samples)"))
+    if not _FEWEST_SAMPLES <= pulses.shape[1] <= _MOST_SAMPLES:
+        raise MeasurementError(Fault(label, f"a record of {pulses.shape[1]} samples.", f"{_FEWEST_SAMPLES} or more"))
+    if not (math.isfinite(rate) and rate > 0):
+        raise MeasurementError(Fault(label, f"the sampling rate is {rate!r} Hz.", "a positive number"))
+    for name, one in (("force", pulses), ("response", signals)):
+        bad = np.argwhere(~np.isfinite(one))
+        if bad.size:
+            where = f"impact {bad[0][0] + 1}, sample {bad[0][1] + 1}"
+            raise MeasurementError(Fault(label, f"the {name} is {one[tuple(bad[0])]} at {where}, which is not finite."))
+    for name, one in (("force", pulses), ("response", signals)):
+        silent = np.flatnonzero(~np.any(one, axis=1))
+        if silent.size:
+            raise MeasurementError(Fault(label, f"the {name} of impact {silent[0] + 1} is zero throughout."))
+    return pulses, signals
+
+
+def _windowed(
+    force: Array, response: Array, rate: float, force_window: float | None, end: float | None, label: str
+) -> tuple[Array, Array]:
+    time = np.arange(force.shape[1]) / rate
+    if force_window is not None:
+        last = np.abs(force).argmax(axis=1).max() / rate
+        if not force_window > last:
+            found = f"the force window of {force_window!r} s cuts a pulse whose peak is at {last:.4g} s."
+            raise MeasurementError(Fault(label, found))
+        force = force * (time < force_window)
+    decay = _decay(end, force.shape[1] / rate)
+    return force * np.exp(-decay * time), response * np.exp(-decay * time)
+
+
+def _decay(end: float | None, duration: float) -> float:
+    """1/s of an exponential window with the value `end` at the end of the record."""
+    if end is None:
+        return 0.0
+    if not 0.0 < end <= 1.0:
+        raise MeasurementError(Fault("the argument exponential_window", f"{end!r} is no value at the end.", "0 to 1"))
+    return -math.log(end) / duration
+
+
+def _estimated(force: Array, response: Array, rate: float, quantity: Quantity, estimator: Estimator) -> Frf:
+    """Average the spectra; the windows are applied already, since pyFRF's scale an FRF by their areas."""
+    from pyFRF import FRF
+
+    samples = force.shape[1]
+    lines = slice(1, (samples + 1) // 2)
+    several = len(force) > 1
+    with np.errstate(divide="ignore", invalid="ignore"):  # at 0 Hz, which is left out
+        average = FRF(1, force, response, resp_type=_RESPONSES[quantity], window="none", frf_estimator=estimator)
+        values = average.get_FRF(frf_form=quantity)[0, 0, lines]
+        coherence = np.clip(average.get_coherence()[0, lines], 0.0, 1.0) if several else None
+    frequency = np.asarray(np.fft.rfftfreq(samples, 1.0 / rate)[lines], dtype=np.float64)
+    return Frf(frequency, values, quantity, coherence=coherence, averages=len(force))

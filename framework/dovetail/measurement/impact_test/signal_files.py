@@ -1,0 +1,200 @@
+"""Time records of impact tests in files: arrays, tables and universal files."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.atomic_files import read_bounded
+from dovetail.errors import Fault, MeasurementError, did_you_mean
+from dovetail.frf import QUANTITIES, Quantity
+from dovetail.measurement.formats import matlab, npz, uff_reader
+from dovetail.measurement.formats.column_names import plain_name
+from dovetail.measurement.formats.guarded_process import arrays_apart
+from dovetail.measurement.formats.named_arrays import Archive
+from dovetail.measurement.formats.tables import cells_of, text_lines
+from dovetail.measurement.frf_units import converted, motion_unit, spelled
+
+__all__ = ["Signals", "read_signals"]
+
+_NAMES = {
+    "force": ("force", "excitation", "hammer", "exc"),
+    "response": ("response", "acceleration", "velocity", "displacement", "resp"),
+    "rate": ("rate", "sampling_rate", "sample_rate", "fs"),
+    "time": ("time", "t", "time_s"),
+}
+_ARCHIVES = (".npz", ".mat", ".h5", ".hdf5")
+_SUFFIXES = (*_ARCHIVES, ".csv", ".tsv", ".txt", ".uff", ".unv")
+_EVEN = 1e-3
+"""How unequal steps of the time may be."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signals:
+    """The records of an impact test.
+
+    Parameters
+    ----------
+    force, response : (n_impacts, n_samples) arrays
+        N, and the SI unit of the response.
+    rate : float
+        Samples per second.
+    quantity : Quantity
+        What the response over the force is.
+    """
+
+    force: Array
+    response: Array
+    rate: float
+    quantity: Quantity
+
+
+def read_signals(
+    path: str | os.PathLike[str],
+    *,
+    force_unit: str = "N",
+    response_unit: str = "m/s^2",
+    rate: float | None = None,
+    names: Mapping[str, str] | None = None,
+) -> Signals:
+    """Read force and response of one or more impacts.
+
+    Parameters
+    ----------
+    path : path
+        ``.npz``, ``.mat``, ``.h5``: arrays ``force`` and ``response`` of shape (n_impacts, n_samples) or
+        (n_samples,), and ``rate`` [Hz] or ``time`` [s]. ``.csv``, ``.tsv``, ``.txt``: a header, a column ``time`` [s]
+        unless `rate` is given, and columns whose names begin with ``force`` and ``response``, a pair for each impact.
+        ``.uff``, ``.unv``: time responses (function type 1) in pairs of a force (data type 13) and a motion.
+    force_unit, response_unit : str
+        Units of the numbers; ``"g"`` is the standard gravity. A universal file's own labels come first.
+    rate : float, optional
+        Samples per second, where the file does not say it.
+    names : mapping of str to str, optional
+        What an archive calls ``force``, ``response``, ``rate`` and ``time``.
+
+    Returns
+    -------
+    Signals
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, or what it holds is not pairs of records at even steps of time.
+    """
+    source = Path(path)
+    suffix = source.suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise MeasurementError(Fault(str(source), "this is no file of time records.", ", ".join(_SUFFIXES)))
+    content = read_bounded(source)
+    own_rate: float | None
+    if suffix in (".uff", ".unv"):
+        force, response, own_rate, units = uff_reader.time_records(source, content)
+        force_unit, response_unit = units[0] or force_unit, units[1] or response_unit
+    elif suffix in _ARCHIVES:
+        force, response, own_rate = _from_archive(_archive(source, content, names or {}), names or {})
+    else:
+        force, response, own_rate = _from_table(source, content)
+    sampling = own_rate if rate is None else rate
+    if sampling is None:
+        raise MeasurementError(Fault(str(source), "the file does not say the sampling rate.", remedy="Give the rate."))
+    quantity, factor = _response_unit(response_unit)
+    return Signals(force * _force_unit(force_unit), response * factor, float(sampling), quantity)
+
+
+def _archive(path: Path, content: bytes, given: Mapping[str, str]) -> Archive:
+    if path.suffix.lower() == ".npz":
+        return npz.archive_of(path, content)
+    matlab_workspace = path.suffix.lower() == ".mat"
+    if matlab_workspace and not matlab.is_hdf5(content):
+        return matlab.archive_of(path, content)
+    wanted = [*given.values(), *(name for names in _NAMES.values() for name in names)]
+    return arrays_apart(path, wanted, matlab=matlab_workspace)
+
+
+def _force_unit(label: str) -> float:
+    newtons = converted(spelled(label), "N")
+    if newtons is None:
+        raise MeasurementError(Fault("the argument force_unit", f"'{label}' is no unit of a force.", "N, lbf, ..."))
+    return newtons
+
+
+def _response_unit(label: str) -> tuple[Quantity, float]:
+    for quantity in QUANTITIES:
+        if (factor := converted(spelled(label), motion_unit(quantity, rotation=False))) is not None:
+            return quantity, factor
+    accepted = "m/s^2, g, m/s, mm/s, m, um, ..."
+    raise MeasurementError(Fault("the argument response_unit", f"'{label}' is no unit of a motion.", accepted))
+
+
+def _from_archive(archive: Archive, given: Mapping[str, str]) -> tuple[Array, Array, float | None]:
+    found: dict[str, Array] = {}
+    for part, spellings in _NAMES.items():
+        matching = [name for name in archive.entries if plain_name(name) in spellings]
+        names = [given[part]] if part in given else matching
+        for name in names[:1]:
+            if name not in archive.entries:
+                hint = did_you_mean(name, archive.entries)
+                raise MeasurementError(Fault(str(archive.path), f"there is no '{name}' in the file.", remedy=hint))
+            array = archive.entries[name].load()
+            if array.dtype.kind not in "fiu" or array.ndim > 2:
+                raise MeasurementError(
+                    Fault(str(archive.path), f"'{name}' has the type {array.dtype}.", "real numbers")
+                )
+            found[part] = array.astype(np.float64)
+    if not {"force", "response"} <= set(found):
+        held = ", ".join(list(archive.entries)[:20]) or "nothing"
+        accepted = "arrays force and response, of shape (n_impacts, n_samples), and rate or time"
+        raise MeasurementError(Fault(str(archive.path), f"force or response are missing; there is: {held}.", accepted))
+    force, response = (_rows(found[part]) for part in ("force", "response"))
+    if "rate" in found:
+        return force, response, float(found["rate"].reshape(-1)[0])
+    return force, response, _rate(archive.path, found["time"].ravel()) if "time" in found else None
+
+
+def _rows(array: Array) -> Array:
+    """Return records as rows; MATLAB keeps a single one, and often all, as columns."""
+    table = np.atleast_2d(array)
+    return table.T if table.shape[0] > table.shape[1] else table
+
+
+def _from_table(path: Path, content: bytes) -> tuple[Array, Array, float | None]:
+    lines = text_lines(path, content)
+    header = next((number for number, line in enumerate(lines) if line.strip() and line[0] not in "#%"), None)
+    if header is None:
+        raise MeasurementError(Fault(str(path), "there is no header."))
+    separator = next((one for one in "\t;," if one in lines[header]), ",")
+    names = [plain_name(cell) for cell in cells_of(lines[header][:100_000], separator)]
+    columns = {part: [i for i, name in enumerate(names) if re.match(part, name)] for part in ("force", "response")}
+    time = [i for i, name in enumerate(names) if name in _NAMES["time"]]
+    if not columns["force"] or len(columns["force"]) != len(columns["response"]):
+        found = f"the header has {len(columns['force'])} columns of force and {len(columns['response'])} of response."
+        raise MeasurementError(
+            Fault(f"{path}:{header + 1}", found, "time,force,response | time,force 1,response 1,...")
+        )
+    body = "\n".join(line for line in lines[header + 1 :] if line.strip())
+    try:
+        table = np.loadtxt(io.StringIO(body), delimiter=separator, ndmin=2)
+    except ValueError as error:
+        raise MeasurementError(Fault(str(path), f"below the header, {str(error)[:150]}")) from None
+    if table.shape[1:] != (len(names),):
+        raise MeasurementError(Fault(str(path), f"the lines have {table.shape[1]} columns, the header {len(names)}."))
+    force, response = (table[:, columns[part]].T for part in ("force", "response"))
+    return force, response, _rate(path, table[:, time[0]]) if time else None
+
+
+def _rate(path: Path, time: Array) -> float:
+    steps = np.diff(time)
+    mean = float(np.mean(steps)) if steps.size else 0.0
+    if not (np.isfinite(mean) and mean > 0 and np.all(np.abs(steps - mean) <= _EVEN * mean)):
+        raise MeasurementError(Fault(str(path), "the time does not increase in even steps."))
+    return 1.0 / mean

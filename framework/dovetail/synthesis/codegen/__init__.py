@@ -1,0 +1,1 @@
+"""The elimination as machine code: an intermediate form over complex vectors, written out straight or as loops."""

@@ -1,0 +1,134 @@
+"""What a joint's model answers, checked: matrices, dynamic stiffness, and the derivatives of both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import PluginError
+from dovetail.interfaces import JointModel, StructuralMatrices, blamed_on
+
+__all__ = [
+    "Theta",
+    "depends_on_frequency",
+    "filled_entries",
+    "joint_jacobian",
+    "joint_matrices",
+    "joint_stiffness",
+    "joint_stiffness_jacobian",
+]
+
+Theta = Mapping[str, NDArray[np.float64]]
+"""All parameters of each joint, (n, n_params), by the joint's name."""
+
+
+def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> StructuralMatrices:
+    """Return a joint's matrices for parameter vectors (n, n_params).
+
+    Raises
+    ------
+    PluginError
+        The model fails, or returns something else than (n, d, d) matrices.
+    """
+    label = _label(name, model)
+    with blamed_on(model, label):
+        matrices = model.matrices(theta)
+    _check_matrices(label, model, matrices, len(theta))
+    return matrices
+
+
+def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
+    """Return the derivatives of a joint's matrices by each of its parameters, for (n, n_params) vectors.
+
+    Raises
+    ------
+    PluginError
+        The model fails, or returns something else than one set of (n, d, d) matrices a parameter.
+    """
+    label = _label(name, model)
+    with blamed_on(model, label):
+        derivatives = tuple(model.matrices_jacobian(theta))
+    if len(derivatives) != len(model.parameters):
+        found = f"{label} returns {len(derivatives)} derivatives of its matrices"
+        raise PluginError(f"{found}, not one for each of its {len(model.parameters)} parameters.")
+    for matrices in derivatives:
+        _check_matrices(label, model, matrices, len(theta))
+    return derivatives
+
+
+def joint_stiffness(
+    name: str, model: JointModel, frequency: NDArray[np.float64], theta: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Return a joint's dynamic stiffness (n, n_freq, d, d) for parameter vectors (n, n_params).
+
+    Raises
+    ------
+    PluginError
+        The model fails, or returns something else than finite numbers of this shape.
+    """
+    label = _label(name, model)
+    with blamed_on(model, label):
+        stiffness = np.asarray(model.dynamic_stiffness(frequency, theta), dtype=np.complex128)
+    _check_stiffness(label, model, stiffness, (len(theta), len(frequency)))
+    return stiffness
+
+
+def joint_stiffness_jacobian(
+    name: str, model: JointModel, frequency: NDArray[np.float64], theta: NDArray[np.float64]
+) -> Iterator[NDArray[np.complex128]]:
+    """Yield the derivative (n, n_freq, d, d) of a joint's dynamic stiffness by each of its parameters.
+
+    Raises
+    ------
+    PluginError
+        The model fails, or gives something else than one array of finite numbers of this shape a parameter.
+    """
+    label, count, shape = _label(name, model), 0, (len(theta), len(frequency))
+    with blamed_on(model, label):
+        derivatives = iter(model.dynamic_stiffness_jacobian(frequency, theta))
+    while True:
+        with blamed_on(model, label):
+            given = next(derivatives, None)
+            derivative = None if given is None else np.asarray(given, dtype=np.complex128)
+        if derivative is None:
+            break
+        _check_stiffness(label, model, derivative, shape)
+        count += 1
+        yield derivative
+    if count != len(model.parameters):
+        found = f"{label} returns {count} derivatives of its dynamic stiffness"
+        raise PluginError(f"{found}, not one for each of its {len(model.parameters)} parameters.")
+
+
+def _check_stiffness(label: str, model: JointModel, stiffness: NDArray[np.complex128], count: tuple[int, int]) -> None:
+    wanted = (*count, model.size, model.size)
+    if stiffness.shape != wanted:
+        raise PluginError(f"{label} returns a dynamic stiffness of shape {stiffness.shape}, not {wanted}.")
+    if not np.isfinite(stiffness).all():
+        raise PluginError(f"{label} returns a dynamic stiffness that is not finite.")
+
+
+def _label(name: str, model: JointModel) -> str:
+    return f"joint '{name}' ({model.name})"
+
+
+def _check_matrices(label: str, model: JointModel, matrices: object, count: int) -> None:
+    if not isinstance(matrices, StructuralMatrices):
+        raise PluginError(f"{label} returns {type(matrices).__name__}, not StructuralMatrices.")
+    wanted = (count, model.size, model.size)
+    if matrices.K.shape != wanted:
+        raise PluginError(f"{label} returns matrices of shape {matrices.K.shape}, not {wanted}.")
+
+
+def depends_on_frequency(model: JointModel) -> bool:
+    """Return whether a joint gives its dynamic stiffness itself, in place of M, K, C and D."""
+    return type(model).dynamic_stiffness is not JointModel.dynamic_stiffness
+
+
+def filled_entries(matrices: StructuralMatrices) -> NDArray[np.bool_]:
+    """Return the entries of (n, d, d) matrices that any sample fills, (d, d)."""
+    filled = [(matrix != 0).any(axis=0) for matrix in (matrices.M, matrices.K, matrices.C, matrices.D)]
+    either: NDArray[np.bool_] = np.logical_or.reduce(filled)
+    return either
