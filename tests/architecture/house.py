@@ -1,0 +1,140 @@
+"""What can be counted of the house: its imports, its lines, its names. Run it to print the figures."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ROOT / "framework" / "dovetail", ROOT / "plugins" / "dovetail_plugins"
+
+EMPTY_NAMES = frozenset({"found", "one", "own", "given", "left", "places", "parts"})
+"""Words that say nothing of what they hold."""
+SHORT_LIFE = 5
+"""Lines within which such a name may still be used."""
+
+_FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
+_SCOPES = _FUNCTIONS | ast.ClassDef
+
+
+def source_files() -> list[Path]:
+    """Return the files of framework and plugins."""
+    return sorted(file for package in PACKAGES for file in package.rglob("*.py"))
+
+
+def module_name(file: Path) -> str:
+    """Return the name by which a file is imported."""
+    package = next(package for package in PACKAGES if file.is_relative_to(package))
+    return ".".join(file.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+def imports() -> dict[str, set[str]]:
+    """Return which modules each module imports, deferred and type-checking imports counted.
+
+    A name taken from a package is followed to the module that defines it; of a package's own ``__init__`` that only
+    hands names on, nothing else is counted.
+    """
+    trees = {module_name(file): ast.parse(file.read_text(encoding="utf-8")) for file in source_files()}
+    handed_on = {module: _handed_on(tree) for module, tree in trees.items()}
+    return {module: set(_imported(tree, trees, handed_on)) - {module} for module, tree in trees.items()}
+
+
+def _handed_on(tree: ast.Module) -> dict[str, tuple[str, str]]:
+    """Return the names that a module imports at its top: where from, and what they are called there."""
+    return {
+        alias.asname or alias.name: (node.module or "", alias.name)
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+
+def _imported(
+    tree: ast.Module, trees: Mapping[str, ast.Module], handed_on: Mapping[str, Mapping[str, tuple[str, str]]]
+) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in trees)
+        elif isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                module, name = node.module or "", alias.name
+                while f"{module}.{name}" not in trees and name in handed_on.get(module, {}):
+                    module, name = handed_on[module][name]
+                home = f"{module}.{name}" if f"{module}.{name}" in trees else module
+                if home in trees:
+                    yield home
+
+
+def circles() -> list[list[str]]:
+    """Return the groups of modules that import each other, directly or round about."""
+    graph = imports()
+    reach = {module: _reached(module, graph) for module in graph}
+    together = {module: frozenset(other for other in reach[module] if module in reach[other]) for module in graph}
+    return sorted({tuple(sorted(group)) for group in together.values() if group}, key=len)  # type: ignore[arg-type]
+
+
+def _reached(start: str, graph: Mapping[str, set[str]]) -> set[str]:
+    reached: set[str] = set()
+    waiting = list(graph[start])
+    while waiting:
+        module = waiting.pop()
+        if module not in reached:
+            reached.add(module)
+            waiting.extend(graph[module])
+    return reached
+
+
+def code_lines(file: Path) -> int:
+    """Count the lines of a file that are neither blank nor part of a docstring."""
+    source = file.read_text(encoding="utf-8")
+    docstrings = {
+        line
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    }
+    return sum(bool(text.strip()) and line not in docstrings for line, text in enumerate(source.splitlines(), 1))
+
+
+def empty_names(file: Path) -> Iterator[str]:
+    """Yield the uses of an empty name that live longer than `SHORT_LIFE` lines, as ``file:line name``."""
+    for scope in _scopes(ast.parse(file.read_text(encoding="utf-8"))):
+        lines: dict[str, list[int]] = {}
+        for name, line in _names(scope):
+            if name in EMPTY_NAMES:
+                lines.setdefault(name, []).append(line)
+        for name, used in sorted(lines.items()):
+            if max(used) - min(used) > SHORT_LIFE or not isinstance(scope, _FUNCTIONS):
+                yield f"{file.relative_to(ROOT)}:{min(used)}-{max(used)} {name}"
+
+
+def _scopes(tree: ast.Module) -> Iterator[ast.AST]:
+    yield tree
+    yield from (node for node in ast.walk(tree) if isinstance(node, _SCOPES))
+
+
+def _names(scope: ast.AST) -> Iterator[tuple[str, int]]:
+    """Yield the names bound or used in a scope itself, and the lines where they stand."""
+    waiting = list(ast.iter_child_nodes(scope))
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Name):
+            yield node.id, node.lineno
+        elif isinstance(node, ast.arg):
+            yield node.arg, node.lineno
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name, node.lineno
+        if not isinstance(node, _SCOPES):
+            waiting.extend(ast.iter_child_nodes(node))
+
+
+if __name__ == "__main__":
+    files = source_files()
+    print(f"files {len(files)}, lines of code {sum(map(code_lines, files))}, circles {len(circles())}")
+    for group in circles():
+        print("circle:", *group)
+    for file in files:
+        if (length := len(file.read_text(encoding="utf-8").splitlines())) > 400:
+            print(f"{file.relative_to(ROOT)}: {length} lines")
+        print(*empty_names(file), sep="\n", end="\n" if any(empty_names(file)) else "")
