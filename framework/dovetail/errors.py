@@ -33,7 +33,7 @@ class Fault:
     ----------
     where : str
         The place, most often ``file:line:column  path.in.the.file``.
-    found : str
+    problem : str
         One sentence: what stands there and why it cannot be used.
     accepted : str, optional
         What may stand there instead.
@@ -42,13 +42,13 @@ class Fault:
     """
 
     where: str
-    found: str
+    problem: str
     accepted: str = ""
     remedy: str = ""
 
     def __str__(self) -> str:
         lines = [self.where] if self.where else []
-        lines.append(f"  {self.found}")
+        lines.append(f"  {self.problem}")
         advice = [self.remedy] if self.remedy else []
         if self.accepted:
             advice.append(f"Accepted: {self.accepted}")

@@ -155,7 +155,7 @@ class InUnit:
         try:
             return to_si(value, self.unit)
         except UnitError as error:
-            raise PydanticCustomError("unit", "{reason}", {"reason": error.faults[0].found}) from None
+            raise PydanticCustomError("unit", "{reason}", {"reason": error.faults[0].problem}) from None
 
 
 Position = Annotated[float, InUnit("m")]

@@ -38,8 +38,8 @@ def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> 
     if not finite.all():
         row = int(np.argmin(finite))
         column = int(np.argmin(np.isfinite(rows[row])))
-        found = f"row {row}, column {column} is {rows[row, column]}, which is not finite."
-        raise DovetailError(Fault(owner, found, "finite numbers only"))
+        problem = f"row {row}, column {column} is {rows[row, column]}, which is not finite."
+        raise DovetailError(Fault(owner, problem, "finite numbers only"))
     return rows
 
 
@@ -63,9 +63,9 @@ def state_array(state: State, key: str, owner: str, shape: tuple[int | None, ...
     value = np.asarray(state.get(key))
     fits = value.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, value.shape, strict=True))
     if value.dtype.kind not in "fiu" or not fits:
-        found = f"its state holds '{key}' as {value.dtype} with shape {value.shape}." if key in state else ""
+        problem = f"its state holds '{key}' as {value.dtype} with shape {value.shape}." if key in state else ""
         wanted = ", ".join("any" if length is None else str(length) for length in shape)
-        raise DovetailError(Fault(owner, found or f"its state lacks '{key}'.", f"an array of shape ({wanted})"))
+        raise DovetailError(Fault(owner, problem or f"its state lacks '{key}'.", f"an array of shape ({wanted})"))
     if not np.isfinite(value).all():
         raise DovetailError(Fault(owner, f"its state holds values in '{key}' that are not finite."))
     return value

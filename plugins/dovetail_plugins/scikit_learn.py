@@ -126,8 +126,8 @@ class KeptEstimator:
                 raise ValueError("it is not an estimator")
             self._estimator = _decode(tree, state)
         except (KeyError, TypeError, ValueError, RecursionError) as error:
-            found = f"its state cannot be read: {type(error).__name__}: {error}."
-            raise DovetailError(Fault(owner, found)) from None
+            problem = f"its state cannot be read: {type(error).__name__}: {error}."
+            raise DovetailError(Fault(owner, problem)) from None
 
     @classmethod
     def fitted(
@@ -186,8 +186,8 @@ def _not_arrays(owner: str, lost: list[str]) -> DovetailError:
     what = (
         f"what it fitted is not made of arrays alone ({listed})" if lost else "made of its arrays it answers otherwise"
     )
-    found = f"{what}, so that no model could be stored without pickle."
-    return DovetailError(Fault(owner, found, remedy="Choose another estimator."))
+    problem = f"{what}, so that no model could be stored without pickle."
+    return DovetailError(Fault(owner, problem, remedy="Choose another estimator."))
 
 
 def _rows(answer: Any, count: int) -> NDArray[np.float64]:

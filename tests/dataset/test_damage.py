@@ -64,8 +64,8 @@ def test_a_spoilt_chunk_is_named_and_made_anew(kind, chunk, sdof, sound, copy):
             read()
         [fault] = error.value.faults
         assert fault.where == str(file)
-        assert fault.found.startswith(held)
-        assert found in fault.found
+        assert fault.problem.startswith(held)
+        assert found in fault.problem
         assert fault.remedy.startswith(remedy)
     others = np.delete(np.arange(65), np.s_[10 * chunk : 10 * chunk + 10])
     np.testing.assert_array_equal(dataset.amplitude[int(others[0])], sound.amplitude[int(others[0])])
@@ -85,7 +85,7 @@ def test_a_spoilt_small_array_is_named(name, damage, copy):
         dovetail.Dataset(copy)
     [fault] = error.value.faults
     assert fault.where == str(copy / name)
-    assert "missing" in fault.found or "damaged" in fault.found
+    assert "missing" in fault.problem or "damaged" in fault.problem
     assert fault.remedy == "Generate the dataset anew, or take it from a copy."
 
 

@@ -15,7 +15,7 @@ from dovetail.errors import DatasetError
 
 
 def found(error) -> str:
-    return error.value.faults[0].found
+    return error.value.faults[0].problem
 
 
 def other(assembly, **changes):

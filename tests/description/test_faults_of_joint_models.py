@@ -131,7 +131,7 @@ def test_a_value_that_cannot_be_is_refused_where_it_stands(load, tmp_path, case)
     with pytest.raises(PluginError) as error:
         load(old, new)
     assert re.fullmatch(rf"{re.escape(str(tmp_path / 'pad.py'))}:(9|10)", error.value.faults[0].where)
-    assert error.value.faults[0].found.startswith(said)
+    assert error.value.faults[0].problem.startswith(said)
 
 
 @pytest.mark.parametrize("case", AT_READING)

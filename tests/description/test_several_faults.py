@@ -64,7 +64,7 @@ def test_a_plugin_that_did_not_load_is_named_where_its_model_is_missing(sound, t
     with pytest.raises(DescriptionError) as caught:
         read_description(tmp_path / "test.yaml", registry)
     fault = next(fault for fault in caught.value.faults if fault.where.endswith("joints.collet.model"))
-    assert fault.found == "'clamp' is not a joint model."
+    assert fault.problem == "'clamp' is not a joint model."
     assert fault.remedy.startswith("(Not loaded: acme 3.0: 'Clamp' is not a component class")
 
 

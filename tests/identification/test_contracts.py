@@ -143,7 +143,7 @@ def test_no_finite_numbers(train, answer, of_reducer, of_regressor):
         with pytest.raises(PluginError) as error:
             train(**{which: answer})
         assert error.value.faults[0].where == f"{which} 'odd_{which}'"
-        assert error.value.faults[0].found == said
+        assert error.value.faults[0].problem == said
 
 
 @pytest.mark.parametrize(("answer", "said"), [("fit", "KeyError: 'seed'"), ("raises", "ZeroDivisionError: no pivot")])
@@ -152,7 +152,7 @@ def test_one_that_fails_at_work_is_named_with_its_line(train, which, answer, sai
     with pytest.raises(PluginError) as error:
         train(**{which: answer})
     assert error.value.faults[0].where.startswith(f"{Path(__file__)}:")
-    assert error.value.faults[0].found == f"{which} 'odd_{which}' failed: {said}"
+    assert error.value.faults[0].problem == f"{which} 'odd_{which}' failed: {said}"
 
 
 def test_the_file_of_a_component_without_code_is_that_of_its_module():

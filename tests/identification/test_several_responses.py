@@ -255,7 +255,7 @@ def test_a_wrong_number_of_measurements_is_one_clear_error(chain, clean, count):
     with pytest.raises(MeasurementError) as raised:
         dovetail.identify(chain, (clean * 2)[:count])
     (fault,) = raised.value.faults
-    assert "'chain' has 2 responses" in fault.found
+    assert "'chain' has 2 responses" in fault.problem
     assert fault.accepted == "1. lower, 0 mm; 2. upper, 0 mm"
     with pytest.raises(MeasurementError):
         multistart(chain, (clean * 2)[:count])

@@ -189,7 +189,7 @@ for path in sys.argv[1:]:
         read_frf(path)
     except MeasurementError as error:
         peak = re.search(r"VmHWM:\\s*(\\d+) kB", Path("/proc/self/status").read_text())
-        print(Path(path).name, int(peak[1]) // 1024, error.faults[0].found.splitlines()[0])
+        print(Path(path).name, int(peak[1]) // 1024, error.faults[0].problem.splitlines()[0])
 """
 
 

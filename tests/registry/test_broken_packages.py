@@ -209,7 +209,7 @@ def test_a_substructure_with_nodes_that_are_none(tmp_path, nodes, found):
     with pytest.raises(dovetail.DovetailError) as error:
         dovetail.load(tmp_path / "a.yaml", plugins=file)
     (fault,) = error.value.faults
-    assert fault.found == f"substructure model 'part' ({file}) {found}"
+    assert fault.problem == f"substructure model 'part' ({file}) {found}"
     assert fault.where.startswith(f"{tmp_path / 'a.yaml'}:4:")
 
 

@@ -67,7 +67,7 @@ def plugin(*components, hook="dovetail_components"):
 
 
 def found(error) -> str:
-    return error.value.faults[0].found
+    return error.value.faults[0].problem
 
 
 def test_built_in_components_come_in_through_the_entry_point():
@@ -100,7 +100,7 @@ def test_an_unknown_model_names_the_nearest_and_what_failed_to_load(monkeypatch)
     registry.load_entry_points()
     registry.add(plugin(joint()), "pads 1.0")
     fault = registry.unknown("joint", "pat")
-    assert fault.found == "'pat' is not a joint model."
+    assert fault.problem == "'pat' is not a joint model."
     assert fault.accepted == "pad"
     assert fault.remedy.startswith("Did you mean 'pad'?")
     assert "ImportError: No module named 'felt'" in fault.remedy

@@ -89,8 +89,8 @@ def _offer(kind: Kind, path: Path, findings: Findings, registry: Registry, defau
     name: object = default
     if section is not None:
         if not section.is_mapping:
-            found = f"{shown(section.value)} is not a section of keys and values."
-            findings.add(path, found, "a section that begins with 'model:'")
+            problem = f"{shown(section.value)} is not a section of keys and values."
+            findings.add(path, problem, "a section that begins with 'model:'")
             return None
         if "model" not in section.entries:
             findings.add((*path, "model"), f"the {kind} lacks 'model'.", listing(registry.names(kind)), key=True)
@@ -105,8 +105,10 @@ def _offer(kind: Kind, path: Path, findings: Findings, registry: Registry, defau
         fault = error.faults[0]
         others = [offer.component.kind for offer in registry.named(name)]
         if others:
-            fault = replace(fault, found=f"'{name}' is a {others[0]} model; a {kind} model is wanted here.", remedy="")
-        findings.add((*path, "model"), fault.found, fault.accepted, fault.remedy)
+            fault = replace(
+                fault, problem=f"'{name}' is a {others[0]} model; a {kind} model is wanted here.", remedy=""
+            )
+        findings.add((*path, "model"), fault.problem, fault.accepted, fault.remedy)
         return None
 
 
@@ -127,7 +129,7 @@ def _explained(error: Exception) -> TypeGuard[DovetailError]:
 def _reason(error: Exception) -> str:
     """Say what went wrong, as a sentence."""
     if isinstance(error, DovetailError):
-        text = " ".join(f"{fault.where}: {fault.found}" if fault.where else fault.found for fault in error.faults)
+        text = " ".join(f"{fault.where}: {fault.problem}" if fault.where else fault.problem for fault in error.faults)
     elif isinstance(error, ValueError):
         text = str(error)
     else:

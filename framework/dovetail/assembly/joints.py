@@ -48,7 +48,7 @@ def _check_declarations(built: Built, path: Path, findings: Findings) -> bool:
     faults = joint_faults(built.component)
     remedy = f"Mend it in {source_file(built.component)}." if source_file(built.component) else ""
     for fault in faults:
-        findings.add(path, f"{built.label} {fault.found}", fault.accepted, remedy, key=True)
+        findings.add(path, f"{built.label} {fault.problem}", fault.accepted, remedy, key=True)
     return not faults
 
 
@@ -67,17 +67,17 @@ class _Connect:
         if section is None and not names:
             return ()
         if section is None or not section.is_mapping:
-            found = f"{self._built.label} lacks 'connect'."
+            problem = f"{self._built.label} lacks 'connect'."
             if section is not None:
-                found = f"{shown(section.value)} is not a section of keys and values."
-            self._findings.add(self._path, found, f"a section with the ports {listing(names)}", key=True)
+                problem = f"{shown(section.value)} is not a section of keys and values."
+            self._findings.add(self._path, problem, f"a section with the ports {listing(names)}", key=True)
             return (None,) * len(ports)
         misspelt = [self._unknown(key, names) for key in section.entries if key not in names]
         for name in names:
             if name not in section.entries and not any(f"'{name}'" in hint for hint in misspelt):
-                found = f"the port '{name}' of {self._built.label} is not connected."
+                problem = f"the port '{name}' of {self._built.label} is not connected."
                 accepted = f"{name}: {{to: SUBSTRUCTURE, at: [POSITION, ...]}}"
-                self._findings.add((*self._path, name), found, accepted, key=True)
+                self._findings.add((*self._path, name), problem, accepted, key=True)
         attachments = tuple(self._attachment(port) if port.name in section.entries else None for port in ports)
         self._check_distinct(ports, attachments)
         return attachments
@@ -85,8 +85,8 @@ class _Connect:
     def _unknown(self, key: str, names: list[str]) -> str:
         """Report a port that the model does not have, and return the hint at the one that may be meant."""
         hint = did_you_mean(key, names)
-        found = f"{shown(key)} is not a port of {self._built.label}."
-        self._findings.add((*self._path, key), found, listing(names), hint, key=True)
+        problem = f"{shown(key)} is not a port of {self._built.label}."
+        self._findings.add((*self._path, key), problem, listing(names), hint, key=True)
         return hint
 
     def _attachment(self, port: Port) -> Attachment | None:
@@ -97,12 +97,12 @@ class _Connect:
         if section.to not in self._substructures:
             names = list(self._substructures)
             if names:
-                found = f"there is no substructure {shown(section.to)}."
-                self._findings.add((*path, "to"), found, listing(names), did_you_mean(section.to, names))
+                problem = f"there is no substructure {shown(section.to)}."
+                self._findings.add((*path, "to"), problem, listing(names), did_you_mean(section.to, names))
             return None
         if len(section.at) != port.nodes:
-            found = f"the port '{port.name}' of {self._built.label} takes {_counted(port.nodes, 'node')}"
-            self._findings.add((*path, "at"), f"{found}, not {len(section.at)}.")
+            problem = f"the port '{port.name}' of {self._built.label} takes {_counted(port.nodes, 'node')}"
+            self._findings.add((*path, "at"), f"{problem}, not {len(section.at)}.")
             return None
         substructure = self._substructures[section.to]
         return None if substructure is None else self._on_nodes(section, substructure, path)
@@ -124,8 +124,8 @@ class _Connect:
             for index, node in enumerate(attachment.nodes):
                 if (attachment.substructure, node) in taken:
                     place = format_quantity(part.nodes[node].position, "m")
-                    found = f"the node of '{attachment.substructure}' at {place} is already taken by this joint."
-                    self._findings.add((*self._path, port.name, "at", index), found)
+                    problem = f"the node of '{attachment.substructure}' at {place} is already taken by this joint."
+                    self._findings.add((*self._path, port.name, "at", index), problem)
                 taken.add((attachment.substructure, node))
 
 
@@ -149,12 +149,12 @@ def check_connected(
                 reached |= attached
     for name in substructures:
         if name not in reached:
-            found = f"no joint connects '{name}' with '{response}', where the response is."
-            findings.add(("substructures", name), found, remedy="Connect it or remove it.", key=True)
+            problem = f"no joint connects '{name}' with '{response}', where the response is."
+            findings.add(("substructures", name), problem, remedy="Connect it or remove it.", key=True)
     for name, attached in parts.items():
         if attached and all(substructures[part].grounded for part in attached):
-            found = f"the joint '{name}' attaches to nothing that moves."
-            findings.add(("joints", name), found, remedy="Connect it to a part that moves, or remove it.", key=True)
+            problem = f"the joint '{name}' attaches to nothing that moves."
+            findings.add(("joints", name), problem, remedy="Connect it to a part that moves, or remove it.", key=True)
 
 
 _ABSOLUTE, _RELATIVE = 1e-9, 1e-6
@@ -186,8 +186,8 @@ def _find_label(name: str, substructure: SubstructureModel, label: str, path: Pa
     labels = [node.label for node in substructure.nodes]
     if label in labels:
         return labels.index(label)
-    found = f"substructure '{name}' has no node '{label}'."
-    findings.add(path, found, f"{listing(labels)}; or a position", did_you_mean(label, labels))
+    problem = f"substructure '{name}' has no node '{label}'."
+    findings.add(path, problem, f"{listing(labels)}; or a position", did_you_mean(label, labels))
     return None
 
 

@@ -51,8 +51,8 @@ def read_parameters(
     for name, entry in section.entries.items():
         if name not in known:
             accepted = listing(f"{p.name} [{p.unit}]" for p in parameters) or "no parameters"
-            found = f"{shown(name)} is not a parameter of {built.label}."
-            findings.add((*path, name), found, accepted, did_you_mean(name, known), key=True)
+            problem = f"{shown(name)} is not a parameter of {built.label}."
+            findings.add((*path, name), problem, accepted, did_you_mean(name, known), key=True)
         elif entry.item.is_mapping:
             known[name] = _described((*path, name), known[name], fixed, findings)
         else:
@@ -99,8 +99,8 @@ def _described(path: Path, parameter: Parameter, fixed: dict[str, float], findin
         findings.add(path, f"nothing is said of the parameter '{parameter.name}'.", "range, scale or value", key=True)
     elif "value" in given and len(given) > 1:
         other = "range" if "range" in given else "scale"
-        found = f"the parameter '{parameter.name}' has a value and a {other}."
-        findings.add(path, found, "a range to seek it in, or a value that is known", key=True)
+        problem = f"the parameter '{parameter.name}' has a value and a {other}."
+        findings.add(path, problem, "a range to seek it in, or a value that is known", key=True)
     elif "value" in given:
         item = findings.root.at((*path, "value"))
         if item is not None:
@@ -125,8 +125,8 @@ def _ranged(path: Path, parameter: Parameter, section: ParameterSection, finding
         return parameter
     scale = section.scale or parameter.scale
     if scale == "log" and lower <= 0:
-        found = f"a range on a logarithmic scale must be positive, but this one begins at {lower:g} {parameter.unit}."
-        findings.add(at, found, remedy="Write 'scale: linear', or a lower end greater than 0.")
+        problem = f"a range on a logarithmic scale must be positive, but this one begins at {lower:g} {parameter.unit}."
+        findings.add(at, problem, remedy="Write 'scale: linear', or a lower end greater than 0.")
         return parameter
     return replace(parameter, lower=lower, upper=upper, scale=scale)
 
@@ -144,5 +144,5 @@ def _quantity(path: Path, value: object, unit: str, findings: Findings) -> float
     try:
         return to_si(value, unit)
     except UnitError as error:
-        findings.add(path, error.faults[0].found)
+        findings.add(path, error.faults[0].problem)
         return None

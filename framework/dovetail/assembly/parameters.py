@@ -101,7 +101,7 @@ class ParameterSpace:
             try:
                 values[name] = to_si(value.item() if isinstance(value, np.generic) else value, units[name])
             except UnitError as error:
-                faults.append(Fault(f"parameter {given}", error.faults[0].found))
+                faults.append(Fault(f"parameter {given}", error.faults[0].problem))
         missing = [name for name in self.names if name not in values]
         if missing and not faults:
             faults.append(Fault("theta", f"no value is given for {listing(missing)}."))

@@ -88,11 +88,11 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
 def _check_format(findings: Findings) -> None:
     item = findings.root.at(("dovetail",))
     if item is None:
-        found = "the description does not say which format it has."
-        findings.add(("dovetail",), found, remedy=f"Begin it with 'dovetail: {FORMAT}'.")
+        problem = "the description does not say which format it has."
+        findings.add(("dovetail",), problem, remedy=f"Begin it with 'dovetail: {FORMAT}'.")
     elif item.value != FORMAT or isinstance(item.value, bool):
-        found = f"{shown(plain(item))} is not a format that this version of dovetail reads."
-        findings.add(("dovetail",), found, str(FORMAT))
+        problem = f"{shown(plain(item))} is not a format that this version of dovetail reads."
+        findings.add(("dovetail",), problem, str(FORMAT))
 
 
 def _names(section: str, noun: str, findings: Findings) -> list[str]:
@@ -101,9 +101,9 @@ def _names(section: str, noun: str, findings: Findings) -> list[str]:
     names = list(item.entries) if item is not None else []
     for name in names:
         if not name.isidentifier():
-            found = f"{shown(name)} cannot be the name of a {noun}."
+            problem = f"{shown(name)} cannot be the name of a {noun}."
             accepted = "letters, digits and '_', not beginning with a digit"
-            findings.add((section, name), found, accepted, key=True)
+            findings.add((section, name), problem, accepted, key=True)
     return names
 
 
@@ -126,7 +126,7 @@ def _read_substructure(name: str, findings: Findings, registry: Registry) -> Sub
     if len(findings) == before:
         remedy = f"Mend it in {source_file(built.component)}." if source_file(built.component) else ""
         for fault in node_faults(nodes):
-            findings.add(path, f"{built.label} {fault.found}", fault.accepted, remedy, key=True)
+            findings.add(path, f"{built.label} {fault.problem}", fault.accepted, remedy, key=True)
     if len(findings) == before and not nodes:
         findings.add(path, f"{built.label} has no nodes.", key=True)
     substructure: SubstructureModel = built.component
@@ -146,9 +146,11 @@ def _read_identification(findings: Findings, registry: Registry) -> Identificati
         return None
     tested = round(section.samples * section.test_fraction)
     if min(tested, section.samples - tested) < _LEAST_OF_A_PART:
-        found = f"{tested} of {section.samples} samples would be for testing, {section.samples - tested} for training."
+        problem = (
+            f"{tested} of {section.samples} samples would be for testing, {section.samples - tested} for training."
+        )
         remedy = f"Each needs {_LEAST_OF_A_PART} at least."
-        findings.add((*path, "test_fraction"), found, remedy=remedy)
+        findings.add((*path, "test_fraction"), problem, remedy=remedy)
         return None
     return IdentificationSettings(
         section.samples,
@@ -179,8 +181,8 @@ def read_frequency(findings: Findings) -> NDArray[np.float64] | None:
         findings.add((*_PATH, "stop"), f"stop ({stop:.10g} Hz) must be greater than start ({start:.10g} Hz).")
         return None
     if (section.step is None) == (section.lines is None):
-        found = "the frequency has a step and a number of lines." if section.step else "the frequency has no step."
-        findings.add(_PATH, found, "step or lines", key=True)
+        problem = "the frequency has a step and a number of lines." if section.step else "the frequency has no step."
+        findings.add(_PATH, problem, "step or lines", key=True)
         return None
     steps = (stop - start) / section.step if section.step else float((section.lines or 0) - 1)
     if steps + 1 > MOST_LINES:
@@ -188,9 +190,9 @@ def read_frequency(findings: Findings) -> NDArray[np.float64] | None:
         return None
     if abs(steps - round(steps)) > _OFF_GRID or steps < _OFF_GRID:
         before = start + np.floor(steps) * (section.step or 0.0)
-        found = f"stop ({stop:.10g} Hz) is not on a line: from {start:.10g} Hz in steps of {section.step:.10g} Hz"
+        problem = f"stop ({stop:.10g} Hz) is not on a line: from {start:.10g} Hz in steps of {section.step:.10g} Hz"
         remedy = f"The lines nearest to it are {before:.10g} Hz and {before + (section.step or 0.0):.10g} Hz."
-        findings.add((*_PATH, "stop"), f"{found}.", remedy=remedy)
+        findings.add((*_PATH, "stop"), f"{problem}.", remedy=remedy)
         return None
     frequency = np.linspace(start, stop, round(steps) + 1)
     frequency.setflags(write=False)
@@ -256,8 +258,8 @@ def _read_response(path: Path, substructures: Substructures, findings: Findings)
         return None
     if substructure.grounded:
         moving = listing(name for name, part in substructures.items() if part is not None and not part.grounded)
-        found = f"the response cannot be at '{section.at}', which does not move."
-        findings.add((*path, "at"), found, moving)
+        problem = f"the response cannot be at '{section.at}', which does not move."
+        findings.add((*path, "at"), problem, moving)
         return None
     node = find_node(section.at, substructure, section.position, (*path, "position"), findings)
     return None if node is None else Response(section.at, node, section.direction, section.quantity)

@@ -60,7 +60,7 @@ def _check(offer: Offer, joint: Mapping[str, Any]) -> None:
     label = f"joint model '{offer.component.name}'"
     if faults:
         remedy = f"Mend it in {source_file(offer.component)}."
-        raise PluginError(*(Fault(offer.source, f"{label} {f.found}", f.accepted, remedy) for f in faults))
+        raise PluginError(*(Fault(offer.source, f"{label} {f.problem}", f.accepted, remedy) for f in faults))
 
 
 def _joint(model: type[JointModel]) -> dict[str, Any]:

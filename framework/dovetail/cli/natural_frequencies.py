@@ -23,7 +23,7 @@ def natural_frequencies(assembly: Assembly, theta: Theta = None) -> tuple[list[f
     try:
         natural = assembly.natural_frequencies(theta, count=_MOST)
     except DovetailError as error:
-        return [], error.faults[0].found
+        return [], error.faults[0].problem
     elastic = natural[np.isfinite(natural)]
     inside = elastic[(elastic >= assembly.frequency[0]) & (elastic <= assembly.frequency[-1])]
     return inside.tolist(), "" if inside.size else "none lies within the frequencies"

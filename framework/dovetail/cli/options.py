@@ -75,7 +75,7 @@ def quantity_in(unit: str) -> Callable[[str], float]:
         try:
             return to_si(text, unit)
         except UnitError as error:
-            raise typer.BadParameter(error.faults[0].found) from None
+            raise typer.BadParameter(error.faults[0].problem) from None
 
     return parse
 

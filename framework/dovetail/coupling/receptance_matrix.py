@@ -67,8 +67,8 @@ class ReceptanceMatrix:
         if frequency.min() < first * (1 - 1e-9) or frequency.max() > last * (1 + 1e-9):
             wanted = f"{frequency.min():g} to {frequency.max():g} Hz are wanted."
             remedy = "Narrow 'frequency' in the description."
-            found = f"it covers {first:g} to {last:g} Hz, and {wanted}"
-            raise MeasurementError(Fault(self.note or "receptance matrix", found, remedy=remedy))
+            problem = f"it covers {first:g} to {last:g} Hz, and {wanted}"
+            raise MeasurementError(Fault(self.note or "receptance matrix", problem, remedy=remedy))
         spline = CubicSpline(self.frequency, self.values)
         return np.asarray(spline(np.clip(frequency, first, last)), dtype=np.complex128)
 
@@ -121,6 +121,6 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
     except MeasurementError as error:
         raise MeasurementError(*(replace(fault, where=str(file)) for fault in error.faults)) from None
     if matrix.values.shape[1] != 2:
-        found = f"it is between {matrix.values.shape[1]} DOFs, and no table names them."
-        raise MeasurementError(Fault(str(file), found, "x and rz of one point: 2 DOFs"))
+        problem = f"it is between {matrix.values.shape[1]} DOFs, and no table names them."
+        raise MeasurementError(Fault(str(file), problem, "x and rz of one point: 2 DOFs"))
     return matrix

@@ -144,12 +144,12 @@ class Dataset:
         kept = [self.amplitude[row] for row in rows]
         difference = largest_difference(assembly, self.parameters[rows], kept)
         if difference > SAME:
-            found = "its FRFs are not those that the assembly gives now"
+            problem = "its FRFs are not those that the assembly gives now"
             maker = f"dovetail-frf {self.attributes.get('dovetail_version', '')}"
             raise DatasetError(
                 Fault(
                     str(self.path),
-                    f"{found} (they differ by up to {100 * difference:.2g} %): the code of a model has changed.",
+                    f"{problem} (they differ by up to {100 * difference:.2g} %): the code of a model has changed.",
                     remedy=f"Generate it anew, or go back to what made it ({maker} and its plugins).",
                 )
             )

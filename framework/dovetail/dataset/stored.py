@@ -100,8 +100,8 @@ class StoredFrfs:
         for chunk in chunks:
             file = self._file(chunk)
             if not self._written[chunk]:
-                found = "its generation was interrupted before these samples."
-                raise DatasetError(Fault(str(self._folder), found, remedy="Finish it with --resume."))
+                problem = "its generation was interrupted before these samples."
+                raise DatasetError(Fault(str(self._folder), problem, remedy="Finish it with --resume."))
             if not file.is_file():
                 raise self._fault(chunk, "it is missing", "Go on with --resume: it is computed anew.")
             size = file.stat().st_size

@@ -79,9 +79,9 @@ def _endless(chain: list[Item], base: str, cyclic: bool, findings: Findings) -> 
 
 def _check_there(item: Item, base: str, findings: Findings) -> None:
     if not os.path.exists(base):
-        found = f"there is no file '{base}'."
+        problem = f"there is no file '{base}'."
         remedy = "The path is taken from the file that names it."
-        findings.add_at(item.entries[_EXTENDS].item.mark, (_EXTENDS,), found, remedy=remedy)
+        findings.add_at(item.entries[_EXTENDS].item.mark, (_EXTENDS,), problem, remedy=remedy)
         raise findings.error()
 
 

@@ -62,8 +62,8 @@ class _Reader:
             return value
         if isinstance(value, str):
             if match := UNPRINTABLE.search(value):
-                found = f"the character U+{ord(match.group()):04X} cannot stand in a description."
-                self._findings.add_garbled(mark, path, found)
+                problem = f"the character U+{ord(match.group()):04X} cannot stand in a description."
+                self._findings.add_garbled(mark, path, problem)
             return str(value)
         if isinstance(value, Integral):
             if abs(int(value)) > LARGEST_WHOLE:
@@ -74,6 +74,6 @@ class _Reader:
             if not math.isfinite(value):
                 self._findings.add_garbled(mark, path, f"{float(value)!r} is not a finite number.")
             return float(value)
-        found = f"an object of the type '{type(value).__name__}' cannot stand in a description."
-        self._findings.add_garbled(mark, path, found, "a dict, a list, a text, a number, true or false")
+        problem = f"an object of the type '{type(value).__name__}' cannot stand in a description."
+        self._findings.add_garbled(mark, path, problem, "a dict, a list, a text, a number, true or false")
         return None

@@ -132,10 +132,10 @@ class _Translation:
         """Report a key that is not known, and return the one that may have been meant."""
         keys = _keys_of(_models_at(self._model, path[:-1]))
         names = [*self._reserved, *keys] if len(path) == 1 else list(keys)
-        found = f"{shown(path[-1])} is not a key of {self._title(path[:-1])}."
+        problem = f"{shown(path[-1])} is not a key of {self._title(path[:-1])}."
         accepted = listing(f"{name} [{keys[name]}]" if keys.get(name) else name for name in names) or "no keys"
         hint = did_you_mean(str(path[-1]), names)
-        self._findings.add((*self._path, *path), found, accepted, hint, key=True)
+        self._findings.add((*self._path, *path), problem, accepted, hint, key=True)
         return next((name for name in names if f"'{name}'" in hint), "")
 
     def _unfit(self, path: Path, details: list[Any]) -> None:

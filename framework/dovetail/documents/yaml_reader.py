@@ -98,8 +98,8 @@ def _decode(data: bytes, file: str, rank: int, findings: Findings) -> str:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = data[: error.start].decode("utf-8-sig")
-        found = f"the byte 0x{data[error.start]:02x} is not UTF-8."
-        findings.add_at(_mark_after(before, file, rank), (), found, remedy="Save the file as UTF-8.")
+        problem = f"the byte 0x{data[error.start]:02x} is not UTF-8."
+        findings.add_at(_mark_after(before, file, rank), (), problem, remedy="Save the file as UTF-8.")
         raise findings.error() from None
     if match := UNPRINTABLE.search(text):
         mark = _mark_after(text[: match.start()], file, rank)
@@ -219,8 +219,8 @@ class _Composer:
             height = max(height, below)
             if name in entries:
                 line = entries[name].key.line
-                found = f"the key '{name}' stands here a second time; the first is in line {line}."
-                self._findings.add_at(key_mark, (*path, name), found, remedy="Remove one of them.")
+                problem = f"the key '{name}' stands here a second time; the first is in line {line}."
+                self._findings.add_at(key_mark, (*path, name), problem, remedy="Remove one of them.")
             elif name is not None:
                 entries[name] = Entry(key_mark, item)
         return Item(mark, entries), height + 1
@@ -241,15 +241,15 @@ class _Composer:
 
     def _refuse_tag(self, tag: str, mark: Mark, path: Path) -> None:
         short = f"!!{tag.removeprefix(_CORE)}" if tag.startswith(_CORE) else tag
-        found = f"the tag {shown(short)} is not allowed here; a description holds plain values."
-        self._findings.add_garbled(mark, path, found, _CORE_TAGS, "Remove it.")
+        problem = f"the tag {shown(short)} is not allowed here; a description holds plain values."
+        self._findings.add_garbled(mark, path, problem, _CORE_TAGS, "Remove it.")
 
     def _scalar(self, event: Any, mark: Mark, path: Path) -> Scalar:
         tag = None if event.ctag is None else str(event.ctag)
         text = str(event.value)
         if match := UNPRINTABLE.search(text):
-            found = f"the character U+{ord(match.group()):04X} cannot stand in a description."
-            self._findings.add_garbled(mark, path, found)
+            problem = f"the character U+{ord(match.group()):04X} cannot stand in a description."
+            self._findings.add_garbled(mark, path, problem)
             return UNPRINTABLE.sub("?", text)
         if tag in ("!", f"{_CORE}str") or (tag is None and event.style):
             return text

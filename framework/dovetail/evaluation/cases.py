@@ -192,8 +192,8 @@ def _check_format(findings: Findings) -> None:
         remedy = f"Begin it with 'dovetail_cases: {FORMAT}'."
         findings.add(("dovetail_cases",), "the file does not say that it holds cases.", remedy=remedy)
     elif item.value != FORMAT or isinstance(item.value, bool):
-        found = f"{shown(plain(item))} is not a format that this version of dovetail reads."
-        findings.add(("dovetail_cases",), found, str(FORMAT))
+        problem = f"{shown(plain(item))} is not a format that this version of dovetail reads."
+        findings.add(("dovetail_cases",), problem, str(FORMAT))
 
 
 def _case(name: str, case: _Case, folder: Path, mass: float) -> Case:

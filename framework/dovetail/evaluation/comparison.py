@@ -162,9 +162,9 @@ def _one_assembly(cases: Cases) -> Path:
     sources = {case.joint.assembly if case.joint is not None else None for case in cases.cases}
     source = sources.pop()
     if sources or source is None:
-        found = "the cases do not all identify the joint of one and the same assembly."
+        problem = "the cases do not all identify the joint of one and the same assembly."
         remedy = "Give each case 'joint: {assembly: ..., measured: ...}' with one assembly."
-        raise ParameterError(Fault(cases.title, found, remedy=remedy))
+        raise ParameterError(Fault(cases.title, problem, remedy=remedy))
     return source
 
 
@@ -248,6 +248,6 @@ def read_truths(path: str | PathLike[str]) -> dict[str, dict[str, float]]:
     try:
         read = _Truths.model_validate_json(read_bounded(Path(path)))
     except ValidationError as error:
-        found = f"this is no file of true parameters: {error.errors()[0]['msg']}."
-        raise DovetailError(Fault(str(path), found, "JSON with 'tests', each with 'parameters'")) from None
+        problem = f"this is no file of true parameters: {error.errors()[0]['msg']}."
+        raise DovetailError(Fault(str(path), problem, "JSON with 'tests', each with 'parameters'")) from None
     return {name: test.parameters for name, test in read.tests.items() if test.parameters}

@@ -69,6 +69,6 @@ def _node(coarse: SubstructureModel, node: int, fine: SubstructureModel) -> int:
     away = np.abs(np.array([one.position for one in fine.nodes]) - place)
     nearest = int(np.argmin(away))
     if away[nearest] > _SAME_PLACE:
-        found = f"its finer mesh has no node at {place:g} m, where the coarser one has."
-        raise ParameterError(Fault(f"substructure model '{coarse.name}'", found))
+        problem = f"its finer mesh has no node at {place:g} m, where the coarser one has."
+        raise ParameterError(Fault(f"substructure model '{coarse.name}'", problem))
     return nearest

@@ -121,8 +121,8 @@ def variant(assembly: Assembly, name: str, registry: Registry) -> Assembly:
     """
     reducer, _, addition = name.partition("+")
     if addition not in ("", _ROBUST):
-        found = f"'{addition}' is nothing that a model can be trained with."
-        raise PluginError(Fault(f"model '{name}'", found, f"'{reducer}', '{reducer}+{_ROBUST}'"))
+        problem = f"'{addition}' is nothing that a model can be trained with."
+        raise PluginError(Fault(f"model '{name}'", problem, f"'{reducer}', '{reducer}+{_ROBUST}'"))
     description = json.loads(assembly.description.text)
     section = dict(description.get("identification") or {})
     current = assembly.description.identification.reducer

@@ -74,8 +74,8 @@ def identify(
     accepted_options = method_options(method)
     for name in options:
         if name not in accepted_options:
-            found = f"the method '{method}' has no option '{name}'."
-            raise ParameterError(Fault("options", found, listing(accepted_options) or "none"))
+            problem = f"the method '{method}' has no option '{name}'."
+            raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
     frfs = tuple(on_grid(frf, assembly.frequency) for frf in one_for_each(assembly, measured))
     with threadpool_limits(1, user_api="blas"):
         return METHODS[method](assembly, frfs, model, **options)

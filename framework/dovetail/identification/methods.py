@@ -41,8 +41,8 @@ def by_network(assembly: Assembly, measured: tuple[Frf, ...], trained: TrainedNe
         The network has no finite answer.
     """
     if trained is None:
-        found = "the method 'network' needs a trained model."
-        raise ParameterError(Fault(assembly.name, found, remedy="Train one with dovetail.train, or use 'refined'."))
+        problem = "the method 'network' needs a trained model."
+        raise ParameterError(Fault(assembly.name, problem, remedy="Train one with dovetail.train, or use 'refined'."))
     theta = trained.predict_parameters(accelerance_amplitudes(measured))[0]
     if not np.isfinite(theta).all():
         lost = [p.name for p, value in zip(assembly.parameters, theta, strict=True) if not np.isfinite(value)]
@@ -163,8 +163,8 @@ def by_posterior(
         The description's by default.
     """
     if form not in _FORMS:
-        found = f"'{form}' is no form of the posterior."
-        raise ParameterError(Fault("form", found, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
+        problem = f"'{form}' is no form of the posterior."
+        raise ParameterError(Fault("form", problem, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
     fitted = _refined(assembly, measured, trained, seed, model_error)
     assert fitted.fit is not None
     posterior = _FORMS[form](

@@ -86,10 +86,10 @@ def joint_values(assembly: Assembly, result: Identification | Mapping[str, float
             matched[parameter.name] = value.value
     if missing:
         noun, them = ("parameter", "it") if len(missing) == 1 else ("parameters", "them")
-        found = f"assembly '{assembly.name}' needs {them}, and the identification does not hold {them}."
+        problem = f"assembly '{assembly.name}' needs {them}, and the identification does not hold {them}."
         held = listing((str(value) for value in values), 20)
         where = f"{noun} {listing(missing, 20)}"
-        faults.insert(0, Fault(where, found, held, f"Fix {them} in the description, or identify {them}."))
+        faults.insert(0, Fault(where, problem, held, f"Fix {them} in the description, or identify {them}."))
     if faults:
         raise ParameterError(*faults)
     return matched
@@ -179,8 +179,8 @@ def predict_band(assembly: Assembly, result: Identification, *, level: float = L
     """
     posterior = result.posterior
     if posterior is None:
-        found = f"the joint was identified by the method '{result.method}', which does not say how sure it is."
-        raise ParameterError(Fault("result", found, remedy="Identify it by the method 'posterior'."))
+        problem = f"the joint was identified by the method '{result.method}', which does not say how sure it is."
+        raise ParameterError(Fault("result", problem, remedy="Identify it by the method 'posterior'."))
     random = np.random.default_rng([seed, 3])
     chosen = random.choice(len(posterior.weight), _DRAWN, p=posterior.weight)
     if posterior.mode is None:

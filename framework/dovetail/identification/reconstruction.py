@@ -139,7 +139,7 @@ def _modes(assembly: Assembly, theta: NDArray[np.float64], frf: Frf, measured: F
     except PluginError:
         raise
     except DovetailError as error:
-        return (), f"No natural frequencies are given: {error.faults[0].found}"
+        return (), f"No natural frequencies are given: {error.faults[0].problem}"
     except np.linalg.LinAlgError as error:
         return (), f"No natural frequencies are given: they cannot be computed ({error})."
     inside = (natural >= assembly.frequency[0]) & (natural <= assembly.frequency[-1])

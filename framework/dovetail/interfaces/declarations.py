@@ -28,7 +28,7 @@ def joint_faults(model: JointModel) -> tuple[Fault, ...]:
     Returns
     -------
     tuple of Fault
-        `Fault.where` names the property, `Fault.found` is a sentence whose subject is the joint.
+        `Fault.where` names the property, `Fault.problem` is a sentence whose subject is the joint.
     """
     faults = [*_read(model, "parameters", parameter_faults), *_read(model, "ports", port_faults)]
     if not faults:
@@ -47,8 +47,8 @@ def parameter_faults(parameters: object) -> list[Fault]:
     faults = _name_faults("parameters", [parameter.name for parameter in listed])
     for parameter in listed:
         if not is_unit(parameter.unit):
-            found = f"has the parameter '{parameter.name}' in '{parameter.unit}', which is not a unit."
-            faults.append(Fault("parameters", found, "SI units in pint's spelling: N/m, N m/rad, N s/m, kg, m; 1"))
+            problem = f"has the parameter '{parameter.name}' in '{parameter.unit}', which is not a unit."
+            faults.append(Fault("parameters", problem, "SI units in pint's spelling: N/m, N m/rad, N s/m, kg, m; 1"))
     return faults
 
 
@@ -68,8 +68,8 @@ def node_faults(nodes: object) -> list[Fault]:
     listed: Sequence[Node] = nodes  # type: ignore[assignment]
     for node in listed:
         if isinstance(node.position, bool) or not isinstance(node.position, Real) or not math.isfinite(node.position):
-            found = f"has {_shown(node.position)} for the position of the node '{node.label}'."
-            return [Fault("nodes", found, "a finite number of metres")]
+            problem = f"has {_shown(node.position)} for the position of the node '{node.label}'."
+            return [Fault("nodes", problem, "a finite number of metres")]
     return []
 
 
@@ -77,8 +77,8 @@ def _read(model: Component, name: str, faults_of: Callable[[Any], list[Fault]]) 
     try:
         value = getattr(model, name)
     except PluginError as error:
-        bad = [(f"cannot give its {name}: {fault.where}: {fault.found}", fault.accepted) for fault in error.faults]
-        return [Fault(name, found, accepted) for found, accepted in bad]
+        bad = [(f"cannot give its {name}: {fault.where}: {fault.problem}", fault.accepted) for fault in error.faults]
+        return [Fault(name, problem, accepted) for problem, accepted in bad]
     except Exception as error:  # a plugin's property may raise anything
         return [Fault(name, f"cannot give its {name}: {type(error).__name__}: {error}.")]
     return faults_of(value)

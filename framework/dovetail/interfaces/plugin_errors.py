@@ -36,8 +36,8 @@ def blamed_on(component: object, label: str) -> Iterator[None]:
         place = _place(component, error.__traceback__)
         if not place:
             raise
-        found = f"{label} failed: {type(error).__name__}: {error}".rstrip(": ")
-        raise PluginError(Fault(place, found, remedy="The fault is in the code of the model.")) from error
+        problem = f"{label} failed: {type(error).__name__}: {error}".rstrip(": ")
+        raise PluginError(Fault(place, problem, remedy="The fault is in the code of the model.")) from error
 
 
 def source_file(component: object) -> str:

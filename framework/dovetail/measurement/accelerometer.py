@@ -115,8 +115,8 @@ def _with_mass(
     if to_response is None and from_force is None:
         return _changed(accelerance, own / loaded, 1.0 / loaded).to(frf.quantity)
     if to_response is None or from_force is None:
-        found = "an accelerometer at a third point needs the FRF to the response and the FRF from the force."
-        raise MeasurementError(Fault(frf.label, found))
+        problem = "an accelerometer at a third point needs the FRF to the response and the FRF from the force."
+        raise MeasurementError(Fault(frf.label, problem))
     path = to_response.to("accelerance").values * from_force.to("accelerance").values
     return _changed(accelerance, own - sign * mass * path / loaded, np.ones_like(own)).to(frf.quantity)
 

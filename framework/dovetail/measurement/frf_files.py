@@ -107,9 +107,9 @@ def _check_drive_point(frf: Frf) -> None:
     """Refuse to take a mass off an FRF between two DOFs by the formula for one."""
     ends = [end.replace("-", "+") for end in (frf.response, frf.force)]
     if all(ends) and ends[0] != ends[1]:
-        found = f"the FRF is from {frf.force} to {frf.response}, and the mass is taken off a drive point."
+        problem = f"the FRF is from {frf.force} to {frf.response}, and the mass is taken off a drive point."
         remedy = "Give the drive-point FRF at the accelerometer too: remove_accelerometer_mass(frf, mass, drive=...)."
-        raise MeasurementError(Fault(frf.label, found, remedy=remedy))
+        raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
 
 
 def write_frf(

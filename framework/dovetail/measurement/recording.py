@@ -146,8 +146,8 @@ class Recording:
         return self
 
     def _contradicted(self, stated: str, given: str) -> MeasurementError:
-        found = f"the file says that it holds {stated}, the argument says {given}."
-        return MeasurementError(Fault(self.where, found, remedy="Leave the argument out, or correct the file."))
+        problem = f"the file says that it holds {stated}, the argument says {given}."
+        return MeasurementError(Fault(self.where, problem, remedy="Leave the argument out, or correct the file."))
 
     def _agreed_quantity(self, given: str | None) -> Quantity:
         wanted = None if given is None else known_quantity(given, "the argument quantity")

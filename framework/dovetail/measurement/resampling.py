@@ -100,11 +100,11 @@ def _check_spacing(frf: Frf, grid: NDArray[np.float64]) -> None:
     size = np.linalg.norm(values[between])
     miss = np.linalg.norm(drawn - values[between]) / size if size > 0 else 0.0
     if miss > _LARGEST_MISS:
-        found = (
+        problem = (
             f"the measured lines are {spacing:.4g} Hz apart, too far to tell the FRF between them "
             f"(drawn from every other line, it misses the others by {100 * miss:.0f} %)."
         )
-        raise MeasurementError(Fault(frf.label, found, remedy="Measure longer records, or with less noise."))
+        raise MeasurementError(Fault(frf.label, problem, remedy="Measure longer records, or with less noise."))
 
 
 def _check_cover(frf: Frf, grid: NDArray[np.float64]) -> None:

@@ -121,7 +121,7 @@ class Registry:
             try:
                 self.add(_loaded(entry, owner), owner)
             except PluginError as error:
-                self._failures.append(LoadFailure(owner, error.faults[0].found))
+                self._failures.append(LoadFailure(owner, error.faults[0].problem))
 
     def load_file(self, path: str | Path) -> None:
         """Take in one plugin file.
@@ -195,7 +195,7 @@ def _reason(error: BaseException) -> str:
         return f"{type(error).__name__}: {error}"
     fault = error.faults[0]
     accepted = f" Accepted: {fault.accepted}." if fault.accepted else ""
-    return f"{fault.where}: {fault.found}{accepted}".removeprefix(": ")
+    return f"{fault.where}: {fault.problem}{accepted}".removeprefix(": ")
 
 
 def _components_of(plugin: ModuleType | object, source: str) -> list[type[Component]]:
@@ -207,8 +207,8 @@ def _components_of(plugin: ModuleType | object, source: str) -> list[type[Compon
         manager.check_pending()
     except pluggy.PluginValidationError as error:
         misspelt = ", ".join(n for n in dir(plugin) if _is_marked(plugin, n) and n != _HOOK)
-        found = f"'{misspelt}' is not a hook of dovetail." if misspelt else str(error)
-        raise PluginError(Fault(source, found, hint, did_you_mean(misspelt, [_HOOK]))) from error
+        problem = f"'{misspelt}' is not a hook of dovetail." if misspelt else str(error)
+        raise PluginError(Fault(source, problem, hint, did_you_mean(misspelt, [_HOOK]))) from error
     if not manager.hook.dovetail_components.get_hookimpls():
         raise PluginError(Fault(source, f"it has no hook '{_HOOK}' marked with @dovetail.hookimpl.", hint))
     try:

@@ -125,7 +125,7 @@ def _parameters(file: Path, given: object, parameters: Iterable[_Named], faults:
         try:
             values[name] = to_si(value, units[name])
         except UnitError as error:
-            faults.append(Fault(f"{file}  parameters.{name}", error.faults[0].found, f"a unit of {units[name]}"))
+            faults.append(Fault(f"{file}  parameters.{name}", error.faults[0].problem, f"a unit of {units[name]}"))
     return values
 
 
@@ -134,7 +134,9 @@ def _frequencies(file: Path, given: object, faults: list[Fault]) -> tuple[float,
     try:
         frequencies = tuple(to_si(entry, "Hz") for entry in entries)
     except UnitError as error:
-        faults.append(Fault(f"{file}  natural_frequencies_Hz", error.faults[0].found, "a list such as [1319.0, 6446]"))
+        faults.append(
+            Fault(f"{file}  natural_frequencies_Hz", error.faults[0].problem, "a list such as [1319.0, 6446]")
+        )
         return ()
     if any(frequency <= 0 for frequency in frequencies):
         faults.append(Fault(f"{file}  natural_frequencies_Hz", "a natural frequency is not positive."))

@@ -112,8 +112,10 @@ def substructure_matrices(substructure: SubstructureModel) -> StructuralMatrices
         raise PluginError(Fault(where, f"it returns {type(matrices).__name__}.", "StructuralMatrices, SparseMatrices"))
     least = len(DIRECTIONS) * len(substructure.nodes)
     if matrices.K.ndim != 2 or matrices.size < least:
-        found = f"its matrices have the shape {matrices.K.shape}, but its {len(substructure.nodes)} nodes need {least}"
-        raise PluginError(Fault(where, f"{found} DOFs."))
+        problem = (
+            f"its matrices have the shape {matrices.K.shape}, but its {len(substructure.nodes)} nodes need {least}"
+        )
+        raise PluginError(Fault(where, f"{problem} DOFs."))
     for name in ("M", "K", "C", "D"):
         if fault := _fault(name, getattr(matrices, name)):
             raise PluginError(Fault(where, fault))
@@ -181,16 +183,16 @@ def _inverse(
     if len(still):
         line, dof = still[0]
         label = substructure.dof_label(int(dofs[dof]))
-        found = f"its receptance at {label} is zero at {frequency[line]:g} Hz: a part that is held there."
-        raise DovetailError(Fault(where, found, remedy="Connect it with a joint to 'ground' in its place."))
+        problem = f"its receptance at {label} is zero at {frequency[line]:g} Hz: a part that is held there."
+        raise DovetailError(Fault(where, problem, remedy="Connect it with a joint to 'ground' in its place."))
     balanced = receptance / (scale[:, :, None] * scale[:, None, :])
     condition = np.linalg.cond(balanced)
     worst = int(np.argmax(condition))
     if not condition[worst] < _WORST_CONDITION:
         labels = ", ".join(substructure.dof_label(int(dof)) for dof in dofs)
-        found = f"its receptance between {labels} cannot be inverted at {frequency[worst]:g} Hz: "
-        found += f"rows depend on each other (condition {condition[worst]:.1e}, balanced)."
+        problem = f"its receptance between {labels} cannot be inverted at {frequency[worst]:g} Hz: "
+        problem += f"rows depend on each other (condition {condition[worst]:.1e}, balanced)."
         remedy = "Displacement and rotation must come from independent measurements; look at where they were taken."
-        raise DovetailError(Fault(where, found, f"a condition below {_WORST_CONDITION:.0e}", remedy))
+        raise DovetailError(Fault(where, problem, f"a condition below {_WORST_CONDITION:.0e}", remedy))
     inverse: NDArray[np.complex128] = np.linalg.inv(balanced) / (scale[:, :, None] * scale[:, None, :])
     return inverse

@@ -51,8 +51,8 @@ def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
     with blamed_on(model, label):
         derivatives = tuple(model.matrices_jacobian(theta))
     if len(derivatives) != len(model.parameters):
-        found = f"{label} returns {len(derivatives)} derivatives of its matrices"
-        raise PluginError(f"{found}, not one for each of its {len(model.parameters)} parameters.")
+        problem = f"{label} returns {len(derivatives)} derivatives of its matrices"
+        raise PluginError(f"{problem}, not one for each of its {len(model.parameters)} parameters.")
     for matrices in derivatives:
         _check_matrices(label, model, matrices, len(theta))
     return derivatives
@@ -98,8 +98,8 @@ def joint_stiffness_jacobian(
         count += 1
         yield derivative
     if count != len(model.parameters):
-        found = f"{label} returns {count} derivatives of its dynamic stiffness"
-        raise PluginError(f"{found}, not one for each of its {len(model.parameters)} parameters.")
+        problem = f"{label} returns {count} derivatives of its dynamic stiffness"
+        raise PluginError(f"{problem}, not one for each of its {len(model.parameters)} parameters.")
 
 
 def _check_stiffness(label: str, model: JointModel, stiffness: NDArray[np.complex128], count: tuple[int, int]) -> None:

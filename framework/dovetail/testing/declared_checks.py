@@ -51,8 +51,8 @@ def check_options_are_described_with_their_units(model: type[Component]) -> None
         for name, entry in section.get("properties", {}).items():
             text = entry.get("description", "")
             if not text:
-                found = f"the option '{name}' of {section.get('title', model.__qualname__)} is not described."
-                raise Nonconformity(found, "Describe it in the Attributes section of the Config's docstring.")
+                problem = f"the option '{name}' of {section.get('title', model.__qualname__)} is not described."
+                raise Nonconformity(problem, "Describe it in the Attributes section of the Config's docstring.")
             _check_unit(name, text, set(_units(entry)))
 
 
@@ -69,8 +69,8 @@ def check_config_is_frozen_and_refuses_unknown_keys(model: type[Component]) -> N
         wanted: Mapping[str, Any] = ComponentConfig.model_config
         for key, value in wanted.items():
             if config.model_config.get(key) != value:
-                found = f"{config.__qualname__} has {key} = {config.model_config.get(key)!r}, not {value!r}."
-                raise Nonconformity(found, "Leave model_config as dovetail.ComponentConfig has it.")
+                problem = f"{config.__qualname__} has {key} = {config.model_config.get(key)!r}, not {value!r}."
+                raise Nonconformity(problem, "Leave model_config as dovetail.ComponentConfig has it.")
 
 
 def _own_docstring(model: type) -> str:
@@ -99,8 +99,8 @@ def _check_unit(name: str, text: str, units: set[str]) -> None:
         if not is_unit(said):
             continue
         if not any(_same_dimension(said, unit) for unit in units):
-            found = f"the option '{name}' is described in [{said}], but is read in {', '.join(units) or 'no unit'}."
-            raise Nonconformity(found, f'Annotate it with dovetail.InUnit("{said}"), or mend the description.')
+            problem = f"the option '{name}' is described in [{said}], but is read in {', '.join(units) or 'no unit'}."
+            raise Nonconformity(problem, f'Annotate it with dovetail.InUnit("{said}"), or mend the description.')
 
 
 def _same_dimension(one: str, other: str) -> bool:

@@ -25,8 +25,8 @@ def check_fit_returns_what_the_contract_says(specimen: FittedSpecimen) -> None:
     """`fit` returns a new fitted object, and leaves the recipe a recipe."""
     contract = FittedReducer if isinstance(specimen, ReducerSpecimen) else FittedRegressor
     if not isinstance(specimen.fitted, contract):
-        found = f"fit returned {type(specimen.fitted).__name__}."
-        raise Nonconformity(found, f"Return an object of a class derived from dovetail.{contract.__name__}.")
+        problem = f"fit returned {type(specimen.fitted).__name__}."
+        raise Nonconformity(problem, f"Return an object of a class derived from dovetail.{contract.__name__}.")
 
 
 def check_answers_have_a_row_for_each_sample(specimen: FittedSpecimen) -> None:
@@ -39,8 +39,8 @@ def check_answers_have_a_row_for_each_sample(specimen: FittedSpecimen) -> None:
         answer = specimen.answer(specimen.fitted, specimen.features[:count].copy())
         if not isinstance(answer, np.ndarray) or answer.dtype.kind not in "f" or answer.shape != (count, width or 1):
             shape = getattr(answer, "shape", type(answer).__name__)
-            found = f"for {count} rows it returned {shape}, {getattr(answer, 'dtype', '')}."
-            raise Nonconformity(found, f"Return a floating-point array of shape ({count}, {width or 'n_columns'}).")
+            problem = f"for {count} rows it returned {shape}, {getattr(answer, 'dtype', '')}."
+            raise Nonconformity(problem, f"Return a floating-point array of shape ({count}, {width or 'n_columns'}).")
 
 
 def check_answers_are_finite(specimen: FittedSpecimen) -> None:
@@ -104,8 +104,8 @@ def check_state_is_arrays_and_plain_values(specimen: FittedSpecimen) -> None:
         numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
         if not isinstance(name, str) or not (numbers or isinstance(value, (bool, int, float, str))):
             kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
-            found = f"state() holds '{name}', which is {kind}."
-            raise Nonconformity(found, "Give arrays of numbers, int, float, str and bool only.")
+            problem = f"state() holds '{name}', which is {kind}."
+            raise Nonconformity(problem, "Give arrays of numbers, int, float, str and bool only.")
 
 
 def check_state_is_a_copy(specimen: FittedSpecimen) -> None:
@@ -131,8 +131,8 @@ def check_a_fresh_process_gives_the_same_answers(specimen: FittedSpecimen) -> No
     """Stored in files and restored in a fresh process, without unpickling anything, it answers as before."""
     answer = answer_of_a_fresh_process(specimen, specimen.features[:_FEW])
     fitted = specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())
-    found = "in a fresh process it answers otherwise"
-    _alike(answer, fitted, found, "Let restore depend on the state and the Config alone.")
+    problem = "in a fresh process it answers otherwise"
+    _alike(answer, fitted, problem, "Let restore depend on the state and the Config alone.")
 
 
 def check_values_that_are_not_finite_are_refused(specimen: FittedSpecimen) -> None:
@@ -156,8 +156,8 @@ def check_another_width_is_refused(specimen: FittedSpecimen) -> None:
         specimen.answer(specimen.fitted, specimen.features[:_FEW, :-1].copy())
     except (DovetailError, ValueError):
         return
-    found = "it takes features of another width than it was fitted to."
-    raise Nonconformity(found, "Compare features.shape[1] with that of the training features.")
+    problem = "it takes features of another width than it was fitted to."
+    raise Nonconformity(problem, "Compare features.shape[1] with that of the training features.")
 
 
 def _alike(given: NDArray[Any], wanted: NDArray[Any], found: str, remedy: str) -> None:

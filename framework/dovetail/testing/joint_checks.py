@@ -25,7 +25,7 @@ _FEW = 4
 def check_ports_parameters_and_dofs_are_declared(specimen: JointSpecimen) -> None:
     """Ports, parameters and DOFs belong together; nothing else can be asked before that holds."""
     for fault in joint_faults(specimen.component):
-        raise Nonconformity(f"the joint {fault.found}", fault.accepted and f"Give {fault.accepted}.")
+        raise Nonconformity(f"the joint {fault.problem}", fault.accepted and f"Give {fault.accepted}.")
     if not specimen.component.ports:
         raise Nonconformity("the joint has no port.", "Give it a Port for each part that it attaches to.")
 
@@ -106,8 +106,10 @@ def check_each_vector_of_a_batch_is_treated_alone(specimen: JointSpecimen) -> No
         for part, noun in PARTS.items():
             together = getattr(specimen.matrices, part)[row]
             if relative_difference(getattr(alone, part)[0], together) > _ROUNDING:
-                found = f"the {noun} matrix for {_shown(specimen, row)} is another one in a batch than alone."
-                raise Nonconformity(found, "Use the vectors' own axis: theta is (n, n_params), matrices are (n, d, d).")
+                problem = f"the {noun} matrix for {_shown(specimen, row)} is another one in a batch than alone."
+                raise Nonconformity(
+                    problem, "Use the vectors' own axis: theta is (n, n_params), matrices are (n, d, d)."
+                )
 
 
 def check_the_same_entries_are_filled(specimen: JointSpecimen) -> None:
@@ -117,8 +119,8 @@ def check_the_same_entries_are_filled(specimen: JointSpecimen) -> None:
         changing = filled.any(axis=0) != filled.all(axis=0)
         if changing.any():
             row, column = np.argwhere(changing)[0]
-            found = f"entry ({row}, {column}) of the {noun} matrix is zero for some parameters only."
-            raise Nonconformity(found, "Fill it for all parameter values, with a smooth function of them.")
+            problem = f"entry ({row}, {column}) of the {noun} matrix is zero for some parameters only."
+            raise Nonconformity(problem, "Fill it for all parameter values, with a smooth function of them.")
 
 
 def check_every_parameter_acts(specimen: JointSpecimen) -> None:
@@ -141,8 +143,8 @@ def check_jacobian_meets_differences(specimen: JointSpecimen) -> None:
         raise NotApplicable("the joint has no parameters.")
     jacobian = specimen.component.matrices_jacobian(theta.copy())
     if len(jacobian) != len(parameters):
-        found = f"matrices_jacobian returned {len(jacobian)} derivatives for {len(parameters)} parameters."
-        raise Nonconformity(found, "Return StructuralMatrices for each parameter, in their order.")
+        problem = f"matrices_jacobian returned {len(jacobian)} derivatives for {len(parameters)} parameters."
+        raise Nonconformity(problem, "Return StructuralMatrices for each parameter, in their order.")
     for column, parameter in enumerate(parameters):
         above, below, width = _moved(specimen, theta, column)
         high, low = specimen.component.matrices(above), specimen.component.matrices(below)
@@ -150,8 +152,8 @@ def check_jacobian_meets_differences(specimen: JointSpecimen) -> None:
             differences = (getattr(high, part) - getattr(low, part)) / width
             error = np.abs(getattr(jacobian[column], part) - differences).max()
             if not error <= _DERIVATIVE * np.abs(differences).max() + _noise(getattr(high, part), width):
-                found = f"the derivative of the {noun} matrix by '{parameter.name}' is wrong by {error:.3g}."
-                raise Nonconformity(found, "Mend matrices_jacobian, or leave it to the base class.")
+                problem = f"the derivative of the {noun} matrix by '{parameter.name}' is wrong by {error:.3g}."
+                raise Nonconformity(problem, "Mend matrices_jacobian, or leave it to the base class.")
 
 
 def check_translation_costs_nothing(specimen: JointSpecimen) -> None:
@@ -170,8 +172,8 @@ def check_contact_dofs_are_pairs(specimen: JointSpecimen) -> None:
     for pair in specimen.component.contact_dofs:
         whole = isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(dof, (int, np.integer)) for dof in pair)
         if not whole or not all(0 <= dof < size for dof in pair) or pair[0] == pair[1]:
-            found = f"{pair!r:.60} among contact_dofs is not a pair of two of the {size} local DOFs."
-            raise Nonconformity(found, "Give pairs of DOFs: port by port, node by node, x then rz.")
+            problem = f"{pair!r:.60} among contact_dofs is not a pair of two of the {size} local DOFs."
+            raise Nonconformity(problem, "Give pairs of DOFs: port by port, node by node, x then rz.")
 
 
 def check_dynamic_stiffness_has_its_shape(specimen: JointSpecimen) -> None:
@@ -179,9 +181,9 @@ def check_dynamic_stiffness_has_its_shape(specimen: JointSpecimen) -> None:
     Z, size = _stiffness(specimen), specimen.component.size
     wanted = (_FEW, len(FREQUENCY), size, size)
     if not isinstance(Z, np.ndarray) or Z.shape != wanted or Z.dtype.kind != "c" or not np.isfinite(Z).all():
-        found = f"dynamic_stiffness returned {getattr(Z, 'dtype', type(Z))} of shape {getattr(Z, 'shape', '?')}."
+        problem = f"dynamic_stiffness returned {getattr(Z, 'dtype', type(Z))} of shape {getattr(Z, 'shape', '?')}."
         raise Nonconformity(
-            found, f"Return a finite complex array, {wanted} for {_FEW} vectors and {len(FREQUENCY)} Hz."
+            problem, f"Return a finite complex array, {wanted} for {_FEW} vectors and {len(FREQUENCY)} Hz."
         )
 
 
@@ -192,8 +194,10 @@ def check_dynamic_stiffness_is_symmetric_and_passive(specimen: JointSpecimen) ->
     if asymmetry(Z) > _ROUNDING:
         raise Nonconformity("dynamic_stiffness is not symmetric.", "Fill [row, column] and [column, row] alike.")
     if least_eigenvalue(Z.imag) < -_ROUNDING:
-        found = "the imaginary part of dynamic_stiffness is not positive semi-definite, so the joint feeds the motion."
-        raise Nonconformity(found, "With exp(i omega t) a damper is + i omega c, and a lossy spring k (1 + i eta).")
+        problem = (
+            "the imaginary part of dynamic_stiffness is not positive semi-definite, so the joint feeds the motion."
+        )
+        raise Nonconformity(problem, "With exp(i omega t) a damper is + i omega c, and a lossy spring k (1 + i eta).")
 
 
 def check_dynamic_stiffness_treats_lines_and_vectors_alone(specimen: JointSpecimen) -> None:
@@ -202,8 +206,8 @@ def check_dynamic_stiffness_treats_lines_and_vectors_alone(specimen: JointSpecim
     for line in range(len(FREQUENCY)):
         alone = specimen.component.dynamic_stiffness(FREQUENCY[line : line + 1].copy(), specimen.theta[2:3].copy())
         if relative_difference(alone[0, 0], Z[0, line]) > _ROUNDING:
-            found = f"at {FREQUENCY[line]:.4g} Hz alone dynamic_stiffness is another one than among other lines."
-            raise Nonconformity(found, "Use the axes (n, n_freq, d, d) of theta and frequency.")
+            problem = f"at {FREQUENCY[line]:.4g} Hz alone dynamic_stiffness is another one than among other lines."
+            raise Nonconformity(problem, "Use the axes (n, n_freq, d, d) of theta and frequency.")
 
 
 def check_dynamic_stiffness_jacobian_meets_differences(specimen: JointSpecimen) -> None:
@@ -212,16 +216,16 @@ def check_dynamic_stiffness_jacobian_meets_differences(specimen: JointSpecimen) 
     component, theta = specimen.component, specimen.theta[2 : 2 + _FEW]
     jacobian = list(component.dynamic_stiffness_jacobian(FREQUENCY.copy(), theta.copy()))
     if len(jacobian) != len(component.parameters):
-        found = f"it returned {len(jacobian)} derivatives for {len(component.parameters)} parameters."
-        raise Nonconformity(found, "Return an array for each parameter, in their order.")
+        problem = f"it returned {len(jacobian)} derivatives for {len(component.parameters)} parameters."
+        raise Nonconformity(problem, "Return an array for each parameter, in their order.")
     for column, parameter in enumerate(component.parameters):
         above, below, width = _moved(specimen, theta, column)
         high, low = (component.dynamic_stiffness(FREQUENCY.copy(), moved) for moved in (above, below))
         differences = (high - low) / width[..., None]
         error = np.abs(jacobian[column] - differences).max()
         if not error <= _DERIVATIVE * np.abs(differences).max() + _noise(high, width):
-            found = f"the derivative of dynamic_stiffness by '{parameter.name}' is wrong by {error:.3g}."
-            raise Nonconformity(found, "Mend dynamic_stiffness_jacobian, or leave it to the base class.")
+            problem = f"the derivative of dynamic_stiffness by '{parameter.name}' is wrong by {error:.3g}."
+            raise Nonconformity(problem, "Mend dynamic_stiffness_jacobian, or leave it to the base class.")
 
 
 def check_inputs_are_left_unchanged(specimen: JointSpecimen) -> None:
@@ -273,8 +277,10 @@ def _noise(values: NDArray[Any], width: NDArray[np.float64]) -> float:
 def _check_semidefinite(specimen: JointSpecimen, part: str) -> None:
     for row, matrix in enumerate(getattr(specimen.matrices, part)):
         if least_eigenvalue(matrix) < -_ROUNDING:
-            found = f"the {PARTS[part]} matrix is not positive semi-definite for {_shown(specimen, row)}."
-            raise Nonconformity(found, "Look for a wrong sign; a spring adds k to two diagonal entries and -k between.")
+            problem = f"the {PARTS[part]} matrix is not positive semi-definite for {_shown(specimen, row)}."
+            raise Nonconformity(
+                problem, "Look for a wrong sign; a spring adds k to two diagonal entries and -k between."
+            )
 
 
 def _only_with_own_law(specimen: JointSpecimen) -> None:
@@ -304,8 +310,8 @@ def _check_costs_nothing(specimen: JointSpecimen, axis: int, verb: str) -> None:
             matrix = getattr(specimen.matrices, part)[row]
             total += 0.5 * (matrix + matrix.T) / (np.abs(matrix).max(initial=0.0) or 1.0)
         if least_effort(total, held, motion) > _LEAST_EFFORT:
-            found = f"{verb} all its parts alike takes effort, for {_shown(specimen, row)}."
+            problem = f"{verb} all its parts alike takes effort, for {_shown(specimen, row)}."
             remedy = (
                 "Act on differences: a spring k between DOFs i and j is k at (i, i), (j, j) and -k at (i, j), (j, i)."
             )
-            raise Nonconformity(found, remedy)
+            raise Nonconformity(problem, remedy)

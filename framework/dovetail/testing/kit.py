@@ -150,8 +150,8 @@ def _specimens(model: type[Component], folder: Path) -> list[Specimen]:
             specimens.append(specimen_of(model, options))
         except Exception as error:  # a plugin's constructor may raise anything
             text = " ".join(str(error).split())
-            found = f"it cannot be made with {dict(options)!r:.100}: {type(error).__name__}: {text:.200}"
-            raise Nonconformity(found, remedy) from error
+            problem = f"it cannot be made with {dict(options)!r:.100}: {type(error).__name__}: {text:.200}"
+            raise Nonconformity(problem, remedy) from error
     return specimens
 
 
@@ -170,7 +170,7 @@ def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any,
         except NotApplicable as reason:
             reasons.append(str(reason))
         except Nonconformity as fault:
-            return CheckResult(label, name, "failed", f"{said}{fault.found}", fault.remedy)
+            return CheckResult(label, name, "failed", f"{said}{fault.problem}", fault.remedy)
         except Exception as error:  # a plugin may raise anything, and answer with anything
             return CheckResult(label, name, "failed", f"{said}{_told(error)}", _REMEDY)
     if len(reasons) == len(subjects):
@@ -185,4 +185,4 @@ def _told(error: Exception) -> str:
     if not isinstance(error, DovetailError):
         return f"{type(error).__name__}: {error}"
     fault = error.faults[0]
-    return f"{fault.where}: {fault.found}".removeprefix(": ")
+    return f"{fault.where}: {fault.problem}".removeprefix(": ")

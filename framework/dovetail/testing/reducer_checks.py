@@ -14,8 +14,8 @@ def check_features_are_not_multiplied(specimen: ReducerSpecimen) -> None:
     """A reducer gives no more features than it was given."""
     reduced = specimen.answer(specimen.fitted, specimen.features[:3].copy())
     if reduced.shape[1] > specimen.features.shape[1]:
-        found = f"of {specimen.features.shape[1]} features it makes {reduced.shape[1]}."
-        raise Nonconformity(found, "Give fewer components.")
+        problem = f"of {specimen.features.shape[1]} features it makes {reduced.shape[1]}."
+        raise Nonconformity(problem, "Give fewer components.")
 
 
 def check_unlike_samples_stay_unlike(specimen: ReducerSpecimen) -> None:

@@ -59,7 +59,7 @@ def check_epochs_with_other_noise_can_be_learnt_from(specimen: RegressorSpecimen
 
     fitted = specimen.component.fit_epochs(epoch, seed=SEED)
     if not isinstance(fitted, FittedRegressor):
-        found = f"fit_epochs returned {type(fitted).__name__}."
-        raise Nonconformity(found, "Return a dovetail.FittedRegressor, or leave fit_epochs to the base class.")
+        problem = f"fit_epochs returned {type(fitted).__name__}."
+        raise Nonconformity(problem, "Return a dovetail.FittedRegressor, or leave fit_epochs to the base class.")
     if fitted.predict(specimen.features[:3].copy()).shape != (3, specimen.targets.shape[1]):
         raise Nonconformity("fitted by epochs it predicts another shape.", "Return a row for each sample.")

@@ -41,8 +41,8 @@ def check_matrices_have_the_shape_of_the_nodes(specimen: SubstructureSpecimen) -
         raise Nonconformity(f"matrices returned {type(matrices).__name__}.", "Return a dovetail.StructuralMatrices.")
     shape = matrices.K.shape
     if len(shape) != 2 or shape[0] != shape[1] or shape[0] < least:
-        found = f"matrices returned arrays of shape {shape} for {least // 2} nodes."
-        raise Nonconformity(found, f"Give two DOFs to each node, x then rz: ({least}, {least}) or more.")
+        problem = f"matrices returned arrays of shape {shape} for {least // 2} nodes."
+        raise Nonconformity(problem, f"Give two DOFs to each node, x then rz: ({least}, {least}) or more.")
     for part, noun in _PARTS.items():
         if not np.isfinite(dense(getattr(matrices, part))).all():
             raise Nonconformity(f"the {noun} matrix is not finite.", "Check the options where they enter.")
@@ -54,8 +54,8 @@ def check_receptance_has_its_shape(specimen: SubstructureSpecimen) -> None:
     count, H = len(specimen.dofs), specimen.receptance
     wanted = (len(FREQUENCY), count, count)
     if not isinstance(H, np.ndarray) or H.shape != wanted or H.dtype.kind != "c" or not np.isfinite(H).all():
-        found = f"receptance returned {getattr(H, 'dtype', type(H))} of shape {getattr(H, 'shape', '?')}."
-        raise Nonconformity(found, f"Return a finite complex array, {wanted} for {count} DOFs.")
+        problem = f"receptance returned {getattr(H, 'dtype', type(H))} of shape {getattr(H, 'shape', '?')}."
+        raise Nonconformity(problem, f"Return a finite complex array, {wanted} for {count} DOFs.")
 
 
 def check_mass_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None:
@@ -87,9 +87,9 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
     if specimen.component.held and not costly:
         raise Nonconformity("the part says that it is held, but nothing holds it.", "Leave `held` as it is.")
     if costly and not specimen.component.held:
-        found = f"{costly[0]} as a rigid body the part resists with its stiffness."
+        problem = f"{costly[0]} as a rigid body the part resists with its stiffness."
         raise Nonconformity(
-            found, "Rows of K times a rigid-body motion give zero; say `held` where the part is not free."
+            problem, "Rows of K times a rigid-body motion give zero; say `held` where the part is not free."
         )
 
 
@@ -131,8 +131,8 @@ def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
         wanted = inverse[np.ix_(places, places)]
         size = np.sqrt(np.outer(np.abs(np.diag(wanted)), np.abs(np.diag(wanted))))
         if relative_difference(given / size, wanted / size) > _SOLVED:
-            found = f"at {line:.4g} Hz receptance is not what the matrices give."
-            raise Nonconformity(found, "Leave receptance to the base class, or make both say the same.")
+            problem = f"at {line:.4g} Hz receptance is not what the matrices give."
+            raise Nonconformity(problem, "Leave receptance to the base class, or make both say the same.")
 
 
 def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> None:
@@ -141,8 +141,8 @@ def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> 
     order = np.arange(len(specimen.dofs))[::-2]
     part = specimen.component.receptance(FREQUENCY.copy(), [specimen.dofs[place] for place in order])
     if relative_difference(part, specimen.receptance[:, order[:, None], order]) > _SOLVED:
-        found = "the receptance between some DOFs is not that part of the receptance between more of them."
-        raise Nonconformity(found, "Give rows and columns in the order of `dofs`.")
+        problem = "the receptance between some DOFs is not that part of the receptance between more of them."
+        raise Nonconformity(problem, "Give rows and columns in the order of `dofs`.")
 
 
 def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
@@ -170,10 +170,10 @@ def check_refinement_converges(specimen: SubstructureSpecimen) -> None:
     coarse, fine, finest = (_at_the_ends(part) for part in parts)
     first, second = relative_difference(coarse, finest), relative_difference(fine, finest)
     if not second < 0.5 * first + _SOLVED:
-        found = (
+        problem = (
             f"twice as fine its receptance is off by {second:.2g} of that four times as fine; unrefined by {first:.2g}."
         )
-        raise Nonconformity(found, "Check how the matrices depend on the length of an element.")
+        raise Nonconformity(problem, "Check how the matrices depend on the length of an element.")
 
 
 def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:

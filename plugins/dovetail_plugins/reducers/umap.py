@@ -159,16 +159,16 @@ class UMAP(dovetail.Reducer):
         """
         metric = next((metric for metric in METRICS if metric == state.get("metric")), None)
         if metric is None:
-            found = f"its state holds the metric {state.get('metric')!r}."
-            raise dovetail.DovetailError(dovetail.Fault(_OWNER, found, ", ".join(METRICS)))
+            problem = f"its state holds the metric {state.get('metric')!r}."
+            raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, ", ".join(METRICS)))
         directions = state_array(state, "directions", _OWNER, (None, None)).astype(np.float64)
         mean = state_array(state, "mean", _OWNER, (directions.shape[1],)).astype(np.float64)
         rows = state_array(state, "rows", _OWNER, (None, len(directions))).astype(np.float16)
         embedding = state_array(state, "embedding", _OWNER, (len(rows), None)).astype(np.float32)
         n_neighbors = int(state_number(state, "n_neighbors", _OWNER))
         if not 2 <= n_neighbors <= len(rows):
-            found = f"its state holds {n_neighbors} neighbours among {len(rows)} rows."
-            raise dovetail.DovetailError(dovetail.Fault(_OWNER, found, f"2 to {len(rows)}"))
+            problem = f"its state holds {n_neighbors} neighbours among {len(rows)} rows."
+            raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, f"2 to {len(rows)}"))
         unit = state_number(state, "unit", _OWNER)
         return FittedUMAP(Compression(metric, mean, directions), rows, unit, embedding, n_neighbors)
 

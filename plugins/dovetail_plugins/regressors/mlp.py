@@ -221,17 +221,17 @@ def _tensors(features: NDArray[np.float32], targets: NDArray[np.float64]) -> Ten
     inputs = np.require(checked_rows(features, _OWNER), np.float32, ["C", "W"])
     outputs = np.require(checked_rows(targets, f"{_OWNER}, targets"), np.float32, ["C", "W"])
     if len(inputs) != len(outputs):
-        found = f"it was given {len(inputs)} rows of features and {len(outputs)} of targets."
-        raise dovetail.DovetailError(dovetail.Fault(_OWNER, found))
+        problem = f"it was given {len(inputs)} rows of features and {len(outputs)} of targets."
+        raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem))
     if len(inputs) < _FEWEST:
-        found = f"{len(inputs)} samples are too few to train on and to validate with."
-        raise dovetail.DovetailError(dovetail.Fault(_OWNER, found, f"{_FEWEST} or more"))
+        problem = f"{len(inputs)} samples are too few to train on and to validate with."
+        raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, f"{_FEWEST} or more"))
     return torch.from_numpy(inputs), torch.from_numpy(outputs)
 
 
 def _diverged(epoch: int, learning_rate: float) -> dovetail.Fault:
-    found = f"the validation loss is no longer finite after epoch {epoch}."
-    return dovetail.Fault(_OWNER, found, remedy=f"Choose a 'learning_rate' below {learning_rate:g}.")
+    problem = f"the validation loss is no longer finite after epoch {epoch}."
+    return dovetail.Fault(_OWNER, problem, remedy=f"Choose a 'learning_rate' below {learning_rate:g}.")
 
 
 @contextmanager

@@ -73,8 +73,8 @@ class DofTable:
             if place.setdefault(node, float(position)) != position:
                 raise self._error(index, f"node '{node}' is at {place[node]:g} and at {position:g}.")
 
-    def _error(self, index: int, found: str) -> DovetailError:
-        return DovetailError(Fault(f"{self.where}  DOF {index + 1}", found))
+    def _error(self, index: int, problem: str) -> DovetailError:
+        return DovetailError(Fault(f"{self.where}  DOF {index + 1}", problem))
 
 
 def read_dof_table(path: Path, size: int) -> DofTable:
@@ -102,8 +102,8 @@ def read_dof_table(path: Path, size: int) -> DofTable:
         raise DovetailError(Fault(str(path), f"this is no table of DOFs: {error}.", _EXAMPLE)) from None
     header = [cell.lower() for cell in lines[0]] if lines else []
     if not {"node", "direction"} <= set(header) or not set(header) <= set(_COLUMNS) or len(lines) < 2:
-        found = f"the first line is '{','.join(lines[0])[:80]}'." if len(lines) > 1 else "the table has no DOFs."
-        raise DovetailError(Fault(str(path), found, _EXAMPLE))
+        problem = f"the first line is '{','.join(lines[0])[:80]}'." if len(lines) > 1 else "the table has no DOFs."
+        raise DovetailError(Fault(str(path), problem, _EXAMPLE))
     for number, line in enumerate(lines):
         if len(line) != len(header):
             raise DovetailError(Fault(f"{path}:{number + 1}", f"the line has {len(line)} cells, not {len(header)}."))
@@ -128,8 +128,8 @@ def table_in(archive: Mapping[str, Any], where: str, size: int) -> DofTable | No
             raise DovetailError(Fault(where, f"there is no '{name}' beside the other columns of the table of DOFs."))
     lengths = {name: len(given[column]) for name, column in names.items() if column in given}
     if len(set(lengths.values())) > 1:
-        found = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {found}."))
+        held = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {held}."))
     return _table(given, where, size)
 
 
@@ -143,8 +143,8 @@ def _table(columns: Mapping[str, Sequence[str]], where: str, size: int) -> DofTa
     elif count == size:
         places = np.arange(size)
     else:
-        found = f"the table has {count} DOFs, the matrices have {size} rows."
-        raise DovetailError(Fault(where, found, "all DOFs in the order of the rows, or some with a column 'row'"))
+        problem = f"the table has {count} DOFs, the matrices have {size} rows."
+        raise DovetailError(Fault(where, problem, "all DOFs in the order of the rows, or some with a column 'row'"))
     positions = _numbers(columns["position"], "position", where) if "position" in columns else None
     return DofTable(tuple(columns["node"]), tuple(columns["direction"]), places, positions, where).checked(size)
 

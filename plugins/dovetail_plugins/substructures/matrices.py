@@ -183,11 +183,11 @@ class Matrices(SubstructureModel):
         directions = dict.fromkeys(table.directions)
         reached = [n for n, d in zip(table.nodes, table.directions, strict=True) if d in wanted.values()]
         if wanted["displacement"] not in directions:
-            found = f"no DOF has the direction '{wanted['displacement']}', which is taken for x."
-            raise DovetailError(Fault(table.where, found, ", ".join(list(directions)[:12]), "Set 'displacement'."))
+            problem = f"no DOF has the direction '{wanted['displacement']}', which is taken for x."
+            raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12]), "Set 'displacement'."))
         if "rotation" in self.config.model_fields_set and wanted["rotation"] not in directions:
-            found = f"no DOF has the direction '{wanted['rotation']}', which is taken for rz."
-            raise DovetailError(Fault(table.where, found, ", ".join(list(directions)[:12]), "Set 'rotation'."))
+            problem = f"no DOF has the direction '{wanted['rotation']}', which is taken for rz."
+            raise DovetailError(Fault(table.where, problem, ", ".join(list(directions)[:12]), "Set 'rotation'."))
         labels = tuple(dict.fromkeys(reached))
         asked = tuple(str(node) for node in self.config.nodes) or labels
         for label in asked:

@@ -61,10 +61,10 @@ def read_matrix_market(path: Path) -> Any:
         if field not in ("real", "double", "integer", "unsigned-integer"):
             raise DovetailError(Fault(str(path), f"the file holds {field} entries.", "real numbers"))
         if 2 * entries > path.stat().st_size or (layout == "array" and max(rows, columns) > _LARGEST_DENSE):
-            found = (
+            problem = (
                 f"the file announces {entries} entries of a {rows} x {columns} matrix, more than it holds or may hold."
             )
-            raise DovetailError(Fault(str(path), found))
+            raise DovetailError(Fault(str(path), problem))
         return mmread(path)
     except DovetailError:
         raise
@@ -97,8 +97,10 @@ def matrix_in(archive: Mapping[str, Any], name: str, where: str) -> Any:
         matrix = csc_array((data, indices, indptr), shape=(size, size))
         matrix.check_format(full_check=True)
     except Exception as error:
-        found = f"the parts of the sparse matrix {name} do not fit together: {str(error)[:120].rstrip('.')}."
-        raise DovetailError(Fault(where, found, "data, indices and indptr of scipy's csr_array or csc_array")) from None
+        problem = f"the parts of the sparse matrix {name} do not fit together: {str(error)[:120].rstrip('.')}."
+        raise DovetailError(
+            Fault(where, problem, "data, indices and indptr of scipy's csr_array or csc_array")
+        ) from None
     return matrix
 
 
@@ -128,9 +130,11 @@ def sound_matrix(name: str, given: Any, where: str) -> Any:
     difference = abs(columns - columns.T).tocsc()
     if difference.nnz and difference.max() > _ASYMMETRY * abs(columns).max():
         row, column = _place(difference, int(np.argmax(difference.data)))
-        found = f"the matrix {name} is not symmetric: its entry ({row}, {column}) is {columns[row - 1, column - 1]:g}, "
-        found += f"({column}, {row}) is {columns[column - 1, row - 1]:g}."
-        raise DovetailError(Fault(where, found, remedy="A triangle alone must be mirrored before it is written."))
+        problem = (
+            f"the matrix {name} is not symmetric: its entry ({row}, {column}) is {columns[row - 1, column - 1]:g}, "
+        )
+        problem += f"({column}, {row}) is {columns[column - 1, row - 1]:g}."
+        raise DovetailError(Fault(where, problem, remedy="A triangle alone must be mirrored before it is written."))
     return csc_array(0.5 * (columns + columns.T))
 
 
@@ -154,8 +158,8 @@ def _read_npz(path: Path) -> dict[str, Any]:
     with zipfile.ZipFile(path) as members:
         unpacked = sum(member.file_size for member in members.infolist())
     if unpacked > _LARGEST_FILE:
-        found = f"the archive unpacks to {unpacked / 1e9:.1f} GB."
-        raise DovetailError(Fault(str(path), found, f"{_LARGEST_FILE / 1e9:.0f} GB"))
+        problem = f"the archive unpacks to {unpacked / 1e9:.1f} GB."
+        raise DovetailError(Fault(str(path), problem, f"{_LARGEST_FILE / 1e9:.0f} GB"))
     with np.load(path, allow_pickle=False) as archive:
         return {name: archive[name] for name in archive.files}
 
@@ -166,5 +170,5 @@ def _read_mat(path: Path) -> dict[str, Any]:
     try:
         return {name: value for name, value in loadmat(path).items() if not name.startswith("__")}
     except NotImplementedError:
-        found = "the file has MATLAB's format 7.3, which is not read."
-        raise DovetailError(Fault(str(path), found, _FORMATS, "Save it with the option '-v7'.")) from None
+        problem = "the file has MATLAB's format 7.3, which is not read."
+        raise DovetailError(Fault(str(path), problem, _FORMATS, "Save it with the option '-v7'.")) from None

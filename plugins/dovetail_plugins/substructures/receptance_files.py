@@ -113,8 +113,8 @@ def _numbers(array: NDArray[np.generic], kind: str, file: str) -> NDArray[np.gen
     accepted = "fiu" if kind == "f" else "fiuc"
     if array.dtype.kind not in accepted or array.ndim != (1 if kind == "f" else 3):
         name = "frequency" if kind == "f" else "receptance"
-        found = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
-        raise DovetailError(Fault(file, found, "(n_freq,) real numbers" if kind == "f" else "(n_freq, n, n) numbers"))
+        problem = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
+        raise DovetailError(Fault(file, problem, "(n_freq,) real numbers" if kind == "f" else "(n_freq, n, n) numbers"))
     return array
 
 
@@ -122,4 +122,4 @@ def _matrix(frequency: NDArray[np.generic], values: NDArray[np.complex128], file
     try:
         return ReceptanceMatrix(frequency.astype(np.float64), values, Path(file).name)
     except DovetailError as error:
-        raise DovetailError(Fault(file, error.faults[0].found)) from None
+        raise DovetailError(Fault(file, error.faults[0].problem)) from None

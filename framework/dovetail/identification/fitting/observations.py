@@ -33,10 +33,10 @@ def one_for_each(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple[Frf
     if len(given) == len(labels):
         return given
     wanted = "; ".join(f"{number}. {label}" for number, label in enumerate(labels, start=1))
-    found = f"{_counted(len(given), 'measured FRF')} {'was' if len(given) == 1 else 'were'} given"
+    problem = f"{_counted(len(given), 'measured FRF')} {'was' if len(given) == 1 else 'were'} given"
     expected = f"'{assembly.name}' has {_counted(len(labels), 'response')}"
     remedy = "Give one FRF for each response, in this order."
-    raise MeasurementError(Fault("measured", f"{found}, and {expected}.", wanted, remedy))
+    raise MeasurementError(Fault("measured", f"{problem}, and {expected}.", wanted, remedy))
 
 
 def _counted(count: int, noun: str) -> str:

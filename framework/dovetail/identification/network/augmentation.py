@@ -156,11 +156,11 @@ class NoisyFeatures:
         parts = np.split(clean, len(assembly.description.responses), axis=1)
         augmentations = [Augmentation(settings, assembly.frequency, _deviation(part)) for part in parts]
         if augmentations[0].needs_phase and not settings.fresh and not np.iscomplexobj(clean):
-            found = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
+            problem = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
             raise DatasetError(
                 Fault(
                     "identification.augmentation",
-                    found,
+                    problem,
                     remedy="Generate it with --storage complex, or set 'fresh: true', or 'mass: 0'.",
                 )
             )

@@ -84,12 +84,12 @@ def read_bundle(path: str | Path, *, plugins: PluginPaths = ()) -> TrainedNetwor
         differences = _check(assembly, network, states["check"])
     except Exception as error:  # a component may raise anything on a state that is not its own
         reason = f"{type(error).__name__}: {error}"
-        found = f"the model cannot be rebuilt from its arrays ({reason})."
-        raise BundleError(Fault(str(folder), found, remedy=_REMEDY)) from error
+        problem = f"the model cannot be rebuilt from its arrays ({reason})."
+        raise BundleError(Fault(str(folder), problem, remedy=_REMEDY)) from error
     if not np.all(differences <= _CHECK_TOLERANCE):
         worst = float(np.max(differences))
-        found = f"the model's answers differ from those it gave when it was trained, by {worst:.3g} of a range."
-        raise BundleError(Fault(str(folder), found, remedy=f"{_made_with(manifest)} {_REMEDY}"))
+        problem = f"the model's answers differ from those it gave when it was trained, by {worst:.3g} of a range."
+        raise BundleError(Fault(str(folder), problem, remedy=f"{_made_with(manifest)} {_REMEDY}"))
     _check_frfs(folder, manifest, assembly, states["check"])
     return TrainedNetwork(assembly, network, manifest.evaluation, novelty)
 
@@ -104,12 +104,12 @@ def _check_frfs(folder: Path, manifest: Manifest, assembly: Assembly, state: Map
     difference = largest_difference(assembly, assembly.from_unit(fractions), state["amplitude"])
     if difference > SAME:
         sources = listing(f"{name} ({source})" for name, source in manifest.components.items())
-        found = (
+        problem = (
             "the assembly gives other FRFs now than when the model was trained (they differ by up to "
             f"{100 * difference:.2g} %): the code of a component has changed."
         )
         remedy = f"Train the model again, or go back to what it was made with: {sources}."
-        raise BundleError(Fault(str(folder), found, remedy=remedy))
+        raise BundleError(Fault(str(folder), problem, remedy=remedy))
 
 
 def _check_vectors(assembly: Assembly) -> NDArray[np.float64]:
@@ -257,12 +257,12 @@ def _assembly(folder: Path, manifest: Manifest, plugins: PluginPaths) -> Assembl
             f"{name} ({source})" for name, source in manifest.components.items() if "dovetail-frf" not in source
         ]
         remedy = f"The model uses {listing(strangers)}: install it, or name its plugin file." if strangers else _REMEDY
-        faults = [Fault(f"{place}  {fault.where}", fault.found, fault.accepted, remedy) for fault in error.faults]
+        faults = [Fault(f"{place}  {fault.where}", fault.problem, fault.accepted, remedy) for fault in error.faults]
         raise BundleError(*faults) from error
     names = tuple(parameter.name for parameter in assembly.parameters)
     if names != manifest.parameters:
-        found = f"the model's parameters ({listing(manifest.parameters)}) are not those of its description."
-        raise BundleError(Fault(place, found, listing(names), _REMEDY))
+        problem = f"the model's parameters ({listing(manifest.parameters)}) are not those of its description."
+        raise BundleError(Fault(place, problem, listing(names), _REMEDY))
     return assembly
 
 

@@ -104,14 +104,16 @@ def read_manifest(folder: Path) -> Manifest:
     header = _header(folder)
     place = str(folder / MANIFEST)
     if header.get("format") != FORMAT:
-        found = f"this is not a model of dovetail (its format is {header.get('format')!r})."
-        raise BundleError(Fault(place, found, f"the folder that 'dovetail train' wrote, of the format '{FORMAT}'"))
+        problem = f"this is not a model of dovetail (its format is {header.get('format')!r})."
+        raise BundleError(Fault(place, problem, f"the folder that 'dovetail train' wrote, of the format '{FORMAT}'"))
     version = header.get("version")
     if type(version) is int and version > VERSION:
         made = header.get("packages", {})
         maker = made.get("dovetail-frf", "a newer dovetail") if isinstance(made, dict) else "a newer dovetail"
-        found = f"the model has the format version {version}, written by dovetail-frf {maker}."
-        raise BundleError(Fault(place, found, f"version {VERSION}", "Upgrade dovetail-frf, or train the model again."))
+        problem = f"the model has the format version {version}, written by dovetail-frf {maker}."
+        raise BundleError(
+            Fault(place, problem, f"version {VERSION}", "Upgrade dovetail-frf, or train the model again.")
+        )
     try:
         return Manifest.model_validate_json(json.dumps(header))
     except (ValidationError, ValueError, RecursionError) as error:

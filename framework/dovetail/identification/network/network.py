@@ -129,8 +129,8 @@ def checked_fit(made: object, recipe: Component, contract: type) -> None:
     PluginError
     """
     if not isinstance(made, contract):
-        found = f"its fit returned {type(made).__name__}."
-        raise PluginError(Fault(label_of(recipe), found, f"a {contract.__name__}"))
+        problem = f"its fit returned {type(made).__name__}."
+        raise PluginError(Fault(label_of(recipe), problem, f"a {contract.__name__}"))
 
 
 def reduce_features(

@@ -116,21 +116,21 @@ def _check_phase(where: str, held: Mapping[str, str], chosen: Mapping[str, str])
     """Refuse a phase that may be in degrees or in radians."""
     unclear = [name for name in held if plain_name(name) in _PHASE and name not in chosen.values()]
     if "amplitude" in chosen and unclear and not {"phase_deg", "phase_rad"} & set(chosen):
-        found = f"'{unclear[0]}' may be in degrees or in radians; the file holds:{_table(held)}"
+        problem = f"'{unclear[0]}' may be in degrees or in radians; the file holds:{_table(held)}"
         remedy = f"Say phase_deg={unclear[0]} or phase_rad={unclear[0]}."
-        raise MeasurementError(Fault(where, found, remedy=remedy))
+        raise MeasurementError(Fault(where, problem, remedy=remedy))
 
 
 def _check_complete(where: str, held: Mapping[str, str], chosen: Mapping[str, str]) -> None:
     if "frequency" not in chosen:
-        found = f"the frequency is not to be found by its name; the file holds:{_table(held)}"
-        raise MeasurementError(Fault(where, found, ", ".join(PARTS["frequency"]), "Say which it is: frequency=NAME."))
+        problem = f"the frequency is not to be found by its name; the file holds:{_table(held)}"
+        raise MeasurementError(Fault(where, problem, ", ".join(PARTS["frequency"]), "Say which it is: frequency=NAME."))
     parts = {name for kind in _VALUES for name in kind if name in chosen}
     if parts in [set(kind) for kind in _VALUES]:
         return
     what = "the file gives the values in two ways" if len(parts) > 1 else "the values are not to be found by their name"
-    found = f"{what}; the file holds:{_table(held)}"
-    raise MeasurementError(Fault(where, found, _ACCEPTED, "Say which they are, for example values=NAME."))
+    problem = f"{what}; the file holds:{_table(held)}"
+    raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say which they are, for example values=NAME."))
 
 
 def _table(held: Mapping[str, str], most: int = 20) -> str:
@@ -149,8 +149,8 @@ def combined(parts: Mapping[str, NDArray[Any]], place: Callable[[int], str]) -> 
     """
     negative = np.flatnonzero(parts["amplitude"] < 0) if "amplitude" in parts else np.zeros(0, dtype=np.intp)
     if negative.size:
-        found = f"the amplitude {parts['amplitude'][negative[0]]:.6g} is negative (decibels are not read)."
-        raise MeasurementError(Fault(place(int(negative[0])), found, "an amplitude of zero or more"))
+        problem = f"the amplitude {parts['amplitude'][negative[0]]:.6g} is negative (decibels are not read)."
+        raise MeasurementError(Fault(place(int(negative[0])), problem, "an amplitude of zero or more"))
     if "values" in parts:
         return parts["values"], True
     if "amplitude" in parts and not {"phase_deg", "phase_rad"} & set(parts):

@@ -81,8 +81,8 @@ def _three(words: list[str], where: str) -> list[float]:
 def _unit(where: str, labels: str) -> tuple[UnitMeaning | None, str]:
     """Return what the labels of the first row say of the values' unit."""
     if match := _NOT_READ.search(labels):
-        found = f"the labels '{labels[:60]}' speak of {match[0]}."
-        raise MeasurementError(Fault(where, found, "frequency in Hz, real part, imaginary part"))
+        problem = f"the labels '{labels[:60]}' speak of {match[0]}."
+        raise MeasurementError(Fault(where, problem, "frequency in Hz, real part, imaginary part"))
     words = [word.strip("[]()") if word.count("/") == 1 else word for word in labels.split()]
     units = sorted({word for word in words if "/" in word})
     meanings = {meaning_of_unit(word, where) for word in units}

@@ -83,11 +83,11 @@ def _answer_of(path: Path, question: Mapping[str, Any], matlab: bool) -> tuple[d
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            found = f"the HDF5 file is damaged: reading it took more than {_SECONDS} seconds."
-            raise MeasurementError(Fault(str(path), found)) from None
+            problem = f"the HDF5 file is damaged: reading it took more than {_SECONDS} seconds."
+            raise MeasurementError(Fault(str(path), problem)) from None
         if done.returncode != 0 or not answer.exists():
-            found = "the HDF5 file is damaged: the library that reads it gave up, or wanted more memory than any FRF."
-            raise MeasurementError(Fault(str(path), found))
+            problem = "the HDF5 file is damaged: the library that reads it gave up, or wanted more memory than any FRF."
+            raise MeasurementError(Fault(str(path), problem))
         with np.load(answer, allow_pickle=False) as archive:
             held = {name: archive[name] for name in archive.files}
     words: dict[str, Any] = json.loads(str(held.pop("words")))

@@ -33,7 +33,7 @@ def _answer(path: Path, question: Mapping[str, Any], *, matlab: bool) -> dict[st
                 words = {name: getattr(recording, name) for name in WORDS}
                 arrays = {name: array for name in ARRAYS if (array := getattr(recording, name)) is not None}
     except MeasurementError as error:
-        faults = [(fault.where, fault.found, fault.accepted, fault.remedy) for fault in error.faults]
+        faults = [(fault.where, fault.problem, fault.accepted, fault.remedy) for fault in error.faults]
         words, arrays = {"faults": faults, "path": str(path)}, {}
     return {"words": np.array(json.dumps(words)), **arrays}
 

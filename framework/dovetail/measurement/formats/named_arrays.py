@@ -115,8 +115,8 @@ def _parts(archive: Archive, names: Mapping[str, str], selection: Selection) -> 
             several |= array.size > lines
             parts[part] = _one_of_several(archive, names[part], array, lines, selection)
     if selection.chooses and not several:
-        found = f"{selection.chooses} chooses one of several FRFs, and the file holds one."
-        raise MeasurementError(Fault(str(archive.path), found))
+        problem = f"{selection.chooses} chooses one of several FRFs, and the file holds one."
+        raise MeasurementError(Fault(str(archive.path), problem))
     return parts
 
 
@@ -135,8 +135,8 @@ def _one_of_several(archive: Archive, name: str, array: NDArray[Any], lines: int
         raise MeasurementError(Fault(str(archive.path), f"'{name}' has {array.size} lines, the frequency has {lines}."))
     axes = [axis for axis, length in enumerate(array.shape) if length == lines]
     if len(axes) != 1 and array.size != lines:
-        found = f"'{name}' has the shape {array.shape}, and {len(axes)} axes are as long as the frequency ({lines})."
-        raise MeasurementError(Fault(str(archive.path), found, "one axis of frequencies, at most two of DOFs"))
+        problem = f"'{name}' has the shape {array.shape}, and {len(axes)} axes are as long as the frequency ({lines})."
+        raise MeasurementError(Fault(str(archive.path), problem, "one axis of frequencies, at most two of DOFs"))
     if array.size == lines:
         return array.ravel()
     others = np.moveaxis(array, axes[0], 0)
@@ -154,16 +154,16 @@ def _position(archive: Archive, name: str, shape: tuple[int, ...], selection: Se
     if len(numbers) != len(shape) or any(not 1 <= n <= length for n, length in zip(numbers, shape, strict=True)):
         say = " and ".join(options) if len(shape) > 1 else "one of " + ", ".join(options)
         ranges = ", ".join(f"1 to {length}" for length in shape)
-        found = f"'{name}' holds {' x '.join(map(str, shape))} FRFs, and one is wanted."
+        problem = f"'{name}' holds {' x '.join(map(str, shape))} FRFs, and one is wanted."
         raise MeasurementError(
-            Fault(str(archive.path), found, f"numbers of {ranges}", f"Choose it by {say}, counted from 1.")
+            Fault(str(archive.path), problem, f"numbers of {ranges}", f"Choose it by {say}, counted from 1.")
         )
     return int(np.ravel_multi_index([number - 1 for number in numbers], shape))
 
 
 def _misshapen(archive: Archive, name: str, array: NDArray[Any], accepted: str) -> MeasurementError:
-    found = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
-    return MeasurementError(Fault(str(archive.path), found, accepted))
+    problem = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
+    return MeasurementError(Fault(str(archive.path), problem, accepted))
 
 
 def _text(archive: Archive, names: Mapping[str, str], part: str) -> str:

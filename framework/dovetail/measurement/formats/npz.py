@@ -64,8 +64,8 @@ def _damage_told(path: Path) -> Iterator[None]:
         raise
     except Exception as error:
         reason = str(error)[:100] or type(error).__name__
-        found = f"the archive is damaged: {reason}."
-        raise MeasurementError(Fault(str(path), found, "a file of np.savez")) from None
+        problem = f"the archive is damaged: {reason}."
+        raise MeasurementError(Fault(str(path), problem, "a file of np.savez")) from None
 
 
 def encode(written: Written, _path: Path, _binary: bool | None) -> bytes:

@@ -30,8 +30,8 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
         Not text, a header that is not understood, or a line that does not fit it.
     """
     if selection.chooses:
-        found = f"{selection.chooses} chooses one of several FRFs; a {path.suffix} file holds one FRF."
-        raise MeasurementError(Fault(str(path), found))
+        problem = f"{selection.chooses} chooses one of several FRFs; a {path.suffix} file holds one FRF."
+        raise MeasurementError(Fault(str(path), problem))
     lines = text_lines(path, content)
     header = read_header(str(path), lines, selection.names)
     numbers, table = _table(path, lines, header)
@@ -131,8 +131,8 @@ def _quantity(path: Path, header: Header) -> Quantity | None:
     )
     said: list[Quantity] = [one for one in stated if one is not None]
     if len(set(said)) > 1:
-        found = f"the file contradicts itself: {' and '.join(said)}."
-        raise MeasurementError(Fault(str(path), found))
+        problem = f"the file contradicts itself: {' and '.join(said)}."
+        raise MeasurementError(Fault(str(path), problem))
     return said[0] if said else None
 
 
@@ -158,8 +158,8 @@ def _table(path: Path, lines: list[str], header: Header) -> tuple[list[int], NDA
         cells = line.split(header.separator, header.width)
         if len(cells) != header.width:
             count = line.count(header.separator) + 1
-            found = f"the line has {count} column{'s' * (count != 1)}, the header {header.width}."
-            raise MeasurementError(Fault(f"{path}:{number}", found, ",".join(header.names)))
+            problem = f"the line has {count} column{'s' * (count != 1)}, the header {header.width}."
+            raise MeasurementError(Fault(f"{path}:{number}", problem, ",".join(header.names)))
         numbers.append(number)
         rows.append(
             [_number(cells[column], header, column, f"{path}:{number}", column == is_complex) for column in wanted]

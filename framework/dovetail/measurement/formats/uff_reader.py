@@ -94,9 +94,9 @@ def time_records(path: Path, content: bytes) -> tuple[NDArray[np.float64], NDArr
     sets = [one for one in scanned_sets(path, content) if one.function == TIME]
     forces, motions = ([one for one in sets if _is_force(one) == wanted] for wanted in (True, False))
     if not forces or len(forces) != len(motions):
-        found = f"the file holds {len(forces)} time records of a force and {len(motions)} of a motion."
+        problem = f"the file holds {len(forces)} time records of a force and {len(motions)} of a motion."
         raise MeasurementError(
-            Fault(str(path), found, "a pair for each impact (function type 1, data type 13 a force)")
+            Fault(str(path), problem, "a pair for each impact (function type 1, data type 13 a force)")
         )
     records, axes = [], []
     for one in (*forces, *motions):

@@ -155,8 +155,8 @@ def _records(force: ArrayLike, response: ArrayLike, rate: float, label: str) -> 
     """Return both signals as (n_impacts, n_samples)."""
     pulses, signals = (np.atleast_2d(np.asarray(one, dtype=np.float64)) for one in (force, response))
     if pulses.shape != signals.shape or pulses.ndim != 2:
-        found = f"the force has the shape {pulses.shape}, the response {signals.shape}."
-        raise MeasurementError(Fault(label, found, "the same shape (n_impacts, n_samples)"))
+        problem = f"the force has the shape {pulses.shape}, the response {signals.shape}."
+        raise MeasurementError(Fault(label, problem, "the same shape (n_impacts, n_samples)"))
     if not _FEWEST_SAMPLES <= pulses.shape[1] <= _MOST_SAMPLES:
         raise MeasurementError(Fault(label, f"a record of {pulses.shape[1]} samples.", f"{_FEWEST_SAMPLES} or more"))
     if not (math.isfinite(rate) and rate > 0):
@@ -180,8 +180,8 @@ def _windowed(
     if force_window is not None:
         last = np.abs(force).argmax(axis=1).max() / rate
         if not force_window > last:
-            found = f"the force window of {force_window!r} s cuts a pulse whose peak is at {last:.4g} s."
-            raise MeasurementError(Fault(label, found))
+            problem = f"the force window of {force_window!r} s cuts a pulse whose peak is at {last:.4g} s."
+            raise MeasurementError(Fault(label, problem))
         force = force * (time < force_window)
     decay = _decay(end, force.shape[1] / rate)
     return force * np.exp(-decay * time), response * np.exp(-decay * time)

@@ -177,9 +177,9 @@ def _from_table(path: Path, content: bytes) -> tuple[Array, Array, float | None]
     columns = {part: [i for i, name in enumerate(names) if re.match(part, name)] for part in ("force", "response")}
     time = [i for i, name in enumerate(names) if name in _NAMES["time"]]
     if not columns["force"] or len(columns["force"]) != len(columns["response"]):
-        found = f"the header has {len(columns['force'])} columns of force and {len(columns['response'])} of response."
+        problem = f"the header has {len(columns['force'])} columns of force and {len(columns['response'])} of response."
         raise MeasurementError(
-            Fault(f"{path}:{header + 1}", found, "time,force,response | time,force 1,response 1,...")
+            Fault(f"{path}:{header + 1}", problem, "time,force,response | time,force 1,response 1,...")
         )
     body = "\n".join(line for line in lines[header + 1 :] if line.strip())
     try:
