@@ -18,8 +18,16 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
 exclude_patterns = [
-    "_build", "campaign/*/*.md", "speed/*.md", "joints/*.md", "uncertainty/*.md", "uncertainty/*/*.md", "examples",
-]  # fmt: skip
+    "_build",
+    "campaign/*/*.md",
+    "examples",
+    "identification/*.md",
+    "joints/*.md",
+    "misspecification/*.md",
+    "speed/*.md",
+    "uncertainty/*.md",
+    "uncertainty/*/*.md",
+]
 
 html_theme = "furo"
 html_title = f"Dovetail {release}"
