@@ -7,16 +7,17 @@ from dataclasses import replace
 
 import pytest
 
-from dovetail.identification import Foreign, Identification, Mode
-from dovetail.report import Truth, write_report
+from dovetail.identification import Identification, Misspecification, Mode
 from dovetail.report.content import (
     evaluation_rows,
-    foreign_sentences,
     is_synthetic,
+    misspecification_sentences,
     mode_rows,
     parameter_rows,
     warnings_of,
 )
+from dovetail.report.report import write_report
+from dovetail.report.truth import Truth
 from dovetail.report.wording import ABSENT
 
 
@@ -93,18 +94,20 @@ def test_a_warning_that_already_says_synthetic_is_not_doubled(result: Identifica
     assert warnings_of(warned, Truth(synthetic=True)) == ["This measurement is synthetic."]
 
 
-def test_a_foreign_measurement_is_said_before_any_number(result, tmp_path):
-    foreign = Foreign(True, 12.0, "It looks as if a mass was left in.", ("It is off.",), ((100.0, 250.0),))
-    flagged = replace(result, foreign=foreign)
-    sentences = foreign_sentences(flagged)
+def test_misspecification_is_reported_before_any_number(result, tmp_path):
+    misspecification = Misspecification(
+        True, 12.0, "It looks as if a mass was left in.", ("It is off.",), ((100.0, 250.0),)
+    )
+    flagged = replace(result, misspecification=misspecification)
+    sentences = misspecification_sentences(flagged)
     assert sentences[0] == "This model cannot have made this measurement: do not believe the numbers below."
     assert sentences[1:] == ["It looks as if a mass was left in.", "It is off.", "It is off at 100 to 250 Hz."]
     page = write_report(flagged, tmp_path / "report.html").read_text(encoding="utf-8")
     assert 0 < page.index(sentences[0]) < page.index("It looks as if") < page.index("Identified parameters")
-    nameless = replace(result, foreign=replace(foreign, looks_like=""))
-    assert foreign_sentences(nameless)[1] == "It looks like another structure or response point."
+    nameless = replace(result, misspecification=replace(misspecification, looks_like=""))
+    assert misspecification_sentences(nameless)[1] == "It looks like another structure or response point."
 
 
 def test_nothing_is_said_of_a_genuine_measurement(result):
-    for foreign in (None, Foreign(False, 0.4)):
-        assert foreign_sentences(replace(result, foreign=foreign)) == []
+    for misspecification in (None, Misspecification(False, 0.4)):
+        assert misspecification_sentences(replace(result, misspecification=misspecification)) == []

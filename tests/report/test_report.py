@@ -17,7 +17,9 @@ import pytest
 from dovetail.errors import DovetailError
 from dovetail.frf import Frf
 from dovetail.identification import Identification, Mode
-from dovetail.report import Truth, report, write_report
+from dovetail.report import report
+from dovetail.report.report import write_report
+from dovetail.report.truth import Truth
 
 LARGEST = 1_500_000
 """Bytes that a report may have."""

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from dovetail.errors import MeasurementError
+from dovetail.errors import FileError, MeasurementError
 from dovetail.interfaces import Parameter
-from dovetail.report import Truth, read_truth
+from dovetail.report.truth import Truth, read_truth
 
 PARAMETERS = (
     Parameter("Dc", "m", 26e-3, 40e-3),
@@ -85,5 +85,5 @@ def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
-    with pytest.raises(MeasurementError, match="there is no such file"):
+    with pytest.raises(FileError, match="there is no such file"):
         read_truth(tmp_path / "none.json", PARAMETERS)

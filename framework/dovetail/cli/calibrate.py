@@ -52,13 +52,12 @@ def calibrate(
     """
     import dovetail
     from dovetail.cli.result_files import prepare_folder
-    from dovetail.evaluation import calibrate as run
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
     if output is not None:
         prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:
-        done = run(
+        done = dovetail.calibrate(
             loaded,
             cases=cases,
             noise=noise,
@@ -88,24 +87,24 @@ _HEADERS = ["parameter", "90 % intervals hold the truth", "by chance", "R2 of th
 def _rows(done: Calibration) -> list[list[str]]:
     rows = [
         [
-            one.name,
-            f"{one.coverage:.1%}",
-            f"{one.by_chance[0]:.1%} to {one.by_chance[1]:.1%}",
-            f"{one.r2:.2f}",
-            f"{one.p_uniform:.2f}",
+            parameter.name,
+            f"{parameter.coverage:.1%}",
+            f"{parameter.by_chance[0]:.1%} to {parameter.by_chance[1]:.1%}",
+            f"{parameter.r2:.2f}",
+            f"{parameter.p_uniform:.2f}",
         ]
-        for one in done.parameters
+        for parameter in done.parameters
     ]
     covered, error = done.coverage
-    mean_r2 = sum(one.r2 for one in done.parameters) / len(done.parameters)
+    mean_r2 = sum(parameter.r2 for parameter in done.parameters) / len(done.parameters)
     return [*rows, ["all", f"{covered:.1%}", f"± {error:.1%}", f"{mean_r2:.3f}", ""]]
 
 
 def _times(done: Calibration) -> str:
-    told = done.to_dict()
-    seconds, effective = told["seconds"], told["effective_samples"]
+    plain = done.to_dict()
+    seconds, effective = plain["seconds"], plain["effective_samples"]
     return (
-        f"{told['cases']} cases in {done.wall_seconds:.0f} s, {done.workers} at once; each {seconds['median']:.1f} s "
+        f"{plain['cases']} cases in {done.wall_seconds:.0f} s, {done.workers} at once; each {seconds['median']:.1f} s "
         f"in the median, {seconds['most']:.1f} s at most. Effective samples: {effective['median']:.0f} in the median, "
         f"{effective['least']:.0f} at least."
     )
@@ -124,15 +123,18 @@ def _write(done: Calibration, folder: Path) -> None:
     from dovetail.report.calibration_figures import coverage_figure, rank_figure
     from dovetail.report.figures import save_png
 
-    told = done.to_dict()
+    plain = done.to_dict()
     lines = [_HEADERS, ["---"] * len(_HEADERS), *_rows(done)]
     markdown = "\n".join(f"| {' | '.join(line)} |" for line in lines) + f"\n\n{_times(done)}\n"
     content = {
-        _FILES[0]: json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _FILES[0]: json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         _FILES[1]: markdown,
         _FILES[2]: csv_text(
             ["parameter", "coverage", "by_chance_from", "by_chance_to", "r2", "p_uniform"],
-            [[one.name, one.coverage, *one.by_chance, one.r2, one.p_uniform] for one in done.parameters],
+            [
+                [parameter.name, parameter.coverage, *parameter.by_chance, parameter.r2, parameter.p_uniform]
+                for parameter in done.parameters
+            ],
         ),
         _FILES[3]: _cases(done),
     }

@@ -40,7 +40,7 @@ class Commands(TyperGroup):
 
 def report_bug(error: Exception) -> None:
     """Print where an exception that nobody explains was raised, and that it is a bug."""
-    from dovetail import __version__
+    from dovetail.version import __version__
 
     trace = error.__traceback__
     while trace and trace.tb_next and not _is_command(trace.tb_frame):

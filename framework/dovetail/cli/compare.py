@@ -52,18 +52,19 @@ def compare(
     Each identifies the joint from each measurement. Shown are the agreement of the reconstructed FRFs with the
     measured ones, resonances, parameters and times. Files of an earlier run in the output folder are replaced.
     """
+    import dovetail
     from dovetail.cli.result_files import prepare_folder
-    from dovetail.evaluation import compare as run
-    from dovetail.evaluation import read_cases, read_truths
     from dovetail.evaluation.comparison import DEFAULT_METHODS
 
-    read = read_cases(cases)
-    known = None if truth is None else read_truths(truth)
+    read = dovetail.read_cases(cases)
+    known = None if truth is None else dovetail.read_truths(truth)
     chosen = DEFAULT_METHODS if methods is None else tuple(name.strip() for name in methods.split(","))
     if output is not None:
         prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:
-        done = run(read, chosen, samples=samples, data=data, truth=known, plugins=plugin or (), progress=progress)
+        done = dovetail.compare(
+            read, chosen, samples=samples, data=data, truth=known, plugins=plugin or (), progress=progress
+        )
     if output is not None:
         _write(done, output)
     if as_json:

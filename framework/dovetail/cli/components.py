@@ -91,15 +91,15 @@ def _offers_named(registry: Registry, name: str) -> tuple[Offer, ...]:
     for kind, conflicting in registry.conflicts:
         if conflicting == name:
             registry.find(kind, name)
-    found = registry.named(name)
-    if not found:
+    offers = registry.named(name)
+    if not offers:
         names = sorted({known for kind in KINDS for known in registry.names(kind)})
         remedy = did_you_mean(name, names)
         for failure in registry.failures:
             remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
         remedy = f"{remedy} {HOW_TO_OFFER}".lstrip()
         raise PluginError(Fault("", f"there is no model '{name}'.", listing(names, 30), remedy))
-    return found
+    return offers
 
 
 def _plain(entry: dict[str, Any]) -> dict[str, Any]:

@@ -58,7 +58,7 @@ def convert(
     others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
     if any(others.values()) and not accelerometer_mass:
         raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
-    given = {name: dovetail.read_frf(file) for name, file in others.items() if file is not None}
+    other_frfs = {name: dovetail.read_frf(file) for name, file in others.items() if file is not None}
     frf = dovetail.read_frf(
         source,
         quantity=quantity,
@@ -67,10 +67,10 @@ def convert(
         response=response,
         force=force,
         names=names_of(names or []),
-        accelerometer_mass=0.0 if given else accelerometer_mass,
+        accelerometer_mass=0.0 if other_frfs else accelerometer_mass,
     )
-    if given:
-        frf = dovetail.remove_accelerometer_mass(frf, accelerometer_mass, **given)
+    if other_frfs:
+        frf = dovetail.remove_accelerometer_mass(frf, accelerometer_mass, **other_frfs)
     wanted = next((known for known in QUANTITIES if known == to), None)
     if wanted is not None:
         frf = frf.to(wanted)

@@ -87,7 +87,7 @@ def _advise(assembly: Path, output: Path, chosen: Mapping[str, object], plugin: 
         note("\nInterrupted before the first sample; nothing was written.")
         return
     command = ["dovetail", "generate", str(assembly), "-o", str(output)]
-    given = {name: value for name, value in chosen.items() if value not in (None, "amplitude")}
-    command += [part for name, value in given.items() for part in (f"--{name}", str(value))]
+    options = {name: value for name, value in chosen.items() if value not in (None, "amplitude")}
+    command += [part for name, value in options.items() for part in (f"--{name}", str(value))]
     command += [part for file in plugin for part in ("--plugin", str(file))]
     note(f"\nInterrupted. What is done stays in {output}; go on with:\n  {shlex.join([*command, '--resume'])}")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.frf import Frf
     from dovetail.identification import Identification, Identifier
-    from dovetail.report import Truth
+    from dovetail.report.truth import Truth
 
 __all__ = ["identify"]
 
@@ -101,9 +101,9 @@ def identify(
     'refined' starts from its answer too. Files of an earlier run in the output folder are replaced.
     """
     import dovetail
-    from dovetail.report import read_truth
+    from dovetail.report.truth import read_truth
 
-    given = {
+    chosen = {
         "starts": starts,
         "seconds": seconds,
         "objective": objective,
@@ -111,7 +111,7 @@ def identify(
         "samples": samples,
         "model_error": model_error,
     }
-    options = {name: value for name, value in given.items() if value is not None}
+    options = {name: value for name, value in chosen.items() if value is not None}
     check_method(method, options)
     frfs = [
         dovetail.read_frf(
@@ -161,12 +161,12 @@ def _check(
 ) -> None:
     """Look at everything that could be wrong before any work."""
     from dovetail.cli.result_files import prepare_folder
-    from dovetail.identification.fitting import one_for_each
+    from dovetail.identification.fitting import one_per_response
     from dovetail.measurement import on_grid
-    from dovetail.report import read_truth
+    from dovetail.report.truth import read_truth
 
     _check_accelerometer(assembly, accelerometer_mass)
-    for frf in one_for_each(assembly, measured):
+    for frf in one_per_response(assembly, measured):
         on_grid(frf, assembly.frequency)
     if truth is not None:
         read_truth(truth, assembly.parameters)
@@ -178,16 +178,16 @@ def _check_accelerometer(assembly: Assembly, mass: float) -> None:
     from dovetail.errors import Fault, MeasurementError
 
     if mass and any(response.rotation for response in assembly.description.responses):
-        found = f"the response of '{assembly.name}' is a rotation per moment, from which no mass can be removed."
-        raise MeasurementError(Fault("--accelerometer-mass", found, remedy="Leave it out."))
+        problem = f"the response of '{assembly.name}' is a rotation per moment, from which no mass can be removed."
+        raise MeasurementError(Fault("--accelerometer-mass", problem, remedy="Leave it out."))
 
 
 def _print(result: Identification, truth: Truth | None) -> None:
-    from dovetail.report.content import fit_sentence, foreign_sentences, mode_rows, parameter_rows, warnings_of
+    from dovetail.report.content import fit_sentence, misspecification_sentences, mode_rows, parameter_rows, warnings_of
 
-    measured = ", ".join(dict.fromkeys(one.measured.label for one in result.responses))
+    measured = ", ".join(dict.fromkeys(response.measured.label for response in result.responses))
     title(f"{result.provenance['assembly']}: joint identified from {measured} ({result.method})")
-    for sentence in foreign_sentences(result):
+    for sentence in misspecification_sentences(result):
         say(f"Warning: {sentence}")
     rows = []
     for row in parameter_rows(result, truth):
@@ -217,9 +217,9 @@ def _print(result: Identification, truth: Truth | None) -> None:
     say()
     if result.fit is not None:
         say(fit_sentence(result.fit))
-    for one in result.responses:
-        where = f" at {one.point}" if result.further else ""
-        say(f"Mean coherence of measured and reconstructed FRF{where}: {one.mean_coherence:.3f}")
+    for response in result.responses:
+        where = f" at {response.point}" if result.further else ""
+        say(f"Mean coherence of measured and reconstructed FRF{where}: {response.mean_coherence:.3f}")
     for warning in warnings_of(result, truth):
         say(f"Note: {warning}")
 

@@ -29,6 +29,6 @@ def natural_frequencies(assembly: Assembly, theta: Theta = None) -> tuple[list[f
     return inside.tolist(), "" if inside.size else "none lies within the frequencies"
 
 
-def say_natural_frequencies(found: list[float], reason: str) -> None:
+def say_natural_frequencies(natural: list[float], reason: str) -> None:
     """Print natural frequencies [Hz] in one line."""
-    say(f"{', '.join(f'{frequency:.1f}' for frequency in found)} Hz" if found else reason)
+    say(f"{', '.join(f'{frequency:.1f}' for frequency in natural)} Hz" if natural else reason)

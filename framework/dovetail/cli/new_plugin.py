@@ -48,16 +48,16 @@ def new_plugin(
     say(f"Install it with 'pip install -e {folder}', and check it with 'dovetail check-plugin {words['name']}'.")
 
 
-def _words(kind: str, given: str) -> dict[str, str]:
+def _words(kind: str, wanted: str) -> dict[str, str]:
     """Return what the templates' places are filled with."""
-    from dovetail import __version__
     from dovetail.errors import Fault, PluginError
     from dovetail.registry import installed_components
+    from dovetail.version import __version__
 
-    name = given.replace("-", "_").lower()
+    name = wanted.replace("-", "_").lower()
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,49}", name) or keyword.iskeyword(name):
-        found = f"'{given:.60}' cannot be the name of a model."
-        raise PluginError(Fault("", found, "up to 50 letters from a to z, digits and '_', beginning with a letter"))
+        problem = f"'{wanted:.60}' cannot be the name of a model."
+        raise PluginError(Fault("", problem, "up to 50 letters from a to z, digits and '_', beginning with a letter"))
     for offer in installed_components().named(name):
         if offer.component.kind == kind:
             raise PluginError(Fault("", f"{offer.source} offers a {kind} '{name}' already.", remedy="Choose another."))

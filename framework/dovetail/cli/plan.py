@@ -40,48 +40,50 @@ def plan(
     over the ranges; modes with a node of vibration there; and what a second point beside the best one would add.
     """
     import dovetail
-    from dovetail.evaluation import plan as run
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
     with progress_bars() as progress:
-        found = run(loaded, at or (), noise=noise, beside_described=beside_described, progress=progress)
+        ranking = dovetail.plan(loaded, at or (), noise=noise, beside_described=beside_described, progress=progress)
     if as_json:
-        print_json(found.to_dict())
+        print_json(ranking.to_dict())
         return
     names = [parameter.name for parameter in loaded.parameters]
     headers = ["point", "position [mm]", "mean", *names, "modes not seen [Hz]"]
     title(f"{loaded.name}: part of the prior variance that one FRF takes away, noise {noise:g}")
     described = {(response.substructure, response.node) for response in loaded.description.responses}
     nodes = {name: [node.position for node in part.nodes] for name, part in loaded.description.substructures.items()}
-    own = {(name, nodes[name][node]) for name, node in described}
+    described_points = {(name, nodes[name][node]) for name, node in described}
     shown = [
         point
-        for place, point in enumerate(found.points)
-        if place < _SHOWN or (point.substructure, point.position) in own
+        for rank, point in enumerate(ranking.points)
+        if rank < _SHOWN or (point.substructure, point.position) in described_points
     ]
-    rows = [_row(point, "  (as described)" if (point.substructure, point.position) in own else "") for point in shown]
+    rows = [
+        _row(point, "  (as described)" if (point.substructure, point.position) in described_points else "")
+        for point in shown
+    ]
     table(headers, rows, numbers=headers[1:-1])
-    first = found.points[found.first]
+    first = ranking.points[ranking.first]
     heading(f"Together with {first.substructure} at {first.position * 1e3:g} mm")
-    table(headers, [_row(point, "") for point in found.seconds[:_SHOWN]], numbers=headers[1:-1])
+    table(headers, [_row(point, "") for point in ranking.seconds[:_SHOWN]], numbers=headers[1:-1])
     say()
     say("1: the measurement tells all; 0: it tells nothing that the range does not say.")
-    if found.responses:
-        _print_pair(found, assembly)
+    if ranking.responses:
+        _print_pair(ranking, assembly)
 
 
-def _print_pair(found: Plan, assembly: Path) -> None:
-    points = (found.points[found.first], found.seconds[0])
-    heading(" and ".join(f"{one.substructure} at {one.position * 1e3:g} mm" for one in points))
+def _print_pair(ranking: Plan, assembly: Path) -> None:
+    points = (ranking.points[ranking.first], ranking.seconds[0])
+    heading(" and ".join(f"{point.substructure} at {point.position * 1e3:g} mm" for point in points))
     table(
         ["parameter", "interval, of that from the first alone"],
-        [(name, f"{share:.2f}") for name, share in found.narrowing.items()],
+        [(name, f"{share:.2f}") for name, share in ranking.narrowing.items()],
         numbers=["interval, of that from the first alone"],
     )
     say()
     say("To measure at both, write a description of these lines and give 'dovetail identify' one FRF for each:")
     say()
-    say(f"dovetail: 1\nextends: {assembly.name}\n{found.responses}")
+    say(f"dovetail: 1\nextends: {assembly.name}\n{ranking.responses}")
 
 
 def _row(point: object, note: str) -> list[str]:

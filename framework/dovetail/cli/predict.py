@@ -54,10 +54,10 @@ def predict(
     values = joint_values(loaded, identified)
     frf = dovetail.predict(loaded, identified)
     natural, reason = natural_frequencies(loaded, values)
-    found = None if band is None else dovetail.predict_band(loaded, identified)
+    predicted_band = None if band is None else dovetail.predict_band(loaded, identified)
     write_frf_files(frf, files, natural, overwrite)
-    if band is not None and found is not None:
-        _write_band(found, frf, band)
+    if band is not None and predicted_band is not None:
+        _write_band(predicted_band, frf, band)
     if as_json:
         print_json({"name": loaded.name, "parameters": values, "natural_frequencies": natural})
     else:

@@ -77,17 +77,17 @@ def selections(
         Two of them differ in number.
     """
     count = max(len(files), len(index), len(response), len(force))
-    for name, given in (("MEASURED", files), ("--index", index), ("--response", response), ("--force", force)):
-        if len(given) not in (0, 1, count):
-            raise typer.BadParameter(f"{name} is given {len(given)} times for {count} FRFs.", param_hint=name)
+    for name, values in (("MEASURED", files), ("--index", index), ("--response", response), ("--force", force)):
+        if len(values) not in (0, 1, count):
+            raise typer.BadParameter(f"{name} is given {len(values)} times for {count} FRFs.", param_hint=name)
     options = (_each(index, count), _each(response, count), _each(force, count))
     return list(zip(list(files) * (count if len(files) == 1 else 1), *options, strict=True))
 
 
-def _each(given: Sequence[_Given], count: int) -> Sequence[_Given | None]:
-    if len(given) == count:
-        return given
-    return [given[0] if given else None] * count
+def _each(values: Sequence[_Given], count: int) -> Sequence[_Given | None]:
+    if len(values) == count:
+        return values
+    return [values[0] if values else None] * count
 
 
 def names_of(texts: Sequence[str]) -> dict[str, str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dovetail.identification import AtPoint, Identification
-    from dovetail.report import Truth
+    from dovetail.report.truth import Truth
 
 __all__ = ["csv_text", "prepare_folder", "write_results"]
 
@@ -42,8 +42,8 @@ def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RES
         raise DovetailError(Fault(str(folder), "this is a file, not a folder for results.", remedy=remedy))
     taken = [name for name in files if (folder / name).exists()]
     if taken and mark not in taken:
-        found = f"{listing(taken)} would be replaced, and {'is' if len(taken) == 1 else 'are'} not of an earlier run."
-        raise DovetailError(Fault(str(folder), found, remedy=remedy))
+        problem = f"{listing(taken)} would be replaced, and {'is' if len(taken) == 1 else 'are'} not of an earlier run."
+        raise DovetailError(Fault(str(folder), problem, remedy=remedy))
     folder.mkdir(parents=True, exist_ok=True)
 
 
@@ -63,8 +63,8 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
     tuple of Path
     """
     from dovetail.atomic_files import write_whole
-    from dovetail.report import write_report
-    from dovetail.report.figures import frf_figure, save_png
+    from dovetail.report.figures import save_png
+    from dovetail.report.report import plot_frf, write_report
 
     paths = {name: folder / name for name in _FILES}
     texts = {
@@ -73,12 +73,11 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
     }
     for name, text in texts.items():
         write_whole(paths[name], text.encode("utf-8"), overwrite=True)
-    natural = [mode.natural_frequency for mode in result.modes]
-    for number, one in enumerate(result.responses, start=1):
-        table, figure = (folder / name for name in _frf_files(number))
+    for index, response in enumerate(result.responses):
+        table, figure = (folder / name for name in _frf_files(index + 1))
         paths |= {table.name: table, figure.name: figure}
-        write_whole(table, _frfs(one).encode("utf-8"), overwrite=True)
-        save_png(frf_figure(one.measured, one.frf, one.coherence, natural), figure)
+        write_whole(table, _frfs(response).encode("utf-8"), overwrite=True)
+        save_png(plot_frf(result, index), figure)
     write_report(result, paths["report.html"], truth=truth)
     return tuple(paths.values())
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,9 +14,7 @@ from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
 from dovetail.cli.terminal import note, print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
-    from dovetail.dataset import Dataset
     from dovetail.evaluation import RobustnessRow
-    from dovetail.interfaces import Progress
 
 __all__ = ["robustness"]
 
@@ -66,7 +63,6 @@ def robustness(
     import dovetail
     from dovetail.assembly.assembly import components
     from dovetail.cli.result_files import prepare_folder
-    from dovetail.evaluation import robustness as study
     from dovetail.evaluation.robustness import variant
 
     chosen, noise = [name.strip() for name in models.split(",")], _levels(levels)
@@ -75,9 +71,11 @@ def robustness(
         variant(loaded, name, registry)
     if output is not None:
         prepare_folder(output, _FILES, _FILES[0])
-    with tempfile.TemporaryDirectory(prefix="dovetail-") as folder, progress_bars() as progress:
-        dataset = _dataset(loaded, data, Path(folder), progress)
-        rows = study(loaded, dataset, models=chosen, levels=noise, seed=seed, registry=registry, progress=progress)
+    dataset = None if data is None else dovetail.Dataset(data)
+    with progress_bars() as progress:
+        rows = dovetail.robustness(
+            loaded, dataset, models=chosen, levels=noise, seed=seed, plugins=plugin or (), progress=progress
+        )
     if output is not None:
         _write(rows, output)
     if as_json:
@@ -88,14 +86,6 @@ def robustness(
         table(["model", "noise", "R2", "RMSE"], printed, numbers=["noise", "R2", "RMSE"])
     if output is not None:
         note(f"Written to {output}: {', '.join(_FILES)}")
-
-
-def _dataset(assembly: Any, data: Path | None, folder: Path, progress: Progress) -> Dataset:
-    import dovetail
-
-    if data is not None:
-        return dovetail.Dataset(data)
-    return dovetail.generate(assembly, folder / "dataset.zarr", progress=progress)
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -29,6 +28,7 @@ def schema(
     """
     from dovetail.assembly import description_schema
     from dovetail.assembly.assembly import components
+    from dovetail.atomic_files import write_whole
 
     if output is not None:
         check_new_files([output], [".json"], overwrite)
@@ -36,10 +36,6 @@ def schema(
     if output is None:
         print_json(made)
         return
-    temporary = output.with_name(f".{output.name}.part")
-    try:
-        temporary.write_text(json.dumps(made, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-        os.replace(temporary, output)
-    finally:
-        temporary.unlink(missing_ok=True)
+    text = json.dumps(made, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    write_whole(output, text.encode("utf-8"), overwrite=True)
     note(f"Written: {output}")

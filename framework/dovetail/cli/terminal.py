@@ -106,14 +106,14 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Seq
     from rich.table import Table
     from rich.text import Text
 
-    given = [list(row) for row in rows]
-    kept = [column for column in range(len(headers)) if any(row[column] for row in given)]
+    cells = [list(row) for row in rows]
+    kept = [column for column in range(len(headers)) if any(row[column] for row in cells)]
     grid = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, header_style="bold")
     for column in kept:
         name = headers[column]
         narrow = column == 0 or name in numbers
         grid.add_column(Text(name), justify="right" if name in numbers else "left", no_wrap=narrow, overflow="fold")
-    for row in given:
+    for row in cells:
         grid.add_row(*(Text(row[column]) for column in kept))
     _show(grid)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +15,7 @@ from dovetail.cli.terminal import note, print_json, progress_bars, table, title
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.evaluation import Validation
+    from dovetail.evaluation.validation import Identify
     from dovetail.frf import Frf
     from dovetail.identification import Identification
 
@@ -41,17 +42,16 @@ def validate(
     For each case: the resonances as measured, without the accelerometer, and as predicted by the model, with the joint
     that was identified elsewhere. Files of an earlier run in the output folder are replaced.
     """
+    import dovetail
     from dovetail.cli.result_files import prepare_folder
-    from dovetail.evaluation import read_cases
-    from dovetail.evaluation import validate as run
 
     check_method(method)
-    read = read_cases(cases)
+    read = dovetail.read_cases(cases)
     names = (*_FILES, _SERIES) if read.series else _FILES
     if output is not None:
         prepare_folder(output, names, _FILES[0])
     with progress_bars() as progress:
-        done = run(read, _identification(method, plugin or []), plugins=plugin or (), progress=progress)
+        done = dovetail.validate(read, _method(method, plugin or []), plugins=plugin or (), progress=progress)
     if output is not None:
         _write(done, output)
     if as_json:
@@ -62,18 +62,15 @@ def validate(
         note(f"Written to {output}: {', '.join(names)}")
 
 
-def _identification(method: str, plugins: list[Path]) -> Callable[[Assembly, Frf], Identification]:
-    """Return what identifies a joint; a fit needs no trained network."""
+def _method(name: str, plugins: list[Path]) -> str | Identify:
+    """Return how joints are identified: by the method of this name, the network by the model of each assembly."""
 
-    def identify(assembly: Assembly, measured: Frf) -> Identification:
-        import dovetail
+    def by_network(assembly: Assembly, measured: Frf) -> Identification:
         from dovetail.cli.model_cache import trained_model
 
-        if method != "network":
-            return dovetail.identify(assembly, measured, method)
-        return trained_model(assembly, plugins, retrain=False).identify(measured, method=method)
+        return trained_model(assembly, plugins, retrain=False).identify(measured)
 
-    return identify
+    return by_network if name == "network" else name
 
 
 def _print(done: Validation) -> None:
@@ -82,11 +79,11 @@ def _print(done: Validation) -> None:
 
 
 def _rows(done: Validation) -> Iterator[list[str]]:
-    for one in done.cases:
-        method = "" if one.joint is None else one.joint.method
-        for index, row in enumerate(one.peaks):
+    for result in done.cases:
+        method = "" if result.joint is None else result.joint.method
+        for index, row in enumerate(result.peaks):
             frequencies = [_text(f, ".1f") for f in (row.measured, row.compensated, row.predicted)]
-            first = [one.case.name, method] if index == 0 else ["", ""]
+            first = [result.case.name, method] if index == 0 else ["", ""]
             yield [first[0], *frequencies, _text(row.error, "+.2f"), _text(row.shift, "+.2f"), first[1]]
 
 

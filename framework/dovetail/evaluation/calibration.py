@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.mesh_refinement import finer
-from dovetail.evaluation.parallel import cores, side_by_side
 from dovetail.frf import Frf
 from dovetail.identification import identify
 from dovetail.identification.posterior import LEVEL
 from dovetail.interfaces import Progress, silent
+from dovetail.parallel import cores, side_by_side
 
 __all__ = ["CalibratedParameter", "Calibration", "Setting", "calibrate"]
 
@@ -156,10 +156,10 @@ class Calibration:
             "setting": asdict(self.setting),
             "cases": len(self.case),
             "level": LEVEL,
-            "parameters": [asdict(one) for one in self.parameters],
+            "parameters": [asdict(parameter) for parameter in self.parameters],
             "coverage": covered,
             "coverage_error": error,
-            "mean_r2": float(np.mean([one.r2 for one in self.parameters])),
+            "mean_r2": float(np.mean([parameter.r2 for parameter in self.parameters])),
             "effective_samples": {"median": float(np.median(self.effective)), "least": float(self.effective.min())},
             "reached": {"median": float(np.median(self.reached)), "least": float(self.reached.min())},
             "seconds": {"median": float(np.median(self.seconds)), "most": float(self.seconds.max())},
@@ -224,18 +224,18 @@ def calibrate(
     if at_once < 1:
         raise ParameterError(Fault("workers", f"{workers} are none.", "1 or more"))
     began = time.perf_counter()
-    found: dict[int, _Case] = {}
+    done: dict[int, _Case] = {}
     progress("cases", 0, cases)
     try:
         with closing(side_by_side(study.case, cases, at_once)) as results:
-            for index, one in results:
-                found[index] = one
-                inside = np.mean([np.abs(2.0 * other.rank - 1.0) < LEVEL for other in found.values()])
-                progress("cases", len(found), cases, f"truth in {inside:.0%} of the {LEVEL:.0%} intervals")
+            for index, case in results:
+                done[index] = case
+                inside = np.mean([np.abs(2.0 * other.rank - 1.0) < LEVEL for other in done.values()])
+                progress("cases", len(done), cases, f"truth in {inside:.0%} of the {LEVEL:.0%} intervals")
     except KeyboardInterrupt:
-        if not found:
+        if not done:
             raise
-    return _calibration(setting, assembly, found, time.perf_counter() - began, at_once)
+    return _calibration(setting, assembly, done, time.perf_counter() - began, at_once)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,8 +263,8 @@ class _Study:
         self._assembly = assembly
         self._setting = setting
         self._true = finer(assembly, setting.finer_mesh)
-        for one in (*assembly.each_response, *self._true.each_response):
-            one.frf()  # so that processes that are copies of this one find all engines ready
+        for response_assembly in (*assembly.each_response, *self._true.each_response):
+            response_assembly.frf()  # so that processes that are copies of this one find all engines ready
 
     def case(self, index: int) -> _Case:
         """Make and identify a measurement."""
@@ -274,32 +274,43 @@ class _Study:
         began = time.perf_counter()
         samples, model_error = setting.samples, setting.model_error
         result = identify(self._assembly, measured, "posterior", samples=samples, model_error=model_error, seed=index)
-        found = result.posterior
+        posterior = result.posterior
         seconds = time.perf_counter() - began
-        assert found is not None
-        rank = found.weight @ (found.fraction < fraction)
-        return _Case(fraction, found.weight @ found.fraction, rank, found.effective, found.reached, seconds)
+        assert posterior is not None
+        rank = posterior.weight @ (posterior.fraction < fraction)
+        return _Case(
+            fraction,
+            posterior.weight @ posterior.fraction,
+            rank,
+            posterior.effective_sample_size,
+            posterior.converged_fraction,
+            seconds,
+        )
 
     def _measured(self, fraction: NDArray[np.float64], random: np.random.Generator) -> list[Frf]:
         """Return one FRF with noise for each response."""
         theta = self._assembly.from_unit(fraction)
         responses = self._assembly.description.responses
         measured = []
-        for one, response in zip(self._true.each_response, responses, strict=True):
-            values = one.frf(theta)
+        for response_assembly, response in zip(self._true.each_response, responses, strict=True):
+            values = response_assembly.frf(theta)
             deviation = self._setting.noise * float(values.std())
             real, imaginary = random.standard_normal((2, len(values)))
             noisy = values + deviation * (real + 1j * imaginary) / np.sqrt(2.0)
             variance = np.full(len(values), deviation**2)
-            measured.append(Frf(one.frequency, noisy, response.quantity, variance=variance, rotation=response.rotation))
+            measured.append(
+                Frf(
+                    response_assembly.frequency, noisy, response.quantity, variance=variance, rotation=response.rotation
+                )
+            )
         return measured
 
 
 def _calibration(
-    setting: Setting, assembly: Assembly, found: dict[int, _Case], wall_seconds: float, workers: int
+    setting: Setting, assembly: Assembly, done: dict[int, _Case], wall_seconds: float, workers: int
 ) -> Calibration:
-    order = sorted(found)
-    rows: Sequence[_Case] = [found[index] for index in order]
+    order = sorted(done)
+    rows: Sequence[_Case] = [done[index] for index in order]
     columns = {name: np.array([getattr(row, name) for row in rows]) for name in _Case.__dataclass_fields__}
     names = tuple(parameter.name for parameter in assembly.parameters)
     return Calibration(

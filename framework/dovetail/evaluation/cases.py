@@ -10,8 +10,8 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from dovetail.documents.extends import read_source
-from dovetail.documents.fault_list import Findings
-from dovetail.documents.tree import plain, shown
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import format_value, plain_values
 from dovetail.documents.validation import validate
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf
@@ -130,8 +130,8 @@ class _Joint(_Section):
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
-        given = (self.assembly is not None, self.measured is not None, self.result is not None)
-        if given not in ((True, True, False), (False, False, True)):
+        sources = (self.assembly is not None, self.measured is not None, self.result is not None)
+        if sources not in ((True, True, False), (False, False, True)):
             raise ValueError("a joint comes from 'assembly' and 'measured', or from 'result'")
         return self
 
@@ -167,33 +167,33 @@ def read_cases(source: str | os.PathLike[str]) -> Cases:
     DescriptionError
         Everything that is wrong with the file, at once.
     """
-    findings = Findings()
-    _, findings.root = read_source(source, findings)
-    _check_format(findings)
-    read = validate(_File, (), findings, "the file of cases", reserved=("dovetail_cases",))
-    sections = {} if read is None else {name: _section(name, bool(read.series), findings) for name in read.cases}
-    findings.raise_if_any()
+    faults = FaultList()
+    _, faults.root = read_source(source, faults)
+    _check_format(faults)
+    read = validate(_File, (), faults, "the file of cases", reserved=("dovetail_cases",))
+    sections = {} if read is None else {name: _section(name, bool(read.series), faults) for name in read.cases}
+    faults.raise_if_any()
     assert read is not None
     folder, mass = Path(source).parent, read.accelerometer_mass
     cases = tuple(_case(name, case, folder, mass) for name, case in sections.items() if case is not None)
     return Cases(read.title, read.series, cases)
 
 
-def _section(name: str, in_series: bool, findings: Findings) -> _Case | None:
-    case = validate(_Case, ("cases", name), findings, f"case '{name}'")
+def _section(name: str, in_series: bool, faults: FaultList) -> _Case | None:
+    case = validate(_Case, ("cases", name), faults, f"case '{name}'")
     if case is not None and in_series and case.value is None:
-        findings.add(("cases", name), "the case lacks 'value', which the series runs over.", key=True)
+        faults.add(("cases", name), "the case lacks 'value', which the series runs over.", key=True)
     return case
 
 
-def _check_format(findings: Findings) -> None:
-    item = findings.root.at(("dovetail_cases",))
+def _check_format(faults: FaultList) -> None:
+    item = faults.root.at(("dovetail_cases",))
     if item is None:
         remedy = f"Begin it with 'dovetail_cases: {FORMAT}'."
-        findings.add(("dovetail_cases",), "the file does not say that it holds cases.", remedy=remedy)
+        faults.add(("dovetail_cases",), "the file does not say that it holds cases.", remedy=remedy)
     elif item.value != FORMAT or isinstance(item.value, bool):
-        problem = f"{shown(plain(item))} is not a format that this version of dovetail reads."
-        findings.add(("dovetail_cases",), problem, str(FORMAT))
+        problem = f"{format_value(plain_values(item))} is not a format that this version of dovetail reads."
+        faults.add(("dovetail_cases",), problem, str(FORMAT))
 
 
 def _case(name: str, case: _Case, folder: Path, mass: float) -> Case:
@@ -209,5 +209,7 @@ def _case(name: str, case: _Case, folder: Path, mass: float) -> Case:
 
 
 def _measurement(measured: _Measured, folder: Path, mass: float) -> Measurement:
-    own = measured.accelerometer_mass
-    return Measurement(folder / measured.file, mass if own is None else own, measured.quantity, measured.index)
+    own_mass = measured.accelerometer_mass
+    return Measurement(
+        folder / measured.file, mass if own_mass is None else own_mass, measured.quantity, measured.index
+    )

@@ -20,7 +20,7 @@ from dovetail.evaluation.robustness import variant
 from dovetail.evaluation.validation import PROMINENCE
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, Identifier, identify, train
-from dovetail.identification.fitting import one_for_each
+from dovetail.identification.fitting import one_per_response
 from dovetail.identification.methods import METHODS
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.interfaces import Progress, silent
@@ -171,7 +171,7 @@ def _one_assembly(cases: Cases) -> Path:
 def _measurement(case: Case, assembly: Assembly) -> Frf:
     assert case.joint is not None
     assert case.joint.measured is not None
-    (read,) = one_for_each(assembly, case.joint.measured.read(compensated=True))
+    (read,) = one_per_response(assembly, case.joint.measured.read(compensated=True))
     bare = on_grid(read, assembly.frequency)
     return bare.to(assembly.description.response.quantity)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.dataset import latin_hypercube
 from dovetail.errors import DovetailError, Fault, ParameterError
-from dovetail.evaluation.truncated_gaussian import Left, left_over
+from dovetail.evaluation.truncated_gaussian import RemainingUncertainty, remaining_uncertainty
 from dovetail.interfaces import Progress, silent
 from dovetail.units import format_quantity
 
@@ -153,7 +153,8 @@ def plan(
     Notes
     -----
     The Fisher information of the complex FRF with the exact sensitivities, and a prior that ends at the ends of the
-    ranges (`left_over`). Several responses of a description count one by one; the first says direction and quantity.
+    ranges (`remaining_uncertainty`). Several responses of a description count one by one; the first says direction and
+    quantity.
     """
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to measure for."))
@@ -163,16 +164,16 @@ def plan(
     theta = latin_hypercube(assembly, samples, seed)
     natural = _natural(assembly)
     known = _of_each(candidates, theta, noise * assembly.frf(theta).std(axis=1), progress)
-    share = np.array([_share(one, natural) for one in candidates])
+    share = np.array([_share(candidate, natural) for candidate in candidates])
     hidden, truth = share < _HIDDEN * np.max(share, axis=0, initial=0.0), assembly.to_unit(theta)
-    points = _points(candidates, left_over(known, truth, seed), [natural[rows] for rows in hidden])
+    points = _points(candidates, remaining_uncertainty(known, truth, seed), [natural[rows] for rows in hidden])
     order = sorted(range(len(points)), key=lambda index: -points[index].mean_gain)
     current = next(index for index in order if _is_current(assembly, candidates[index]))
     first = current if beside_described else order[0]
     others = [index for index in order if index != first]
     seconds = _points(
         [candidates[index] for index in others],
-        left_over(known[first] + known[others], truth, seed),
+        remaining_uncertainty(known[first] + known[others], truth, seed),
         [natural[hidden[index] & hidden[first]] for index in others],
     )
     ranked = tuple(sorted(seconds, key=lambda point: -point.mean_gain))
@@ -183,44 +184,44 @@ def plan(
 def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assembly]:
     """Return the assembly with its response at each node, in the description's direction."""
     description = assembly.description
-    parts = description.substructures
+    available = description.substructures
     for name in substructures:
-        if name not in parts:
-            raise ParameterError(Fault("substructures", f"there is no substructure '{name}'.", ", ".join(parts)))
-    chosen = list(substructures) or [name for name, part in parts.items() if not part.grounded]
-    own = description.response
+        if name not in available:
+            raise ParameterError(Fault("substructures", f"there is no substructure '{name}'.", ", ".join(available)))
+    chosen = list(substructures) or [name for name, substructure in available.items() if not substructure.grounded]
+    response = description.response
     attachments = [port for connection in assembly.graph.connections.values() for port in connection.attachments]
     inside = {(port.substructure, dof) for port in attachments for dof in port.dofs}
-    if own.substructure not in chosen:
-        chosen.append(own.substructure)
+    if response.substructure not in chosen:
+        chosen.append(response.substructure)
     return [
-        Assembly(replace(description, responses=(replace(own, substructure=name, node=node),)))
+        Assembly(replace(description, responses=(replace(response, substructure=name, node=node),)))
         for name in chosen
-        for node in range(len(parts[name].nodes))
+        for node in range(len(available[name].nodes))
         if not inside.intersection({(name, 2 * node), (name, 2 * node + 1)})
-        or (own.substructure, own.node) == (name, node)
+        or (response.substructure, response.node) == (name, node)
     ]
 
 
 def _natural(assembly: Assembly) -> NDArray[np.float64]:
     """Return the natural frequencies of the middle of the ranges; none where a part has no matrices."""
     try:
-        found = assembly.natural_frequencies(count=_MOST_MODES)
+        natural = assembly.natural_frequencies(count=_MOST_MODES)
     except DovetailError:
         return np.empty(0)
-    return np.asarray(found[(found >= assembly.frequency[0]) & (found <= assembly.frequency[-1])])
+    return np.asarray(natural[(natural >= assembly.frequency[0]) & (natural <= assembly.frequency[-1])])
 
 
 def _of_each(
     candidates: Sequence[Assembly], theta: NDArray[np.float64], deviation: NDArray[np.float64], progress: Progress
 ) -> NDArray[np.float64]:
     """Return the Fisher information (n_candidates, n, p, p) of the parameter vectors at each point."""
-    found = []
-    for index, one in enumerate(candidates):
+    information = []
+    for index, candidate in enumerate(candidates):
         progress("points", index, len(candidates))
-        found.append(_information(one, theta, deviation))
+        information.append(_information(candidate, theta, deviation))
     progress("points", len(candidates), len(candidates))
-    return np.array(found)
+    return np.array(information)
 
 
 def _information(assembly: Assembly, theta: NDArray[np.float64], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -242,9 +243,11 @@ def _share(assembly: Assembly, natural: NDArray[np.float64]) -> NDArray[np.float
     return np.asarray(amplitude[nearest], dtype=np.float64)
 
 
-def _points(candidates: list[Assembly], left: Left, hidden: list[NDArray[np.float64]]) -> list[PlannedPoint]:
-    rows = zip(candidates, left.variance, left.deviation, hidden, strict=True)
-    return [_point(one, *row) for one, *row in rows]
+def _points(
+    candidates: list[Assembly], remaining: RemainingUncertainty, hidden: list[NDArray[np.float64]]
+) -> list[PlannedPoint]:
+    rows = zip(candidates, remaining.variance, remaining.deviation, hidden, strict=True)
+    return [_point(candidate, *row) for candidate, *row in rows]
 
 
 def _point(
@@ -267,10 +270,12 @@ def _point(
 
 def _section(assembly: Assembly, first: PlannedPoint, second: PlannedPoint) -> str:
     """Return the section of a description that has both points, with the quantity of the described response."""
-    own = assembly.description.response
-    keys = f"direction: {own.direction}, quantity: {own.quantity}"
-    places = [f"at: {one.substructure}, position: {format_quantity(one.position, 'm', 8)}" for one in (first, second)]
-    return "responses:\n" + "".join(f"  - {{{place}, {keys}}}\n" for place in places)
+    response = assembly.description.response
+    keys = f"direction: {response.direction}, quantity: {response.quantity}"
+    entries = [
+        f"at: {point.substructure}, position: {format_quantity(point.position, 'm', 8)}" for point in (first, second)
+    ]
+    return "responses:\n" + "".join(f"  - {{{entry}, {keys}}}\n" for entry in entries)
 
 
 def _is_current(assembly: Assembly, candidate: Assembly) -> bool:

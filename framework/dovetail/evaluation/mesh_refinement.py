@@ -37,21 +37,30 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
     if factor == 1:
         return assembly
     description = assembly.description
-    parts = {name: part.refined(factor) or part for name, part in description.substructures.items()}
+    refined = {
+        name: substructure.refined(factor) or substructure for name, substructure in description.substructures.items()
+    }
     joints = {}
     for name, joint in description.joints.items():
         connection = joint.connection
-        attachments = tuple(_moved(one, description.substructures, parts) for one in connection.attachments)
+        attachments = tuple(
+            _moved(attachment, description.substructures, refined) for attachment in connection.attachments
+        )
         model = connection.model.refined(factor) or connection.model
         joints[name] = replace(joint, connection=replace(connection, model=model, attachments=attachments))
-    same_joints = all(joints[name].connection.model is one.connection.model for name, one in description.joints.items())
-    if same_joints and all(parts[name] is part for name, part in description.substructures.items()):
+    same_joints = all(
+        joints[name].connection.model is joint.connection.model for name, joint in description.joints.items()
+    )
+    if same_joints and all(refined[name] is substructure for name, substructure in description.substructures.items()):
         raise ParameterError(Fault(assembly.name, "none of its parts has a mesh that can be made finer."))
     responses = tuple(
-        replace(one, node=_node(description.substructures[one.substructure], one.node, parts[one.substructure]))
-        for one in description.responses
+        replace(
+            response,
+            node=_node(description.substructures[response.substructure], response.node, refined[response.substructure]),
+        )
+        for response in description.responses
     )
-    return Assembly(replace(description, substructures=parts, joints=joints, responses=responses))
+    return Assembly(replace(description, substructures=refined, joints=joints, responses=responses))
 
 
 def _moved(
@@ -65,10 +74,10 @@ def _node(coarse: SubstructureModel, node: int, fine: SubstructureModel) -> int:
     """Return which node of the finer part is at the place of a node of the coarser one."""
     if fine is coarse:
         return node
-    place = coarse.nodes[node].position
-    away = np.abs(np.array([one.position for one in fine.nodes]) - place)
+    position = coarse.nodes[node].position
+    away = np.abs(np.array([candidate.position for candidate in fine.nodes]) - position)
     nearest = int(np.argmin(away))
     if away[nearest] > _SAME_PLACE:
-        problem = f"its finer mesh has no node at {place:g} m, where the coarser one has."
+        problem = f"its finer mesh has no node at {position:g} m, where the coarser one has."
         raise ParameterError(Fault(f"substructure model '{coarse.name}'", problem))
     return nearest

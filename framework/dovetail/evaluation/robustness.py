@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, components
 from dovetail.assembly.reader import read_description
-from dovetail.dataset import Dataset
+from dovetail.dataset import Dataset, generate
 from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
 from dovetail.identification.metrics import parameter_metrics
@@ -60,12 +63,12 @@ class RobustnessRow:
 
 def robustness(
     assembly: Assembly,
-    dataset: Dataset,
+    dataset: Dataset | None = None,
     *,
     models: Sequence[str] = ("umap", "pca", "none"),
     levels: Sequence[float] = LEVELS,
     seed: int = 0,
-    registry: Registry | None = None,
+    plugins: Iterable[str | PathLike[str]] = (),
     progress: Progress = silent,
 ) -> tuple[RobustnessRow, ...]:
     """Train one network for each model and evaluate it on noisy FRFs.
@@ -73,15 +76,16 @@ def robustness(
     Parameters
     ----------
     assembly : Assembly
-    dataset : Dataset
-        Of this assembly; its training and test parts are those of `train`.
+    dataset : Dataset, optional
+        Of this assembly; its training and test parts are those of `train`. Without one, as many samples as the
+        description says are generated and then discarded.
     models : sequence of str
         Names of reducers, alone for training on clean FRFs or with ``+robust`` (see `variant`).
     levels : sequence of float
     seed : int
         Of the noise; the same noise meets every model.
-    registry : Registry, optional
-        Where reducers are looked up; the installed ones by default.
+    plugins : iterable of paths
+        Plugin files with further reducers.
     progress : callable
 
     Returns
@@ -94,9 +98,16 @@ def robustness(
     Noise x + level * sigma * n is added to the amplitude of the accelerance, sigma the standard deviation of all test
     amplitudes of a response; what becomes negative is taken as its magnitude.
     """
+    if dataset is None:
+        with TemporaryDirectory(prefix="dovetail-") as folder:
+            generated = generate(assembly, Path(folder) / "dataset.zarr", progress=progress)
+            return robustness(
+                assembly, generated, models=models, levels=levels, seed=seed, plugins=plugins, progress=progress
+            )
+    registry = components(tuple(plugins))
     rows: list[RobustnessRow] = []
-    for name in models:
-        identifier = train(variant(assembly, name, registry or components()), dataset, progress=progress)
+    for name, described in {name: variant(assembly, name, registry) for name in models}.items():
+        identifier = train(described, dataset, progress=progress)
         rows.extend(_evaluate(name, identifier, dataset, levels, seed, progress))
     return tuple(rows)
 
@@ -141,8 +152,8 @@ def variant(assembly: Assembly, name: str, registry: Registry) -> Assembly:
 def with_noise(amplitude: NDArray[np.float32], responses: int, level: float, seed: int) -> NDArray[np.float32]:
     """Return amplitudes (n, n_responses n_freq) with noise, over the standard deviation of each response on its own."""
     random = np.random.default_rng(seed)
-    parts = [data_noise(part, level, random) for part in np.split(amplitude, responses, axis=1)]
-    return np.abs(np.concatenate(parts, axis=1)).astype(np.float32)
+    noisy = [data_noise(amplitudes, level, random) for amplitudes in np.split(amplitude, responses, axis=1)]
+    return np.abs(np.concatenate(noisy, axis=1)).astype(np.float32)
 
 
 def _evaluate(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Left", "left_over"]
+__all__ = ["RemainingUncertainty", "remaining_uncertainty"]
 
 _NOISE_DRAWS = 2
 """Measurements that are drawn for each parameter vector."""
@@ -18,7 +18,7 @@ _LEAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Left:
+class RemainingUncertainty:
     """What remains unknown after a measurement, on average, in fractions of the ranges.
 
     Parameters
@@ -32,7 +32,9 @@ class Left:
     deviation: NDArray[np.float64]
 
 
-def left_over(information: NDArray[np.float64], truth: NDArray[np.float64], seed: int) -> Left:
+def remaining_uncertainty(
+    information: NDArray[np.float64], truth: NDArray[np.float64], seed: int
+) -> RemainingUncertainty:
     """Return the posterior variance that is to be expected of measurements of known information.
 
     Parameters
@@ -45,7 +47,7 @@ def left_over(information: NDArray[np.float64], truth: NDArray[np.float64], seed
 
     Returns
     -------
-    Left
+    RemainingUncertainty
         Means over the n vectors and over the noise.
 
     Notes
@@ -58,7 +60,7 @@ def left_over(information: NDArray[np.float64], truth: NDArray[np.float64], seed
     random = np.random.default_rng([seed, 4])
     shape, count = information.shape[:-1], truth.shape[-1]
     if not information.size:
-        return Left(np.empty((*shape[:-2], count)), np.empty((*shape[:-2], count)))
+        return RemainingUncertainty(np.empty((*shape[:-2], count)), np.empty((*shape[:-2], count)))
     values, vectors = np.linalg.eigh(information.reshape(-1, count, count))
     roots = np.repeat(vectors / np.sqrt(np.maximum(values, _LEAST))[:, np.newaxis, :], _NOISE_DRAWS, axis=0)
     start = np.repeat(np.broadcast_to(truth, shape).reshape(-1, count), _NOISE_DRAWS, axis=0)
@@ -71,7 +73,7 @@ def left_over(information: NDArray[np.float64], truth: NDArray[np.float64], seed
         sums += place
         squares += place**2
     variance = np.maximum(squares / _STEPS - (sums / _STEPS) ** 2, 0.0).reshape(*shape[:-1], _NOISE_DRAWS, count)
-    return Left(variance.mean(axis=(-3, -2)), np.sqrt(variance).mean(axis=(-3, -2)))
+    return RemainingUncertainty(variance.mean(axis=(-3, -2)), np.sqrt(variance).mean(axis=(-3, -2)))
 
 
 class _Walk:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from os import PathLike
 from typing import Any
 
@@ -13,7 +14,7 @@ from dovetail.assembly import Assembly, load
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
 from dovetail.frf import Frf, coherence_spectrum
-from dovetail.identification import Identification, predict
+from dovetail.identification import Identification, identify, predict
 from dovetail.identification.prediction import joint_values
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result_file import read_identification
@@ -107,22 +108,22 @@ class Validation:
             "series": self.series,
             "cases": [
                 {
-                    "name": one.case.name,
-                    "value": one.case.value,
-                    "peaks": [asdict(row) | {"error": row.error, "shift": row.shift} for row in one.peaks],
-                    "natural_frequencies": list(one.natural),
-                    "mean_coherence": one.mean_coherence,
-                    "method": None if one.joint is None else one.joint.method,
-                    "joint": None if one.joint is None else {n: p.value for n, p in one.joint.parameters.items()},
+                    "name": result.case.name,
+                    "value": result.case.value,
+                    "peaks": [asdict(row) | {"error": row.error, "shift": row.shift} for row in result.peaks],
+                    "natural_frequencies": list(result.natural),
+                    "mean_coherence": result.mean_coherence,
+                    "method": None if result.joint is None else result.joint.method,
+                    "joint": None if result.joint is None else {n: p.value for n, p in result.joint.parameters.items()},
                 }
-                for one in self.cases
+                for result in self.cases
             ],
         }
 
 
 def validate(
     cases: Cases,
-    identify: Identify,
+    method: str | Identify = "refined",
     *,
     plugins: Iterable[str | PathLike[str]] = (),
     progress: Progress = silent,
@@ -132,8 +133,9 @@ def validate(
     Parameters
     ----------
     cases : Cases
-    identify : callable
-        From (assembly, measurement without the accelerometer) to an identification; asked once for each measurement.
+    method : str or callable
+        How joints are identified: a method of `dovetail.identify` that needs no trained network, or a function from
+        an assembly and its measurement without the accelerometer to an identification. Each is identified once.
     plugins : iterable of paths
         Plugin files to take in.
     progress : callable
@@ -153,7 +155,7 @@ def validate(
     """
     files = tuple(plugins)
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
-    joints = _Joints(identify, files)
+    joints = _Joints(partial(identify, method=method) if isinstance(method, str) else method, files)
     validated = []
     for index, (case, assembly) in enumerate(zip(cases.cases, loaded, strict=True)):
         progress("cases", index, len(loaded))
@@ -204,11 +206,11 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
 
 def _natural(assembly: Assembly, values: dict[str, float]) -> tuple[float, ...]:
     try:
-        found = assembly.natural_frequencies(values, count=_MOST_MODES)
+        natural = assembly.natural_frequencies(values, count=_MOST_MODES)
     except DovetailError:
         return ()
-    inside = (found >= assembly.frequency[0]) & (found <= assembly.frequency[-1])
-    return tuple(found[inside].tolist())
+    inside = (natural >= assembly.frequency[0]) & (natural <= assembly.frequency[-1])
+    return tuple(natural[inside].tolist())
 
 
 def _paired(raw: Frf, bare: Frf, prediction: Frf) -> Iterator[PeakRow]:

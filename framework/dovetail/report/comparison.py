@@ -7,13 +7,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from dovetail import __version__
 from dovetail.atomic_files import write_whole
 from dovetail.evaluation import Comparison
 from dovetail.report.comparison_figures import frf_comparison, parameter_comparison
 from dovetail.report.report import environment
 from dovetail.report.svg import inline_svg
 from dovetail.report.wording import ABSENT, display_unit, fixed, number
+from dovetail.version import __version__
 
 __all__ = ["coherence_rows", "frequency_rows", "parameter_value_rows", "time_rows", "write_comparison"]
 
@@ -71,9 +71,9 @@ def coherence_rows(comparison: Comparison) -> Iterator[Row]:
 def frequency_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield case, number and frequency of each resonance, then each method's error in per cent (Table 5)."""
     for case in comparison.cases:
-        found = comparison.of(case)
-        for index, (measured, _) in enumerate(next(iter(found.values())).peaks):
-            errors = [_error(found[method].peaks[index]) for method in comparison.methods]
+        compared = comparison.of(case)
+        for index, (measured, _) in enumerate(next(iter(compared.values())).peaks):
+            errors = [_error(compared[method].peaks[index]) for method in comparison.methods]
             yield [case.name, index + 1, f"{measured:.1f}", *errors]
 
 
@@ -110,14 +110,14 @@ def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
 def _verdicts(comparison: Comparison) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
     """Return for each parameter its unit, and for each case estimate, interval and verdict, where they are told."""
     results = [(row.case.name, row.identification) for row in comparison.rows if row.identification is not None]
-    told = [(name, result, result.posterior) for name, result in results if result.posterior is not None]
-    if not told:
+    known = [(name, result, result.posterior) for name, result in results if result.posterior is not None]
+    if not known:
         return []
     table = []
-    for index, (name, parameter) in enumerate(told[0][1].parameters.items()):
+    for index, (name, parameter) in enumerate(known[0][1].parameters.items()):
         shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
         cells: list[tuple[str, str, str]] = []
-        for case, _, posterior in told:
+        for case, _, posterior in known:
             low, high = posterior.interval()[name]
             texts = [number(value * shown.factor) for value in (float(posterior.estimate[index]), low, high)]
             true = comparison.truth.get(case, {}).get(name)

@@ -69,26 +69,28 @@ def _logarithmic(axes: Axes) -> None:
 
 def _draw_parameter(axes: Axes, comparison: Comparison, name: str) -> None:
     style_axes(axes)
-    places = [case.value if case.value is not None else index for index, case in enumerate(comparison.cases)]
+    positions = [case.value if case.value is not None else index for index, case in enumerate(comparison.cases)]
     parameter = next(r.identification.parameters[name] for r in comparison.rows if r.identification is not None)
     shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
     low, high = parameter.lower * shown.factor, parameter.upper * shown.factor
     if parameter.scale == "log":
         _logarithmic(axes)
     for method in comparison.methods:
-        found = [comparison.of(case)[method].identification for case in comparison.cases]
-        results = [one for one in found if one is not None]
-        if len(results) < len(found):
+        identifications = [comparison.of(case)[method].identification for case in comparison.cases]
+        results = [result for result in identifications if result is not None]
+        if len(results) < len(identifications):
             continue
         style = _style(comparison.methods, method)
-        values = np.clip([_value(one, name) * shown.factor for one in results], low, high)
-        axes.plot(places, values, **style, markersize=3.5, linewidth=1, label=method)
-        ends = [one.interval[name] for one in results if one.interval is not None]
+        values = np.clip([_value(result, name) * shown.factor for result in results], low, high)
+        axes.plot(positions, values, **style, markersize=3.5, linewidth=1, label=method)
+        ends = [result.interval[name] for result in results if result.interval is not None]
         if ends:
-            axes.fill_between(places, *(np.array(ends).T * shown.factor), color=style["color"], alpha=0.15, linewidth=0)
+            axes.fill_between(
+                positions, *(np.array(ends).T * shown.factor), color=style["color"], alpha=0.15, linewidth=0
+            )
     truth = [comparison.truth.get(case.name, {}).get(name, np.nan) * shown.factor for case in comparison.cases]
     if np.isfinite(truth).any():
-        axes.plot(places, truth, color=INK, linestyle=(0, (2, 2)), linewidth=1.6, label="true")
+        axes.plot(positions, truth, color=INK, linestyle=(0, (2, 2)), linewidth=1.6, label="true")
     axes.set_ylim(low, high)
     axes.set_title(f"{name} [{shown.text}]", fontsize=9, color=INK, loc="left", parse_math=False)
 
@@ -114,14 +116,14 @@ def frf_comparison(comparison: Comparison, case: Case) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    found = comparison.of(case)
+    rows = comparison.of(case)
     figure = Figure(figsize=(WIDTH, 6.4), layout="constrained", facecolor="white")
     panels = figure.subplots(3, 1, sharex=True, height_ratios=[2.4, 1.4, 1.4])
     for axes in panels:
         style_axes(axes)
-    measured = next(iter(found.values())).measured
+    measured = next(iter(rows.values())).measured
     _draw(panels, measured, {"color": MEASURED, "linewidth": 2.6, "label": "measured"})
-    for method, row in found.items():
+    for method, row in rows.items():
         _draw(panels, row.frf, {"color": _style(comparison.methods, method)["color"], "linewidth": 1, "label": method})
         _draw_agreement(panels[2], row, _style(comparison.methods, method)["color"])
     panels[2].set_ylabel("Coherence [-]")

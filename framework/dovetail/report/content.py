@@ -21,7 +21,7 @@ __all__ = [
     "PosteriorRow",
     "evaluation_rows",
     "fit_sentence",
-    "foreign_sentences",
+    "misspecification_sentences",
     "is_synthetic",
     "known_rows",
     "mode_rows",
@@ -127,15 +127,15 @@ def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
     return warnings
 
 
-def foreign_sentences(result: Identification) -> list[str]:
+def misspecification_sentences(result: Identification) -> list[str]:
     """Return what a reader must know before any number, if the model cannot have made the measurement."""
-    foreign = result.foreign
-    if foreign is None or not foreign.flagged:
+    misspecification = result.misspecification
+    if misspecification is None or not misspecification.flagged:
         return []
-    cause = foreign.looks_like or "It looks like another structure or response point."
-    sentences = [_NOT_TO_BE_BELIEVED, cause, *foreign.reasons]
-    if foreign.bands:
-        bands = ", ".join(f"{low:.6g} to {high:.6g} Hz" for low, high in foreign.bands)
+    cause = misspecification.looks_like or "It looks like another structure or response point."
+    sentences = [_NOT_TO_BE_BELIEVED, cause, *misspecification.reasons]
+    if misspecification.bands:
+        bands = ", ".join(f"{low:.6g} to {high:.6g} Hz" for low, high in misspecification.bands)
         sentences.append(f"It is off at {bands}.")
     return [readable(sentence) for sentence in sentences]
 
@@ -165,10 +165,10 @@ def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
 def evaluation_rows(result: Identification) -> list[EvaluationRow]:
     """Return how the network does on the test part, if the provenance says it."""
     evaluation = result.provenance.get("evaluation")
-    metrics = evaluation.get("parameters", {}) if isinstance(evaluation, Mapping) else {}
+    evaluated = evaluation.get("parameters", {}) if isinstance(evaluation, Mapping) else {}
     rows = []
-    for name, found in metrics.items():
-        unit, factor = str(found["unit"]), 1.0
+    for name, metrics in evaluated.items():
+        unit, factor = str(metrics["unit"]), 1.0
         if name in result.parameters:
             parameter = result.parameters[name]
             shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
@@ -176,10 +176,10 @@ def evaluation_rows(result: Identification) -> list[EvaluationRow]:
         rows.append(
             EvaluationRow(
                 name=name,
-                r2=fixed(found["r2"], 2),
-                mae=number(found["mae_si"] * factor, 3),
+                r2=fixed(metrics["r2"], 2),
+                mae=number(metrics["mae_si"] * factor, 3),
                 unit=unit,
-                mae_of_range=fixed(100.0 * found["mae"], 1),
+                mae_of_range=fixed(100.0 * metrics["mae"], 1),
             )
         )
     return rows
@@ -203,7 +203,7 @@ def posterior_rows(result: Identification) -> list[PosteriorRow]:
                 unit=shown.text,
                 verdict=verdict.word,
                 reason=verdict.reason,
-                doubtful=name in posterior.doubtful,
+                doubtful=name in posterior.unreliable,
                 low=_place(parameter, low),
                 middle=_place(parameter, estimate),
                 high=_place(parameter, high),
@@ -214,14 +214,14 @@ def posterior_rows(result: Identification) -> list[PosteriorRow]:
 
 def posterior_sentence(posterior: Posterior) -> str:
     """Say how the posterior was told, and whether there are samples enough."""
-    name, apart = max(posterior.halves_apart.items(), key=lambda one: one[1])
+    name, apart = max(posterior.split_half_difference.items(), key=lambda entry: entry[1])
     halves = f"two halves of them differ in an interval by at most {apart:.0%} of its width ({name})"
     if posterior.form == "laplace":
         start = f"A Gaussian at the most probable place, in {posterior.seconds:.2g} s; {len(posterior.weight)} samples"
         return f"{start} of it, {halves}."
     return (
-        f"{len(posterior.weight)} samples in {posterior.seconds:.2g} s; {posterior.reached:.0%} of the searches for "
-        f"them reached their target. They tell as much as {posterior.effective:.0f} independent ones; {halves}."
+        f"{len(posterior.weight)} samples in {posterior.seconds:.2g} s; {posterior.converged_fraction:.0%} of the searches for "
+        f"them reached their target. They tell as much as {posterior.effective_sample_size:.0f} independent ones; {halves}."
     )
 
 
@@ -277,7 +277,9 @@ def _counterpart(frequency: float, among: Sequence[float], others: Sequence[floa
     if not others or not np.isfinite(frequency):
         return None
     candidate = min(others, key=lambda other: abs(other - frequency))
-    nearest = min((one for one in among if np.isfinite(one)), key=lambda one: abs(one - candidate))
+    nearest = min(
+        (frequency for frequency in among if np.isfinite(frequency)), key=lambda frequency: abs(frequency - candidate)
+    )
     return candidate if nearest == frequency else None
 
 

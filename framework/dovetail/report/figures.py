@@ -144,7 +144,7 @@ def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained", facecolor="white")
-    left, right = figure.subplots(1, 2)
+    r2_axes, rmse_axes = figure.subplots(1, 2)
     for index, model in enumerate(dict.fromkeys(str(row["model"]) for row in table)):
         rows = sorted((row for row in table if str(row["model"]) == model), key=lambda row: float(row["level"]))
         levels = np.array([row["level"] for row in rows], dtype=np.float64)
@@ -155,18 +155,18 @@ def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
             "markersize": 5,
             "linewidth": 1.6,
         }
-        for axes, key in ((left, "r2"), (right, "rmse")):
+        for axes, key in ((r2_axes, "r2"), (rmse_axes, "rmse")):
             axes.plot(levels, np.array([row[key] for row in rows], dtype=np.float64), label=model, **style)
-    for axes, quantity in ((left, "R² [-]"), (right, "RMSE, part of the range [-]")):
+    for axes, quantity in ((r2_axes, "R² [-]"), (rmse_axes, "RMSE, part of the range [-]")):
         style_axes(axes)
         axes.set_xlabel("Noise level, part of the data's standard deviation [-]")
         axes.set_ylabel(quantity)
-    if left.get_ylim()[0] < _WORST_R2:
-        left.set_ylim(_WORST_R2, 1.05)
-    if right.get_ylim()[1] > _WORST_RMSE:
-        right.set_ylim(0.0, _WORST_RMSE)
+    if r2_axes.get_ylim()[0] < _WORST_R2:
+        r2_axes.set_ylim(_WORST_R2, 1.05)
+    if rmse_axes.get_ylim()[1] > _WORST_RMSE:
+        rmse_axes.set_ylim(0.0, _WORST_RMSE)
     if table:
-        for text in left.legend(loc="best", fontsize=9.5).get_texts():
+        for text in r2_axes.legend(loc="best", fontsize=9.5).get_texts():
             text.set_parse_math(False)
     return figure
 

@@ -8,20 +8,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from dovetail import __version__
 from dovetail.atomic_files import write_whole
+from dovetail.frf import Frf
 from dovetail.identification import Identification
 from dovetail.report import content
-from dovetail.report.figures import frf_figure
+from dovetail.report.figures import frf_figure, simulated_figure
 from dovetail.report.svg import inline_svg
 from dovetail.report.truth import Truth
 from dovetail.report.wording import number
+from dovetail.version import __version__
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["environment", "write_report"]
+__all__ = ["environment", "plot_frf", "write_report"]
 
 
 def write_report(result: Identification, path: str | Path, *, truth: Truth | None = None) -> Path:
@@ -49,6 +51,32 @@ def write_report(result: Identification, path: str | Path, *, truth: Truth | Non
     page = environment().get_template("report.html.jinja").render(_context(result, truth))
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
+
+
+def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
+    """Draw an FRF; of an identification the measured and the reconstructed one, with their coherence beneath.
+
+    Parameters
+    ----------
+    result : Identification or Frf
+    response : int
+        Which response of an identification, from 0.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Its ``savefig`` writes it, its ``axes`` can be changed; the natural frequencies of an identification are marked.
+
+    Raises
+    ------
+    IndexError
+        The identification has no such response.
+    """
+    if isinstance(result, Frf):
+        return simulated_figure(result)
+    natural = [mode.natural_frequency for mode in result.modes if np.isfinite(mode.natural_frequency)]
+    at_point = result.responses[response]
+    return frf_figure(at_point.measured, at_point.frf, at_point.coherence, natural)
 
 
 def environment() -> Environment:
@@ -79,7 +107,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "mean_coherence": _mean_coherence(result),
         "fit": "" if result.fit is None else content.fit_sentence(result.fit),
         "joints": list(dict.fromkeys(parameter.joint for parameter in result.parameters.values())),
-        "foreign": content.foreign_sentences(result),
+        "misspecification": content.misspecification_sentences(result),
         "warnings": content.warnings_of(result, truth),
         "truth": truth,
         "posterior": content.posterior_rows(result),
@@ -99,26 +127,24 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
 
 def _measurements(result: Identification) -> str:
     first = str(result.provenance.get("measurement", result.measured.label))
-    return ", ".join(dict.fromkeys([first, *(one.measured.label for one in result.further)]))
+    return ", ".join(dict.fromkeys([first, *(response.measured.label for response in result.further)]))
 
 
 def _mean_coherence(result: Identification) -> str:
     if not result.further:
         return f"{result.mean_coherence:.3f}"
-    return ", ".join(f"{one.mean_coherence:.3f} ({one.point})" for one in result.responses)
+    return ", ".join(f"{at_point.mean_coherence:.3f} ({at_point.point})" for at_point in result.responses)
 
 
 def _figures(result: Identification) -> list[tuple[str, Any, bool]]:
     """Return the point of each response, empty if there is one only, its figure as markup, and whether it has phase."""
     from markupsafe import Markup
 
-    natural = [mode.natural_frequency for mode in result.modes if np.isfinite(mode.natural_frequency)]
     figures = []
-    for place, one in enumerate(result.responses, start=1):
-        figure = frf_figure(one.measured, one.frf, one.coherence, natural)
-        name, which = ("frf", "") if place == 1 else (f"frf{place}", f", response {place}")
-        svg = inline_svg(figure, name, f"Measured and reconstructed FRF and their coherence{which}")
-        figures.append((one.point if result.further else "", Markup(svg), one.measured.has_phase))
+    for index, response in enumerate(result.responses):
+        name, which = (f"frf{index + 1}", f", response {index + 1}") if index else ("frf", "")
+        svg = inline_svg(plot_frf(result, index), name, f"Measured and reconstructed FRF and their coherence{which}")
+        figures.append((response.point if result.further else "", Markup(svg), response.measured.has_phase))
     return figures
 
 

@@ -93,32 +93,32 @@ def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
 def _object(file: Path) -> dict[str, Any]:
     content = read_bounded(file)
     try:
-        found = json.loads(content, object_pairs_hook=_without_duplicates)
+        entries = json.loads(content, object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
         raise MeasurementError(Fault(str(file), f"this is not JSON: {error}.")) from None
-    if not isinstance(found, dict):
+    if not isinstance(entries, dict):
         raise MeasurementError(
-            Fault(str(file), f"a truth file holds one object, not {found!r:.40}.", listing(_KEYS), "Write {...}.")
+            Fault(str(file), f"a truth file holds one object, not {entries!r:.40}.", listing(_KEYS), "Write {...}.")
         )
-    return found
+    return entries
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for key, value in pairs:
-        if key in found:
+        if key in entries:
             raise ValueError(f"the key '{key}' stands there twice")
-        found[key] = value
-    return found
+        entries[key] = value
+    return entries
 
 
-def _parameters(file: Path, given: object, parameters: Iterable[_Named], faults: list[Fault]) -> dict[str, float]:
-    if not isinstance(given, dict):
-        faults.append(Fault(f"{file}  parameters", f"{given!r:.40} is not an object of names and values."))
+def _parameters(file: Path, entries: object, parameters: Iterable[_Named], faults: list[Fault]) -> dict[str, float]:
+    if not isinstance(entries, dict):
+        faults.append(Fault(f"{file}  parameters", f"{entries!r:.40} is not an object of names and values."))
         return {}
     units = {parameter.name: parameter.unit for parameter in parameters}
     values = {}
-    for name, value in given.items():
+    for name, value in entries.items():
         if name not in units:
             faults.append(_unknown(file, f"parameters.{name}", units, "a parameter of this assembly"))
             continue
@@ -129,8 +129,8 @@ def _parameters(file: Path, given: object, parameters: Iterable[_Named], faults:
     return values
 
 
-def _frequencies(file: Path, given: object, faults: list[Fault]) -> tuple[float, ...]:
-    entries = given if isinstance(given, list) else [given]
+def _frequencies(file: Path, value: object, faults: list[Fault]) -> tuple[float, ...]:
+    entries = value if isinstance(value, list) else [value]
     try:
         frequencies = tuple(to_si(entry, "Hz") for entry in entries)
     except UnitError as error:

@@ -39,37 +39,37 @@ def validation_figure(validation: Validation) -> Figure:
     count = len(validation.cases)
     figure = Figure(figsize=(WIDTH, 0.7 + _PANEL_HEIGHT * count), layout="constrained", facecolor="white")
     panels = figure.subplots(count, 1, squeeze=False)[:, 0]
-    for axes, one in zip(panels, validation.cases, strict=True):
-        _draw_case(axes, one)
+    for axes, case in zip(panels, validation.cases, strict=True):
+        _draw_case(axes, case)
     panels[0].legend(loc="lower right", ncols=3, fontsize=9)
     figure.suptitle(validation.title, fontsize=11, color=INK, parse_math=False)
     panels[-1].set_xlabel("Frequency [Hz]")
     return figure
 
 
-def _draw_case(axes: Axes, one: ValidatedCase) -> None:
+def _draw_case(axes: Axes, case: ValidatedCase) -> None:
     style_axes(axes)
     axes.set_yscale("log", nonpositive="mask")
     curves: tuple[tuple[Frf, dict[str, Any]], ...] = (
-        (one.measured, {"color": MEASURED, "linewidth": 1.2, "linestyle": (0, (4, 2)), "label": "measured"}),
-        (one.compensated, {"color": _COMPENSATED, "linewidth": 2.4, "label": "compensated"}),
-        (one.predicted, {"color": RECONSTRUCTED, "linewidth": 1.1, "label": "predicted"}),
+        (case.measured, {"color": MEASURED, "linewidth": 1.2, "linestyle": (0, (4, 2)), "label": "measured"}),
+        (case.compensated, {"color": _COMPENSATED, "linewidth": 2.4, "label": "compensated"}),
+        (case.predicted, {"color": RECONSTRUCTED, "linewidth": 1.1, "label": "predicted"}),
     )
     for frf, style in curves:
         axes.plot(frf.frequency, np.where(frf.amplitude > 0, frf.amplitude, np.nan), **style)
-    for row in one.peaks:
-        _mark(axes, one, row)
-    axes.set_title(one.case.name, fontsize=10, color=INK, loc="left", parse_math=False)
-    axes.set_xlim(float(one.predicted.frequency[0]), float(one.predicted.frequency[-1]))
-    quantity = one.predicted.quantity
+    for row in case.peaks:
+        _mark(axes, case, row)
+    axes.set_title(case.case.name, fontsize=10, color=INK, loc="left", parse_math=False)
+    axes.set_xlim(float(case.predicted.frequency[0]), float(case.predicted.frequency[-1]))
+    quantity = case.predicted.quantity
     axes.set_ylabel(f"{quantity.capitalize()} [{unit_text(unit_of(quantity))}]")
 
 
-def _mark(axes: Axes, one: ValidatedCase, row: PeakRow) -> None:
+def _mark(axes: Axes, case: ValidatedCase, row: PeakRow) -> None:
     alone = row.compensated is None or row.predicted is None
     for peak, frf, colour in (
-        (row.compensated, one.compensated, _COMPENSATED),
-        (row.predicted, one.predicted, RECONSTRUCTED),
+        (row.compensated, case.compensated, _COMPENSATED),
+        (row.predicted, case.predicted, RECONSTRUCTED),
     ):
         if peak is not None:
             height = float(np.interp(peak, frf.frequency, frf.amplitude))
@@ -91,8 +91,8 @@ def series_figure(validation: Validation) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    cases = sorted(validation.cases, key=lambda one: one.case.value or 0.0)
-    most = max(len(_compensated(one)) for one in cases)
+    cases = sorted(validation.cases, key=lambda case: case.case.value or 0.0)
+    most = max(len(_compensated(case)) for case in cases)
     figure = Figure(figsize=(WIDTH, 0.8 + 2.1 * max(most, 1)), layout="constrained", facecolor="white")
     panels = figure.subplots(max(most, 1), 1, squeeze=False, sharex=True)[::-1, 0]
     for index, axes in enumerate(panels):
@@ -103,24 +103,24 @@ def series_figure(validation: Validation) -> Figure:
     return figure
 
 
-def _compensated(one: ValidatedCase) -> list[PeakRow]:
-    return [row for row in one.peaks if row.compensated is not None]
+def _compensated(case: ValidatedCase) -> list[PeakRow]:
+    return [row for row in case.peaks if row.compensated is not None]
 
 
 def _draw_resonance(axes: Axes, cases: Sequence[ValidatedCase], index: int) -> None:
     style_axes(axes)
-    present = [one for one in cases if index < len(_compensated(one))]
-    values = [one.case.value or 0.0 for one in present]
+    present = [case for case in cases if index < len(_compensated(case))]
+    values = [case.case.value or 0.0 for case in present]
     curves = {
-        name: (colour, marker, "-", [getattr(_compensated(one)[index], name) for one in present])
+        name: (colour, marker, "-", [getattr(_compensated(case)[index], name) for case in present])
         for name, colour, marker in (
             ("measured", MEASURED, MARKERS[0]),
             ("compensated", _COMPENSATED, MARKERS[1]),
             ("predicted", RECONSTRUCTED, MARKERS[2]),
         )
     }
-    if all(len(one.natural) == len(_compensated(one)) for one in present):
-        curves["natural, of the model"] = (INK, MARKERS[3], ":", [one.natural[index] for one in present])
+    if all(len(case.natural) == len(_compensated(case)) for case in present):
+        curves["natural, of the model"] = (INK, MARKERS[3], ":", [case.natural[index] for case in present])
     for name, (colour, marker, line, frequencies) in curves.items():
         drawn = np.array([np.nan if frequency is None else frequency for frequency in frequencies])
         axes.plot(values, drawn, color=colour, marker=marker, markersize=4.5, linestyle=line, linewidth=1.2, label=name)

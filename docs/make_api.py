@@ -1,0 +1,73 @@
+"""Writes docs/api.md, the list of everything public, from ``dovetail.__all__``: ``python docs/make_api.py``."""
+
+import inspect
+from pathlib import Path
+
+import dovetail
+
+PAGE = Path(__file__).with_name("api.md")
+
+SECTIONS = {
+    "assembly": "Assemblies",
+    "measurement": "Measurements",
+    "frf": "Frequency response functions",
+    "coupling": "Measured parts and spindles",
+    "dataset": "Datasets",
+    "identification": "Identification",
+    "report": "Reports and figures",
+    "evaluation": "Evaluation",
+    "interfaces": "For plugin authors: contracts",
+    "registry": "For plugin authors: the hook",
+    "units": "For plugin authors: units",
+    "errors": "Errors",
+}
+"""Headings by the package that defines a name, in the order of the page."""
+
+TESTING = """
+## Testing a plugin
+
+```{eval-rst}
+.. currentmodule:: dovetail.testing
+
+.. autofunction:: check_component
+.. autofunction:: conformance
+.. autofunction:: check_names
+.. autoclass:: CheckResult
+   :members:
+```
+"""
+
+
+def page() -> str:
+    """Return the text of the page."""
+    sections: dict[str, list[str]] = {heading: [] for heading in SECTIONS.values()}
+    for name in dovetail.__all__:
+        package = _home(name)
+        sections[SECTIONS[package]].append(_directive(name))
+    text = (
+        "# API\n\nEverything that `import dovetail` offers. Names that are not on this page may change at any time.\n"
+    )
+    for heading, directives in sections.items():
+        body = "\n".join(directives)
+        text += f"\n## {heading}\n\n```{{eval-rst}}\n.. currentmodule:: dovetail\n\n{body}\n```\n"
+    return text + TESTING
+
+
+def _home(name: str) -> str:
+    """Return the package that the stub takes a name from."""
+    stub = Path(dovetail.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+    line = next(line for line in stub.splitlines() if line.endswith(f"import {name} as {name}"))
+    return line.split()[1].strip(".").split(".")[0]
+
+
+def _directive(name: str) -> str:
+    value = getattr(dovetail, name)
+    if inspect.isclass(value) and issubclass(value, Exception):
+        return f".. autoexception:: {name}"
+    if inspect.isclass(value):
+        return f".. autoclass:: {name}\n   :members:"
+    return f".. autofunction:: {name}" if inspect.isfunction(value) else f".. autodata:: {name}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,3 @@
+"""The version, stated here alone: the distribution, reports and model bundles take it from this file."""
+
+__version__ = "0.1.0"

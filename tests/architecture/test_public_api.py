@@ -1,0 +1,86 @@
+"""What `import dovetail` offers: one list, the stub; documented, typed, and complete."""
+
+import ast
+import builtins
+import inspect
+import runpy
+import typing
+
+import pytest
+from house import ROOT
+
+import dovetail
+
+STUB = ROOT / "framework" / "dovetail" / "__init__.pyi"
+
+
+def stub_names():
+    """The names that the stub re-exports, as a type checker reads it."""
+    tree = ast.parse(STUB.read_text(encoding="utf-8"))
+    return [alias.asname for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names]
+
+
+def annotated():
+    """Yield every public function, and every public method and property of a public class."""
+    for name in dovetail.__all__:
+        value = getattr(dovetail, name)
+        if inspect.isfunction(value):
+            yield name, value
+        elif inspect.isclass(value):
+            yield name, value
+            for member, attribute in vars(value).items():
+                function = (
+                    attribute.fget if isinstance(attribute, property) else getattr(attribute, "__func__", attribute)
+                )
+                if not member.startswith("_") and inspect.isfunction(function):
+                    yield f"{name}.{member}", function
+
+
+def test_the_stub_is_the_list_each_name_once():
+    names = stub_names()
+    assert sorted(names) == sorted(set(names)) == sorted(dovetail.__all__)
+    assert set(dovetail.__all__) <= set(dir(dovetail))
+
+
+@pytest.mark.parametrize("name", dovetail.__all__)
+def test_a_public_name_can_be_had_and_says_what_it_is(name):
+    value = getattr(dovetail, name)
+    if inspect.isclass(value) or inspect.isfunction(value):
+        assert value.__doc__, f"{name} has no docstring"
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="identfy"):
+        dovetail.identfy  # noqa: B018
+
+
+@pytest.mark.parametrize(("name", "value"), list(annotated()), ids=lambda item: item if isinstance(item, str) else "")
+def test_type_hints_can_be_read_at_run_time(name, value):
+    hints = typing.get_type_hints(value)
+    if inspect.isfunction(value):
+        assert "return" in hints, f"{name} does not say what it returns"
+
+
+def test_the_errors_that_public_docstrings_name_are_public():
+    named = {
+        line.strip()
+        for _, value in annotated()
+        for line in (inspect.getdoc(value) or "").partition("Raises\n------\n")[2].partition("\n\n")[0].splitlines()
+        if line.strip().endswith("Error") and not line.startswith(" ")
+    }
+    assert {"MeasurementError", "ParameterError", "BundleError"} <= named
+    assert named - set(vars(builtins)) <= set(dovetail.__all__)
+
+
+def test_the_page_of_the_api_has_every_public_name():
+    made = runpy.run_path(str(ROOT / "docs" / "make_api.py"))
+    assert (ROOT / "docs" / "api.md").read_text(encoding="utf-8") == made["page"](), "run: python docs/make_api.py"
+    for name in dovetail.__all__:
+        assert f":: {name}\n" in made["page"]()
+
+
+@pytest.mark.parametrize(
+    "command", ["calibrate", "compare", "generate", "identify", "plan", "predict", "robustness", "train", "validate"]
+)
+def test_what_a_command_does_is_a_public_function(command):
+    assert inspect.isfunction(getattr(dovetail, command))
