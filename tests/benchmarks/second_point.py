@@ -35,7 +35,7 @@ def study(cases: int) -> None:
     deviations = NOISE * described.frf(theta).std(axis=1)
     widths, inside = [], []
     for case, (one, deviation) in enumerate(zip(theta, deviations, strict=True)):
-        measured = noisy(both, one, deviation, np.random.default_rng([7, case]))
+        measured = measure(both, one, deviation, np.random.default_rng([7, case]))
         found = [posterior(both.at(0), measured[:1], case), posterior(both, measured, case)]
         ends = [quantiles(one.fraction, one.weight, [0.05, 0.95]) for one in found]
         place = described.to_unit(one)
@@ -71,7 +71,7 @@ def at_both(described: dovetail.Assembly, *points) -> dovetail.Assembly:
     return dovetail.load(whole | {"responses": [own | place for place in places]})
 
 
-def noisy(
+def measure(
     assembly: dovetail.Assembly, theta: np.ndarray, deviation: float, random: np.random.Generator
 ) -> list[dovetail.Frf]:
     """Return the FRF of each response with noise of one size."""

@@ -92,12 +92,12 @@ def frfs(robust, tmp_path_factory):
     return dovetail.generate(robust, tmp_path_factory.mktemp("robust") / "data.zarr")
 
 
-def noisy(assembly, dataset):
+def noisy_features(assembly, dataset):
     return NoisyFeatures.of(assembly, np.asarray(dataset.amplitude[:]), dataset.parameters)
 
 
 def test_epochs_differ_and_each_can_be_had_again(robust, frfs):
-    first, again = noisy(robust, frfs), noisy(robust, frfs)
+    first, again = noisy_features(robust, frfs), noisy_features(robust, frfs)
     np.testing.assert_array_equal(first(1)[0], again(1)[0])
     assert np.mean(first(0)[0] != first(1)[0]) > 0.9
     np.testing.assert_array_equal(first(2)[1], frfs.parameters)
@@ -106,7 +106,7 @@ def test_epochs_differ_and_each_can_be_had_again(robust, frfs):
 def test_fresh_epochs_have_new_samples_and_their_own_frfs(with_settings, robust, frfs):
     settings = {"fresh": True, "additive": 0.0, "multiplicative": 0.0}
     assembly = with_settings(samples=600, reducer={"model": "none"}, augmentation=settings)
-    features, theta = noisy(assembly, frfs)(4)
+    features, theta = noisy_features(assembly, frfs)(4)
     assert not np.isin(theta[:, 0], frfs.parameters[:, 0]).any()
     expected = np.log10(assembly.accelerance_amplitude(theta) + 1)
     np.testing.assert_allclose(features, expected, rtol=1e-5, atol=1e-6)
@@ -115,9 +115,9 @@ def test_fresh_epochs_have_new_samples_and_their_own_frfs(with_settings, robust,
 def test_a_remaining_mass_needs_phases(with_settings, frfs):
     assembly = with_settings(samples=600, augmentation={"mass": "2 g"})
     with pytest.raises(DatasetError, match="needs the phase"):
-        noisy(assembly, frfs)
+        noisy_features(assembly, frfs)
     fresh = with_settings(samples=600, augmentation={"mass": "2 g", "fresh": True, "additive": 0.0})
-    assert np.isfinite(noisy(fresh, frfs)(0)[0]).all()
+    assert np.isfinite(noisy_features(fresh, frfs)(0)[0]).all()
 
 
 def test_training_goes_through_as_many_augmentations_as_copies(robust, frfs):
@@ -141,7 +141,7 @@ def test_training_goes_through_as_many_augmentations_as_copies(robust, frfs):
 
 def test_fresh_samples_are_never_used_twice(with_settings, frfs):
     assembly = with_settings(samples=600, reducer={"model": "pca"}, augmentation={"fresh": True, "copies": 1})
-    samples = noisy(assembly, frfs)
+    samples = noisy_features(assembly, frfs)
     features, theta = samples(0)
     reducer = assembly.description.identification.reducer.fit(features, seed=0)
     scalings = ZScore.fit(reducer.transform(features)), TargetScaling.fit(theta, assembly.parameters)

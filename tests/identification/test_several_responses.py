@@ -6,18 +6,19 @@ import json
 
 import numpy as np
 import pytest
+from noisy_measurements import noisy
 
 import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.dataset import complex_accelerance
 from dovetail.errors import MeasurementError
 from dovetail.identification.fitting import multistart, refine
-from dovetail.identification.fitting.observations import Measured
-from dovetail.identification.fitting.residuals import FrfMisfit, Frfs
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
 from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures
 from dovetail.identification.network.preprocessing import log10p1
 from dovetail.identification.posterior import sample_posterior
-from dovetail.identification.posterior.model_error import model_errors, resonances
+from dovetail.identification.posterior.model_error import fit_resonances, model_errors
 from dovetail.identification.result_file import read_identification
 
 LINES = 300
@@ -66,22 +67,8 @@ def clean(chain) -> list[dovetail.Frf]:
 
 
 @pytest.fixture(scope="module")
-def noisy(clean) -> list[dovetail.Frf]:
-    return [with_noise(frf, 0.02, seed) for seed, frf in enumerate(clean)]
-
-
-def with_noise(frf: dovetail.Frf, level: float, seed: int, *, has_phase: bool = True) -> dovetail.Frf:
-    deviation = level * frf.values.std()
-    normal = np.random.default_rng(seed).standard_normal((len(frf.values), 2)) @ [1, 1j] / np.sqrt(2)
-    values = frf.values + deviation * normal
-    return dovetail.Frf(
-        frf.frequency,
-        values if has_phase else np.abs(values),
-        frf.quantity,
-        has_phase=has_phase,
-        variance=np.full(len(values), deviation**2),
-        label=frf.label,
-    )
+def frfs(chain, clean) -> list[dovetail.Frf]:
+    return [noisy(chain.at(index), frf.values, 0.02, index, label=frf.label) for index, frf in enumerate(clean)]
 
 
 @pytest.fixture(scope="module")
@@ -95,9 +82,9 @@ def model(chain, dataset) -> dovetail.Identifier:
 
 
 @pytest.mark.parametrize("method", ["refined", "multistart", "posterior"])
-def test_fits_find_the_joint_from_both(chain, noisy, method):
+def test_fits_find_the_joint_from_both(chain, frfs, method):
     options = {"multistart": {"starts": 8, "objective": "weighted"}, "posterior": {"samples": 100, "model_error": 0.0}}
-    result = dovetail.identify(chain, noisy, method, **options.get(method, {}))
+    result = dovetail.identify(chain, frfs, method, **options.get(method, {}))
     assert result.fit.chi_squared == pytest.approx(1.0, abs=0.1)
     assert result.fit.degrees_of_freedom == 2 * 2 * LINES - 4
     deviation = np.sqrt(np.diag(np.linalg.inv(result.fit.information)))
@@ -106,48 +93,48 @@ def test_fits_find_the_joint_from_both(chain, noisy, method):
         assert result.posterior.fraction.std(axis=0) == pytest.approx(deviation, rel=0.3)
 
 
-def test_two_measurements_tell_as_much_as_both_say_together(chain, noisy):
-    both = refine(chain, noisy).information
-    alone = [refine(chain.at(index), frf).information for index, frf in enumerate(noisy)]
+def test_two_measurements_tell_as_much_as_both_say_together(chain, frfs):
+    both = refine(chain, frfs).information
+    alone = [refine(chain.at(index), frf).information for index, frf in enumerate(frfs)]
     np.testing.assert_allclose(both, sum(alone), rtol=0.1, atol=1e-6 * np.max(both))
 
 
-def test_one_response_in_a_list_is_the_same_as_one(chain, noisy):
-    alone, listed = refine(chain.at(0), noisy[0], seed=3), refine(chain.at(0), noisy[:1], seed=3)
+def test_one_response_in_a_list_is_the_same_as_one(chain, frfs):
+    alone, listed = refine(chain.at(0), frfs[0], seed=3), refine(chain.at(0), frfs[:1], seed=3)
     np.testing.assert_array_equal(alone.theta, listed.theta)
     np.testing.assert_array_equal(alone.information, listed.information)
 
 
 def test_the_derivatives_are_those_of_the_residuals(chain, clean):
-    measured = Measured.of(chain, [clean[0], with_noise(clean[1], 0.02, 5, has_phase=False)])
-    variance = measured.variance(measured.known_variances())
+    measured = Observations.of(chain, [clean[0], noisy(chain.at(1), clean[1].values, 0.02, 5, has_phase=False)])
+    variance = measured.variance()
     residual = measured.weighted(variance, np.ones(2 * LINES, dtype=bool))
     place, step = np.array([[0.3, 0.4, 0.6, 0.5]]), 1e-6
     for part in (residual, measured.logarithms(variance)):
-        misfit = FrfMisfit(chain, part)
-        slopes = misfit.linear(place).slopes[0]
+        misfit = FrfResiduals(chain, part)
+        jacobian = misfit.linearise(place).jacobian[0]
         for index, one in enumerate(np.eye(4)):
             ends = misfit.residuals(np.concatenate([place + step * one, place - step * one]))
             expected = (ends[0] - ends[1]) / (2 * step)
-            np.testing.assert_allclose(slopes[index], expected, atol=1e-5 * np.abs(expected).max())
+            np.testing.assert_allclose(jacobian[index], expected, atol=1e-5 * np.abs(expected).max())
 
 
-def test_some_lines_of_the_misfit_are_lines_of_the_whole(chain, noisy):
-    measured = Measured.of(chain, [noisy[0], with_noise(noisy[1], 0.02, 5, has_phase=False)])
-    residual = measured.weighted(measured.variance(measured.known_variances()), np.ones(2 * LINES, dtype=bool))
+def test_some_lines_of_the_misfit_are_lines_of_the_whole(chain, frfs):
+    measured = Observations.of(chain, [frfs[0], noisy(chain.at(1), frfs[1].values, 0.02, 5, has_phase=False)])
+    residual = measured.weighted(measured.variance(), np.ones(2 * LINES, dtype=bool))
     place = np.array([[0.3, 0.4, 0.6, 0.5]])
-    whole = FrfMisfit(chain, residual).residuals(place)[0]
+    whole = FrfResiduals(chain, residual).residuals(place)[0]
     for lines in ([3, 250, LINES + 7, LINES + 8], [LINES + 30]):
         few = np.array(lines)
         rows = residual.residuals_of(few)
         np.testing.assert_array_equal(residual.lines_of(rows), few)
-        some = FrfMisfit(Frfs.of(chain).at(few), residual.at(few)).residuals(place)[0]
+        some = FrfResiduals(ModelFrfs.of(chain).at(few), residual.at(few)).residuals(place)[0]
         np.testing.assert_allclose(some, whole[rows], rtol=1e-9)
 
 
 def test_each_has_its_own_noise_phase_and_bad_lines(chain, clean):
-    loud = with_noise(clean[1], 0.2, 2, has_phase=False)
-    values = with_noise(clean[0], 0.001, 1).values.copy()
+    loud = noisy(chain.at(1), clean[1].values, 0.2, 2, has_phase=False)
+    values = noisy(chain.at(0), clean[0].values, 0.001, 1).values.copy()
     values[120] *= 3.0
     spiked = dovetail.Frf(chain.frequency, values, "receptance")
     fit = refine(chain, [spiked, loud])
@@ -197,8 +184,8 @@ def test_the_bundle_and_the_dataset_keep_their_responses(chain, dataset, model, 
 def test_noise_for_training_is_drawn_for_each_response(chain, dataset):
     description = json.loads(chain.description.text)
     description["identification"]["augmentation"] = {"additive": 0.0, "multiplicative": 0.0, "gain": 0.1}
-    noisy = NoisyFeatures.of(dovetail.load(description), np.asarray(dataset.amplitude[:50]), dataset.parameters[:50])
-    features, _ = noisy(0)
+    samples = NoisyFeatures.of(dovetail.load(description), np.asarray(dataset.amplitude[:50]), dataset.parameters[:50])
+    features, _ = samples(0)
     gains = (10.0**features - 1) / dataset.amplitude[:50]
     each = [part[:, part.shape[1] // 2] for part in np.split(gains, 2, axis=1)]
     for part, gain in zip(np.split(gains, 2, axis=1), each, strict=True):
@@ -221,8 +208,8 @@ def test_the_unit_of_the_noise_is_that_of_each_response(chain, dataset):
     np.testing.assert_array_equal(features, log10p1(np.concatenate(parts, axis=1)))
 
 
-def test_the_result_has_every_response(chain, noisy, tmp_path):
-    result = dovetail.identify(chain, noisy)
+def test_the_result_has_every_response(chain, frfs, tmp_path):
+    result = dovetail.identify(chain, frfs)
     assert [one.point for one in result.responses] == ["lower, 0 mm", "upper, 0 mm"]
     assert result.provenance["further_measurements"] == ["upper.uff"]
     assert [one.frf.quantity for one in result.responses] == ["receptance", "accelerance"]
@@ -242,12 +229,12 @@ def test_the_result_has_every_response(chain, noisy, tmp_path):
     assert "2 measured FRFs" in page
 
 
-def test_a_foreign_measurement_is_told_with_its_response(chain, clean):
+def test_the_response_that_fits_the_least_is_named(chain, clean):
     wrong = dovetail.Frf(chain.frequency, -clean[1].values, "accelerance")
     result = dovetail.identify(chain, [clean[0], wrong], "multistart", starts=4)
-    assert result.foreign.flagged
-    assert result.foreign.reasons[0] == "The FRF at upper, 0 mm is the one that fits the least."
-    assert not dovetail.identify(chain, list(clean), "multistart", starts=4).foreign.flagged
+    assert result.misspecification.flagged
+    assert result.misspecification.reasons[0] == "The FRF at upper, 0 mm is the one that fits the least."
+    assert not dovetail.identify(chain, list(clean), "multistart", starts=4).misspecification.flagged
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
@@ -263,19 +250,19 @@ def test_a_wrong_number_of_measurements_is_one_clear_error(chain, clean, count):
 
 def test_resonances_make_up_the_frfs_of_all_responses(chain, clean):
     values = [frf.values for frf in clean]
-    found = resonances(chain.frequency, values)
+    found = fit_resonances(chain.frequency, values)
     expected = chain.natural_frequencies(TRUTH)[:2]
     np.testing.assert_allclose(found.poles.real, expected, rtol=1e-3)
     assert found.terms.shape == (2, 2, LINES)
-    assert np.abs(found.rest[0]).max() < 1e-9 * np.abs(values[0]).max()  # a receptance is nothing else
-    np.testing.assert_allclose(found.rest[1], 1.0, atol=1e-9)  # an accelerance tends to one over the mass of 1 kg
+    assert np.abs(found.background[0]).max() < 1e-9 * np.abs(values[0]).max()  # a receptance is nothing else
+    np.testing.assert_allclose(found.background[1], 1.0, atol=1e-9)  # an accelerance tends to one over the mass of 1 kg
 
 
 def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, clean):
     values = [frf.values for frf in clean]
     each = [model_errors(chain.frequency, [one], 1e-3) for one in values]
     joint = model_errors(chain.frequency, values, 1e-3)
-    poles = len(resonances(chain.frequency, values).poles)
+    poles = len(fit_resonances(chain.frequency, values).poles)
     shared, own = 2 * (6 + poles) + 4 * poles, 2 * (6 + poles)
     assert joint.shape == (shared + 2 * own, 2 * LINES)
     for row in joint[shared:]:
@@ -293,11 +280,10 @@ def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, cl
     np.testing.assert_array_equal(model_errors(chain.frequency, values[:1], 1e-3), each[0])
 
 
-def test_model_error_widens_the_posterior_of_both(chain, noisy):
-    fit = refine(chain, noisy)
+def test_model_error_widens_the_posterior_of_both(chain, frfs):
+    fit = refine(chain, frfs)
     exact, allowed = (
-        sample_posterior(chain, noisy, fit, samples=100, model_error=level).fraction.std(axis=0)
-        for level in (0.0, 0.02)
+        sample_posterior(chain, frfs, fit, samples=100, model_error=level).fraction.std(axis=0) for level in (0.0, 0.02)
     )
     assert np.all(allowed[[0, 2]] > 1.2 * exact[[0, 2]])
 

@@ -4,7 +4,7 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.identifier import Identifier, load_model, train
 from dovetail.identification.identify import identify
 from dovetail.identification.metrics import Evaluation, ParameterMetrics
-from dovetail.identification.misspecification import Foreign
+from dovetail.identification.misspecification import Misspecification
 from dovetail.identification.posterior import Posterior, Verdict
 from dovetail.identification.prediction import Band, predict, predict_band
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
@@ -14,10 +14,10 @@ __all__ = [
     "Band",
     "Evaluation",
     "Fit",
-    "Foreign",
     "Identification",
     "IdentifiedParameter",
     "Identifier",
+    "Misspecification",
     "Mode",
     "ParameterMetrics",
     "Posterior",

@@ -14,7 +14,7 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Objective, multistart, refine
-from dovetail.identification.misspecification import examine
+from dovetail.identification.misspecification import check_misspecification
 from dovetail.identification.network.preprocessing import accelerance_amplitudes
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.posterior import MODEL_ERROR, Form, laplace_posterior, sample_posterior
@@ -51,11 +51,11 @@ def by_network(assembly: Assembly, measured: tuple[Frf, ...], trained: TrainedNe
             "was trained on. Check its quantity and units."
         )
     origin = provenance(assembly, measured, trained.evaluation)
-    foreign = None
+    verdict = None
     if trained.novelty is not None:
-        foreign = trained.novelty.examine(measured[0], assembly.accelerance_amplitude(theta).astype(np.float64))
-    result = reconstruct(assembly, theta, measured, method="network", provenance=origin, foreign=foreign)
-    return result if foreign is not None else replace(result, warnings=(*result.warnings, _CANNOT_TELL))
+        verdict = trained.novelty.check(measured[0], assembly.accelerance_amplitude(theta).astype(np.float64))
+    result = reconstruct(assembly, theta, measured, method="network", provenance=origin, misspecification=verdict)
+    return result if verdict is not None else replace(result, warnings=(*result.warnings, _CANNOT_TELL))
 
 
 def by_refined_fit(
@@ -87,8 +87,10 @@ def _refined(
     settings = assembly.description.identification
     fit = refine(assembly, measured, starts, seed=settings.seed if seed is None else seed)
     origin = provenance(assembly, measured, trained.evaluation if trained is not None else None)
-    foreign = examine(assembly, measured, fit, model_error)
-    return reconstruct(assembly, fit.theta, measured, method="refined", provenance=origin, fit=fit, foreign=foreign)
+    verdict = check_misspecification(assembly, measured, fit, model_error)
+    return reconstruct(
+        assembly, fit.theta, measured, method="refined", provenance=origin, fit=fit, misspecification=verdict
+    )
 
 
 def by_multistart(
@@ -128,8 +130,10 @@ def by_multistart(
         seed=assembly.description.identification.seed if seed is None else seed,
     )
     origin = provenance(assembly, measured, None) | {"objective": objective}
-    foreign = examine(assembly, measured, fit, name=False)
-    return reconstruct(assembly, fit.theta, measured, method="multistart", provenance=origin, fit=fit, foreign=foreign)
+    verdict = check_misspecification(assembly, measured, fit, explain=False)
+    return reconstruct(
+        assembly, fit.theta, measured, method="multistart", provenance=origin, fit=fit, misspecification=verdict
+    )
 
 
 _FORMS = {"samples": sample_posterior, "laplace": laplace_posterior}

@@ -1,4 +1,4 @@
-"""How well parameters are predicted: R2, RMSE and MAE, parameter by parameter."""
+"""How well a network predicts each parameter: R2, RMSE and MAE."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ParameterMetrics:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a trained network can do, on samples it has not seen, and what training it cost.
+    """The errors of a trained network on samples that it was not trained on, and the cost of its training.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Evaluation:
     training_samples, test_samples : int
     seed : int
     seconds : mapping of str to float
-        Wall-clock time of each stage of training.
+        Wall-clock time of each stage of training [s].
     """
 
     parameters: Mapping[str, ParameterMetrics]
@@ -91,13 +91,11 @@ def parameter_metrics(
 
 
 def _metrics(parameter: Parameter, truth: NDArray[np.float64], predicted: NDArray[np.float64]) -> ParameterMetrics:
-    wanted = parameter.to_unit(truth)
-    error = parameter.to_unit(predicted) - wanted
-    error_si = predicted - truth
-    varies = bool(wanted.max() > wanted.min())
-    spread = np.sum((wanted - wanted.mean()) ** 2)
+    true = parameter.to_unit(truth)
+    error, error_si = parameter.to_unit(predicted) - true, predicted - truth
+    total = np.sum((true - true.mean()) ** 2)
     return ParameterMetrics(
-        r2=float(1.0 - np.sum(error**2) / spread) if varies else None,
+        r2=float(1.0 - np.sum(error**2) / total) if true.max() > true.min() else None,
         rmse=_rms(error),
         mae=float(np.mean(np.abs(error))),
         rmse_si=_rms(error_si),

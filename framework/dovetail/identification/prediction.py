@@ -1,4 +1,4 @@
-"""The identified joint in another assembly."""
+"""Prediction: the FRF of another assembly with an identified joint, and a band of its uncertainty."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.posterior import LEVEL, model_errors
-from dovetail.identification.posterior.prior import fraction_of, quantile_of
-from dovetail.identification.reconstruction import sought
+from dovetail.identification.posterior.prior import normal_from_unit, unit_from_normal
+from dovetail.identification.reconstruction import list_identified_parameters
 from dovetail.identification.result import Identification
-from dovetail.interfaces import Parameter
 
 __all__ = ["Band", "joint_values", "predict", "predict_band"]
 
@@ -26,25 +25,25 @@ def predict(assembly: Assembly, result: Identification | Mapping[str, float]) ->
     Parameters
     ----------
     assembly : Assembly
-        Another tool, say, in the same holder and joint. What its description fixes stays as it is.
+        For example another tool in the same holder and joint. Parameters that its description fixes keep their values.
     result : Identification or mapping of str to float
         The identified joint; or SI values by name, bare or as ``joint.parameter``.
 
     Returns
     -------
     Frf
-        In the quantity and on the frequencies of `assembly`, at the first of its responses; ``assembly.at(1)`` in its
-        place gives the FRF at the second.
+        In the quantity and on the frequencies of `assembly`, at the first of its responses. For the second, pass
+        ``assembly.at(1)``.
 
     Raises
     ------
     ParameterError
-        The assembly seeks a parameter that `result` does not hold, or holds in another unit.
+        The assembly needs a parameter that `result` does not have, or has in another unit.
 
     Notes
     -----
-    A parameter is matched by joint and name; failing that by its name alone, if only one joint on either side has it.
-    Parameters that the identified assembly's description fixed belong to the joint and go with it.
+    A parameter is matched by joint and name, or else by its name alone if only one joint on either side has it.
+    Parameters that the identified assembly's description fixes belong to the joint and are taken along.
     """
     values = joint_values(assembly, result)
     response, label = assembly.description.response, f"{assembly.name}, predicted"
@@ -52,7 +51,7 @@ def predict(assembly: Assembly, result: Identification | Mapping[str, float]) ->
 
 
 def joint_values(assembly: Assembly, result: Identification | Mapping[str, float]) -> dict[str, float]:
-    """Return what an identified joint gives for the parameters that an assembly seeks.
+    """Return the values of an identified joint for the identified parameters of another assembly.
 
     Parameters
     ----------
@@ -70,7 +69,7 @@ def joint_values(assembly: Assembly, result: Identification | Mapping[str, float
         As in `predict`.
     """
     values = _values(result)
-    names = sought(assembly)
+    names = list_identified_parameters(assembly)
     matched: dict[str, float] = {}
     faults, missing = [], []
     for parameter, (joint, name) in zip(assembly.parameters, names, strict=True):
@@ -87,9 +86,9 @@ def joint_values(assembly: Assembly, result: Identification | Mapping[str, float
     if missing:
         noun, them = ("parameter", "it") if len(missing) == 1 else ("parameters", "them")
         problem = f"assembly '{assembly.name}' needs {them}, and the identification does not hold {them}."
-        held = listing((str(value) for value in values), 20)
-        where = f"{noun} {listing(missing, 20)}"
-        faults.insert(0, Fault(where, problem, held, f"Fix {them} in the description, or identify {them}."))
+        known = listing((str(value) for value in values), 20)
+        remedy = f"Fix {them} in the description, or identify {them}."
+        faults.insert(0, Fault(f"{noun} {listing(missing, 20)}", problem, known, remedy))
     if faults:
         raise ParameterError(*faults)
     return matched
@@ -108,33 +107,41 @@ class _Value:
 
 def _values(result: Identification | Mapping[str, float]) -> list[_Value]:
     if not isinstance(result, Identification):
-        return [_Value(*_parted(name), float(value)) for name, value in result.items()]
-    identified = [_Value(p.joint, _parted(p.name)[1], p.value, p.unit) for p in result.parameters.values()]
-    return identified + [_Value(*_parted(name), value) for name, value in result.known.items()]
+        return [_Value(*_split_name(name), float(value)) for name, value in result.items()]
+    identified = [_Value(p.joint, _split_name(p.name)[1], p.value, p.unit) for p in result.parameters.values()]
+    return identified + [_Value(*_split_name(name), value) for name, value in result.known.items()]
 
 
-def _parted(name: str) -> tuple[str | None, str]:
+def _split_name(name: str) -> tuple[str | None, str]:
     joint, dot, bare = name.rpartition(".")
     return (joint if dot else None), bare
 
 
 def _match(values: list[_Value], joint: str, name: str, shared: bool) -> _Value | None:
-    """Return the value for a joint's parameter; `shared` says that several joints sought have one of this name."""
-    alike = [value for value in values if value.name == name]
-    exact = [value for value in alike if value.joint == joint]
+    """Return the value for a joint's parameter; `shared` if several joints of the assembly have one of this name."""
+    same_name = [value for value in values if value.name == name]
+    exact = [value for value in same_name if value.joint == joint]
     if exact:
         return exact[0]
-    return alike[0] if len(alike) == 1 and not shared else None
+    return same_name[0] if len(same_name) == 1 and not shared else None
 
 
-_DRAWN = 400
-_STEP = 1e-4
-"""Of the normal quantiles, for derivatives by differences."""
+@dataclass(frozen=True)
+class Settings:
+    """How a band is computed."""
+
+    draws: int = 400
+    """Posterior samples whose FRFs are computed; enough for quantiles of 5 and 95 %."""
+    step: float = 1e-4
+    """Of the normal coordinates, for derivatives by central differences."""
+
+
+_SETTINGS = Settings()
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Between which amplitudes an FRF lies.
+    """Amplitudes between which an FRF lies.
 
     Parameters
     ----------
@@ -153,7 +160,7 @@ class Band:
 
 
 def predict_band(assembly: Assembly, result: Identification, *, level: float = LEVEL, seed: int = 0) -> Band:
-    """Predict between which amplitudes the FRF of another assembly with the identified joint lies.
+    """Predict the amplitudes between which the FRF of another assembly with the identified joint lies.
 
     Parameters
     ----------
@@ -168,9 +175,9 @@ def predict_band(assembly: Assembly, result: Identification, *, level: float = L
     Returns
     -------
     Band
-        From the posterior's samples, and with the same error allowed to this assembly's model as to the one that the
-        joint was identified in. With the form "laplace" the FRF is taken to be linear about the most probable place:
-        the Gaussian holds only there, and its samples by themselves do not reproduce the measurement.
+        From the posterior's samples. The model of this assembly is allowed the same error as the model in which the
+        joint was identified. With the form "laplace" the FRF is linearised at the posterior mode: the Gaussian is
+        valid only there, and its samples by themselves do not reproduce the measurement.
 
     Raises
     ------
@@ -182,11 +189,11 @@ def predict_band(assembly: Assembly, result: Identification, *, level: float = L
         problem = f"the joint was identified by the method '{result.method}', which does not say how sure it is."
         raise ParameterError(Fault("result", problem, remedy="Identify it by the method 'posterior'."))
     random = np.random.default_rng([seed, 3])
-    chosen = random.choice(len(posterior.weight), _DRAWN, p=posterior.weight)
+    draws = random.choice(len(posterior.weight), _SETTINGS.draws, p=posterior.weight)
     if posterior.mode is None:
-        values = _frfs(assembly, result, posterior.theta[chosen])
+        values = _frfs(assembly, result, posterior.theta[draws])
     else:
-        values = _linear(assembly, result, posterior.fraction[chosen], posterior.mode)
+        values = _linearised_frfs(assembly, result, posterior.fraction[draws], posterior.mode)
     errors = model_errors(assembly.frequency, [predict(assembly, result).values], posterior.model_error)
     amplitude = np.abs(values + random.standard_normal((len(values), len(errors))) @ errors)
     lower, upper = np.quantile(amplitude, [(1.0 - level) / 2.0, (1.0 + level) / 2.0], axis=0)
@@ -194,31 +201,21 @@ def predict_band(assembly: Assembly, result: Identification, *, level: float = L
 
 
 def _frfs(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-    return assembly.frf(np.stack([_joint(assembly, result, one) for one in theta]))
+    """Return the FRFs (n, n_freq) of the assembly with samples (n, p) of the identified joint."""
+    joints = [f"{parameter.joint}.{_split_name(name)[1]}" for name, parameter in result.parameters.items()]
+    samples = [{**result.known, **dict(zip(joints, row, strict=True))} for row in theta.tolist()]
+    return assembly.frf(np.stack([assembly.vector(joint_values(assembly, sample)) for sample in samples]))
 
 
-def _linear(
+def _linearised_frfs(
     assembly: Assembly, result: Identification, fraction: NDArray[np.float64], mode: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Return FRFs of samples by the derivatives at the most probable place, in the Gaussian's coordinates."""
-    ranges = [Parameter(name, p.unit, p.lower, p.upper, p.scale) for name, p in result.parameters.items()]
-    centre = quantile_of(np.array([one.to_unit(value) for one, value in zip(ranges, mode, strict=True)]))
-    steps = np.concatenate([_STEP * np.eye(len(mode)), -_STEP * np.eye(len(mode))])
-    near = fraction_of(centre + steps)
-    theta = np.stack([one.from_unit(near[:, index]) for index, one in enumerate(ranges)], axis=1)
+    """Return the FRFs (n, n_freq) of samples, linear in the normal coordinates about the posterior mode."""
+    parameters = [parameter.definition for parameter in result.parameters.values()]
+    centre = normal_from_unit(np.array([p.to_unit(value) for p, value in zip(parameters, mode, strict=True)]))
+    steps = _SETTINGS.step * np.eye(len(mode))
+    near = unit_from_normal(centre + np.concatenate([steps, -steps]))
+    theta = np.stack([p.from_unit(column) for p, column in zip(parameters, near.T, strict=True)], axis=1)
     ahead, behind = np.split(_frfs(assembly, result, theta), 2)
-    at_mode = _frfs(assembly, result, mode[np.newaxis])
-    return np.asarray(at_mode + (quantile_of(fraction) - centre) @ ((ahead - behind) / (2.0 * _STEP)))
-
-
-def _joint(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return one sample of the joint as a parameter vector of the assembly."""
-    given = dict(zip(result.parameters, theta.tolist(), strict=True))
-    known = joint_values(assembly, {**result.known, **_named(result, given)})
-    return assembly.vector(known)
-
-
-def _named(result: Identification, values: dict[str, float]) -> dict[str, float]:
-    """Return values by joint and parameter."""
-    joints = {name: parameter.joint for name, parameter in result.parameters.items()}
-    return {f"{joints[name]}.{name.rpartition('.')[2]}": value for name, value in values.items()}
+    jacobian = (ahead - behind) / (2.0 * _SETTINGS.step)
+    return np.asarray(_frfs(assembly, result, mode[np.newaxis]) + (normal_from_unit(fraction) - centre) @ jacobian)

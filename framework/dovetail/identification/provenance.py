@@ -1,4 +1,4 @@
-"""Where a result comes from: versions, description, components, seed."""
+"""The provenance of a result: versions, description, components, seed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "to
 
 def package_versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that numbers depend on."""
-    return {"python": platform.python_version(), **{name: found for name in _PACKAGES if (found := _version(name))}}
+    return {"python": platform.python_version(), **{name: text for name in _PACKAGES if (text := _version(name))}}
 
 
 @cache
@@ -41,7 +41,7 @@ def description_hash(text: str) -> str:
 
 
 def component_sources(assembly: Assembly) -> dict[str, str]:
-    """Return who offers each component of an assembly: ``"joint collet"`` to ``"dovetail-frf 0.1.0"``, or a file."""
+    """Return the source of each component: ``"joint collet": "dovetail-frf 0.1.0"``, or a file's name."""
     description = assembly.description
     components: list[Component] = [
         *description.substructures.values(),
@@ -53,7 +53,7 @@ def component_sources(assembly: Assembly) -> dict[str, str]:
 
 
 def provenance(assembly: Assembly, measured: Sequence[Frf], evaluation: Evaluation | None) -> dict[str, Any]:
-    """Return what is needed to make a result again, as plain values; no `evaluation` where no network took part."""
+    """Return what is needed to reproduce a result, as plain values; `evaluation` is None if no network took part."""
     description, first = assembly.description, measured[0]
     further = {"further_measurements": [frf.label for frf in measured[1:]]} if len(measured) > 1 else {}
     return {

@@ -1,9 +1,9 @@
-"""From identified values back to the FRF, the natural frequencies and what to warn of."""
+"""From identified values to a result: reconstructed FRFs, natural frequencies and warnings."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -13,36 +13,41 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
-from dovetail.identification.fitting import Fit, one_for_each
-from dovetail.identification.misspecification import Foreign
+from dovetail.identification.fitting import Fit, one_per_response
+from dovetail.identification.misspecification import Misspecification
 from dovetail.identification.resonance_peaks import paired_modes, resonance_peaks
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.units import format_quantity
 
-__all__ = ["reconstruct", "sought"]
-
-_LOW_COHERENCE = 0.9
-"""Mean coherence below which the reconstruction visibly misses the measurement."""
-
-_HARDLY_TOLD = 0.1
-"""R2 on test FRFs below which a network does hardly better than a guess of the middle."""
-
-_FEWEST_AGREEING = 2
-
-_MOST_LISTED = 8
-"""Lines that were left out that a warning names."""
-
-_MOST_MODES = 10
-"""Natural frequencies to ask for; those beyond the assembly's frequencies are left out."""
+__all__ = ["list_identified_parameters", "reconstruct"]
 
 
-def sought(assembly: Assembly) -> list[tuple[str, str]]:
-    """Return the joint and the name within it of each of ``assembly.parameters``."""
+@dataclass(frozen=True)
+class Settings:
+    """When a result has a warning, and what it lists."""
+
+    low_coherence: float = 0.9
+    """Mean coherence below which the reconstruction visibly misses the measurement."""
+    low_r2: float = 0.1
+    """R2 on test FRFs below which a network is hardly better than a guess of the middle of the range."""
+    least_agreeing: int = 2
+    """Searches that end in the same minimum for it to be taken as the global one."""
+    most_listed: int = 8
+    """Ignored lines that a warning lists."""
+    most_modes: int = 10
+    """Natural frequencies that are computed; those beyond the assembly's frequencies are dropped."""
+
+
+_SETTINGS = Settings()
+
+
+def list_identified_parameters(assembly: Assembly) -> list[tuple[str, str]]:
+    """Return for each of ``assembly.parameters`` its joint and its name within the joint."""
     return [
-        (joint, parameter.name)
-        for joint, entry in assembly.description.joints.items()
-        for parameter in entry.parameters
-        if parameter.name not in entry.fixed
+        (name, parameter.name)
+        for name, joint in assembly.description.joints.items()
+        for parameter in joint.parameters
+        if parameter.name not in joint.fixed
     ]
 
 
@@ -54,9 +59,9 @@ def reconstruct(
     method: str,
     provenance: Mapping[str, Any],
     fit: Fit | None = None,
-    foreign: Foreign | None = None,
+    misspecification: Misspecification | None = None,
 ) -> Identification:
-    """Build the result that belongs to identified parameter values.
+    """Build the result of identified parameter values.
 
     Parameters
     ----------
@@ -69,20 +74,20 @@ def reconstruct(
     provenance : mapping
         Plain values.
     fit : Fit, optional
-        That gave `theta`.
-    foreign : Foreign, optional
-        Whether the model can have made the measurement.
+        From which `theta` comes.
+    misspecification : Misspecification, optional
+        Whether the model can have produced the measurement.
 
     Returns
     -------
     Identification
     """
-    at_points = _at_points(assembly, theta, one_for_each(assembly, measured), f"{assembly.name}, {method}")
+    at_points = _at_points(assembly, theta, one_per_response(assembly, measured), f"{assembly.name}, {method}")
     first = at_points[0]
     modes, without_modes = _modes(assembly, theta, first.frf, first.measured)
     result = Identification(
         method=method,
-        parameters=MappingProxyType(_identified(assembly, theta)),
+        parameters=MappingProxyType(_parameters(assembly, theta)),
         known=MappingProxyType(_known(assembly)),
         frf=first.frf,
         measured=first.measured,
@@ -92,7 +97,7 @@ def reconstruct(
         fit=fit,
         point=first.point,
         further=at_points[1:],
-        foreign=foreign,
+        misspecification=misspecification,
     )
     return replace(result, warnings=_warnings(result, without_modes))
 
@@ -100,42 +105,35 @@ def reconstruct(
 def _at_points(
     assembly: Assembly, theta: NDArray[np.float64], measured: Sequence[Frf], label: str
 ) -> tuple[AtPoint, ...]:
-    """Return what was reconstructed and measured at each response."""
-    description, found = assembly.description, []
-    each = zip(description.responses, description.response_labels, assembly.each_response, measured, strict=True)
-    for response, point, one, frf in each:
+    """Return the reconstructed and the measured FRF at each response."""
+    description, at_points = assembly.description, []
+    responses = zip(description.responses, description.response_labels, assembly.each_response, measured, strict=True)
+    for response, point, alone, frf in responses:
         name = label if len(measured) == 1 else f"{label}, {point}"
-        values = Frf(one.frequency, one.frf(theta), response.quantity, label=name, rotation=response.rotation)
-        found.append(AtPoint(point, values, replace(frf.to(response.quantity), rotation=response.rotation)))
-    return tuple(found)
+        values = Frf(alone.frequency, alone.frf(theta), response.quantity, label=name, rotation=response.rotation)
+        at_points.append(AtPoint(point, values, replace(frf.to(response.quantity), rotation=response.rotation)))
+    return tuple(at_points)
 
 
-def _identified(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
-    identified = {}
-    for parameter, value, (joint, _) in zip(assembly.parameters, theta.tolist(), sought(assembly), strict=True):
-        identified[parameter.name] = IdentifiedParameter(
-            name=parameter.name,
-            value=value,
-            unit=parameter.unit,
-            lower=parameter.lower,
-            upper=parameter.upper,
-            scale=parameter.scale,
-            in_range=parameter.lower <= value <= parameter.upper,
-            description=parameter.description,
-            joint=joint,
+def _parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
+    pairs = zip(assembly.parameters, theta.tolist(), list_identified_parameters(assembly), strict=True)
+    return {
+        parameter.name: IdentifiedParameter(
+            **asdict(parameter), value=value, in_range=parameter.lower <= value <= parameter.upper, joint=joint
         )
-    return identified
+        for parameter, value, (joint, _) in pairs
+    }
 
 
 def _known(assembly: Assembly) -> dict[str, float]:
-    joints = assembly.description.joints
-    return {f"{joint}.{name}": float(value) for joint, entry in joints.items() for name, value in entry.fixed.items()}
+    joints = assembly.description.joints.items()
+    return {f"{name}.{parameter}": float(value) for name, joint in joints for parameter, value in joint.fixed.items()}
 
 
 def _modes(assembly: Assembly, theta: NDArray[np.float64], frf: Frf, measured: Frf) -> tuple[tuple[Mode, ...], str]:
     """Return the modes within the assembly's frequencies and, where there are none, why."""
     try:
-        natural = assembly.natural_frequencies(theta, count=_MOST_MODES)
+        natural = assembly.natural_frequencies(theta, count=_SETTINGS.most_modes)
     except PluginError:
         raise
     except DovetailError as error:
@@ -155,34 +153,34 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
         for parameter in result.parameters.values()
         if not parameter.in_range
     ]
-    tested = result.provenance.get("evaluation", {}).get("parameters", {})
-    guessed = [name for name, metrics in tested.items() if metrics["r2"] is not None and metrics["r2"] < _HARDLY_TOLD]
-    if guessed:
+    tests = result.provenance.get("evaluation", {}).get("parameters", {}).items()
+    unknown = [name for name, metrics in tests if metrics["r2"] is not None and metrics["r2"] < _SETTINGS.low_r2]
+    if unknown:
         warnings.append(
-            f"Do not rely on {', '.join(guessed)}: on FRFs that it was not trained on, the network does hardly better "
+            f"Do not rely on {', '.join(unknown)}: on FRFs that it was not trained on, the network does hardly better "
             "there than a guess of the middle of the range."
         )
-    is_foreign = result.foreign is not None and result.foreign.flagged
+    is_misspecified = result.misspecification is not None and result.misspecification.flagged
     if result.fit is not None:
-        warnings += _warnings_of_fit(result.fit, is_foreign)
+        warnings += _warnings_of_fit(result.fit, is_misspecified)
     for index, at_point in enumerate(result.responses):
         where = f" at {at_point.point}" if result.further else ""
         if result.fit is not None:
             warnings += _warnings_of_lines(result.fit.at(index, len(result.responses)), where)
-        warnings += _warnings_at(at_point, where, is_foreign)
+        warnings += _warnings_at(at_point, where, is_misspecified)
     if without_modes:
         warnings.append(without_modes)
     return tuple(warnings)
 
 
-def _warnings_at(at_point: AtPoint, where: str, is_foreign: bool) -> list[str]:
-    """Return what a reader must know of the FRF at one response; `where` names it if there are several."""
+def _warnings_at(at_point: AtPoint, where: str, is_misspecified: bool) -> list[str]:
+    """Return the warnings about the FRF at one response; `where` names it if there are several."""
     warnings = []
     if not at_point.measured.has_phase:
         warnings.append(
             f"The measurement{where} has no phase: the coherence compares amplitudes and cannot fall below 0.5."
         )
-    if at_point.mean_coherence < _LOW_COHERENCE and not is_foreign:
+    if at_point.mean_coherence < _SETTINGS.low_coherence and not is_misspecified:
         warnings.append(
             f"The mean coherence{where} is {at_point.mean_coherence:.3f}: the reconstructed FRF does not follow the "
             "measured one, so the parameters are not to be relied on."
@@ -190,24 +188,24 @@ def _warnings_at(at_point: AtPoint, where: str, is_foreign: bool) -> list[str]:
     return warnings
 
 
-def _warnings_of_fit(fit: Fit, is_foreign: bool) -> list[str]:
-    """Return what a reader must know of a fit, but that the measurement is foreign, which is said elsewhere."""
+def _warnings_of_fit(fit: Fit, is_misspecified: bool) -> list[str]:
+    """Return the warnings about a fit; misspecification is reported by itself."""
     warnings = [f"{name} ended at the {end} end of its range." for name, end in fit.at_bounds.items()]
-    if fit.discrepancy and not is_foreign:
+    if fit.discrepancy and not is_misspecified:
         warnings.append(
             f"No parameters within the ranges explain this measurement down to its random error (chi-squared "
             f"{fit.chi_squared:.3g}): the model is off by about {100 * fit.discrepancy:.2g} % of the FRF, so the "
             "parameters may be off by more than the noise says."
         )
-        if fit.agreeing < _FEWEST_AGREEING:
+        if fit.agreeing < _SETTINGS.least_agreeing:
             warnings.append("No two searches ended in the same place: there may be a better fit.")
     return warnings
 
 
 def _warnings_of_lines(fit: Fit, where: str) -> list[str]:
-    """Return which lines of a response were left out; `where` names it if there are several."""
+    """Return the warning about ignored lines of a response; `where` names it if there are several."""
     if not fit.ignored.size:
         return []
-    lines = ", ".join(f"{frequency:.6g}" for frequency in fit.ignored[:_MOST_LISTED])
-    more = ", ..." if fit.ignored.size > _MOST_LISTED else ""
+    lines = ", ".join(f"{frequency:.6g}" for frequency in fit.ignored[: _SETTINGS.most_listed])
+    more = ", ..." if fit.ignored.size > _SETTINGS.most_listed else ""
     return [f"{fit.ignored.size} lines{where} stand alone and were left out: {lines}{more} Hz."]

@@ -1,4 +1,4 @@
-"""What an identification gives: parameters, the FRF they reconstruct, and how far it agrees with the measurement."""
+"""The result of an identification: parameters, reconstructed FRFs and their agreement with the measurement."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification.fitting.fit import Fit
-from dovetail.identification.misspecification.result import Foreign
+from dovetail.identification.misspecification.result import Misspecification
 from dovetail.identification.posterior.posterior import Posterior
-from dovetail.interfaces import Scale
+from dovetail.interfaces import Parameter, Scale
 
 __all__ = ["AtPoint", "Identification", "IdentifiedParameter", "Mode"]
 
@@ -27,10 +27,10 @@ class IdentifiedParameter:
     name : str
         As in ``assembly.parameters``.
     value : float
-        SI, in `unit`; as predicted, also outside the range.
+        SI, in `unit`. A network may give one outside the range.
     unit : str
     lower, upper : float
-        The range in which it was sought.
+        The range in which it was identified.
     scale : {"linear", "log"}
     in_range : bool
         Whether the value lies in the range.
@@ -49,19 +49,24 @@ class IdentifiedParameter:
     description: str
     joint: str
 
+    @property
+    def definition(self) -> Parameter:
+        """The parameter with its range, as the assembly defines it."""
+        return Parameter(self.name, self.unit, self.lower, self.upper, self.scale, self.description)
+
 
 @dataclass(frozen=True)
 class Mode:
-    """A natural frequency of the identified model and the resonance peaks that belong to it.
+    """A natural frequency of the identified model, with its resonance peaks.
 
     Parameters
     ----------
     natural_frequency : float
         Hz, of the undamped model.
     reconstructed_peak, measured_peak : float or None
-        Hz; where the amplitude of the reconstructed and of the measured accelerance peaks. With damping in the joint
-        that is some per cent off the natural frequency, so the two peaks are what can be compared. None where there
-        is no clear peak, as at a node of vibration.
+        Hz; where the amplitude of the reconstructed and of the measured accelerance peaks. Damping in the joint shifts
+        a peak by some per cent from the natural frequency, so compare the two peaks. None where there is no clear
+        peak, as at a node of vibration.
     """
 
     natural_frequency: float
@@ -71,7 +76,7 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class AtPoint:
-    """What was measured at one response, and what the identified parameters give there.
+    """The measured and the reconstructed FRF at one response.
 
     Parameters
     ----------
@@ -87,7 +92,10 @@ class AtPoint:
 
     @property
     def coherence(self) -> NDArray[np.float64]:
-        """(n_freq,) agreement of reconstruction and measurement (Eq. 15); of their amplitudes if there is no phase."""
+        """(n_freq,) coherence of reconstruction and measurement; of their amplitudes if there is no phase.
+
+        Eq. 15 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
+        """
         if self.measured.has_phase:
             return coherence_spectrum(self.measured.values, self.frf.values)
         return coherence_spectrum(self.measured.amplitude, self.frf.amplitude)
@@ -123,24 +131,24 @@ class Identification:
     frf : Frf
         Reconstructed from the parameters, on the assembly's frequencies, in the response's quantity.
     measured : Frf
-        The measurement on the same frequencies, in the same quantity. Where there are several responses, `frf` and
-        `measured` are those of the first; `responses` has all.
+        The measurement on the same frequencies, in the same quantity. If there are several responses, `frf` and
+        `measured` belong to the first; `responses` has all of them.
     modes : tuple of Mode
         Of the identified model, within the assembly's frequencies.
     warnings : tuple of str
-        What a reader must know before believing the numbers.
+        What a reader must know before relying on the numbers.
     provenance : mapping
         Versions, description, measurement and seed; plain values.
     fit : Fit or None
-        How good the fit is; None where nothing was fitted.
+        How good the fit is; None if nothing was fitted.
     posterior : Posterior or None
-        Samples of the parameters, and how far each is known; with the method "posterior" only.
+        Samples of the parameters and their uncertainty; with the method "posterior" only.
     point : str
         Where the first response is.
     further : tuple of AtPoint
-        The other responses, where there are several.
-    foreign : Foreign or None
-        Whether the model can have made the measurement; None where nothing tells.
+        The other responses, if there are several.
+    misspecification : Misspecification or None
+        Whether the model can have produced the measurement; None if the method cannot tell.
     """
 
     method: str
@@ -155,11 +163,11 @@ class Identification:
     posterior: Posterior | None = None
     point: str = ""
     further: tuple[AtPoint, ...] = ()
-    foreign: Foreign | None = None
+    misspecification: Misspecification | None = None
 
     @property
     def responses(self) -> tuple[AtPoint, ...]:
-        """What was measured and reconstructed at each response, in the order of the description."""
+        """The measured and the reconstructed FRF at each response, in the order of the description."""
         return AtPoint(self.point, self.frf, self.measured), *self.further
 
     @property
@@ -169,12 +177,12 @@ class Identification:
 
     @property
     def interval(self) -> Mapping[str, tuple[float, float]] | None:
-        """The 90 % interval of each parameter [SI] by name; None with methods that do not tell."""
+        """The 90 % interval of each parameter [SI] by name; None without a posterior."""
         return None if self.posterior is None else self.posterior.interval()
 
     @property
     def coherence(self) -> NDArray[np.float64]:
-        """(n_freq,) agreement of reconstruction and measurement (Eq. 15) at the first response, as `AtPoint` has it."""
+        """(n_freq,) coherence of reconstruction and measurement at the first response, as in `AtPoint`."""
         return self.responses[0].coherence
 
     @property
@@ -186,7 +194,7 @@ class Identification:
         """Return everything as plain values, fit for JSON."""
         return {
             "method": self.method,
-            "foreign": None if self.foreign is None else self.foreign.to_dict(),
+            "misspecification": None if self.misspecification is None else self.misspecification.to_dict(),
             "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
             "known": dict(self.known),
             "mean_coherence": self.mean_coherence,
@@ -202,7 +210,7 @@ class Identification:
             "frf": _plain(self.frf),
             "measured": _plain(self.measured),
             "coherence": self.coherence.tolist(),
-            "further_responses": [one.to_dict() for one in self.further],
+            "further_responses": [response.to_dict() for response in self.further],
         }
 
 

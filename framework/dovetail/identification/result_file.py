@@ -1,4 +1,4 @@
-"""An identification read back from the JSON that `Identification.to_dict` gives."""
+"""Reading an identification from the JSON of `Identification.to_dict`."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault
 from dovetail.frf import Frf, Quantity
-from dovetail.identification.misspecification import Foreign
+from dovetail.identification.misspecification import Misspecification
 from dovetail.identification.posterior import Form, Posterior
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
-from dovetail.interfaces import Parameter
 
 __all__ = ["RESULT_FILE", "read_identification"]
 
@@ -26,43 +25,39 @@ RESULT_FILE = "result.json"
 _MOST_FAULTS = 5
 
 
-class _StoredFrf(BaseModel):
+class _Stored(BaseModel):
+    """Entries that are needed; others, of a later version, are ignored."""
+
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
+
+class _StoredFrf(_Stored):
     label: str
     has_phase: bool
     real: list[float]
     imag: list[float]
 
 
-class _StoredResponse(BaseModel):
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
+class _StoredResponse(_Stored):
     point: str
     quantity: Quantity
     frf: _StoredFrf
     measured: _StoredFrf
 
 
-class _StoredSamples(BaseModel):
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
+class _StoredSamples(_Stored):
     theta: list[list[float]]
     weight: list[float]
 
 
-class _StoredDoubt(BaseModel):
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
+class _StoredParameter(_Stored):
     doubtful: bool = False
 
 
-class _StoredPosterior(BaseModel):
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
+class _StoredPosterior(_Stored):
     form: Form = "samples"
     mode: list[float] | None = None
-    parameters: dict[str, _StoredDoubt] = {}
+    parameters: dict[str, _StoredParameter] = {}
     samples: _StoredSamples
     reached: float
     model_error: float
@@ -70,9 +65,7 @@ class _StoredPosterior(BaseModel):
     seconds: float
 
 
-class _StoredForeign(BaseModel):
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
+class _StoredMisspecification(_Stored):
     flagged: bool
     statistic: float
     looks_like: str
@@ -80,11 +73,8 @@ class _StoredForeign(BaseModel):
     bands_Hz: tuple[tuple[float, float], ...]  # noqa: N815  the unit's own spelling
 
 
-class _Stored(BaseModel):
-    """The entries that are needed; what a later version adds is passed over."""
-
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
+class _StoredIdentification(_StoredResponse):
+    point: str = ""
     method: str
     parameters: dict[str, IdentifiedParameter]
     known: dict[str, float]
@@ -92,13 +82,11 @@ class _Stored(BaseModel):
     warnings: tuple[str, ...]
     provenance: dict[str, Any]
     frequency_Hz: list[float]  # noqa: N815  the unit's own spelling
-    quantity: Quantity
-    frf: _StoredFrf
-    measured: _StoredFrf
     posterior: _StoredPosterior | None = None
-    point: str = ""
     further_responses: tuple[_StoredResponse, ...] = ()
-    foreign: _StoredForeign | None = None
+    misspecification: _StoredMisspecification | None = Field(
+        None, validation_alias=AliasChoices("misspecification", "foreign")
+    )
 
 
 def read_identification(path: str | Path) -> Identification:
@@ -125,26 +113,26 @@ def read_identification(path: str | Path) -> Identification:
             raise DovetailError(Fault(str(path), f"this folder has no {RESULT_FILE}, so 'identify' did not write it."))
     content = read_bounded(file)
     try:
-        stored = _Stored.model_validate_json(content)
+        stored = _StoredIdentification.model_validate_json(content)
     except ValidationError as error:
         raise DovetailError(*_faults(file, error)) from None
-    frfs = [stored.frf, stored.measured]
-    frfs += [frf for one in stored.further_responses for frf in (one.frf, one.measured)]
+    frfs = [frf for response in (stored, *stored.further_responses) for frf in (response.frf, response.measured)]
     if any(len(frf.real) != len(stored.frequency_Hz) for frf in frfs):
         raise DovetailError(Fault(str(file), "its FRFs differ in length from its frequencies."))
+    first, *further = (_at_point(file, stored, response) for response in (stored, *stored.further_responses))
     return Identification(
         method=stored.method,
         parameters=MappingProxyType(stored.parameters),
         known=MappingProxyType(stored.known),
-        frf=_frf(file, stored, stored.quantity, stored.frf),
-        measured=_frf(file, stored, stored.quantity, stored.measured),
+        frf=first.frf,
+        measured=first.measured,
         modes=stored.modes,
         warnings=stored.warnings,
         provenance=MappingProxyType(stored.provenance),
         posterior=None if stored.posterior is None else _posterior(file, stored.parameters, stored.posterior),
-        point=stored.point,
-        further=tuple(_at_point(file, stored, one) for one in stored.further_responses),
-        foreign=None if stored.foreign is None else _foreign(stored.foreign),
+        point=first.point,
+        further=tuple(further),
+        misspecification=None if stored.misspecification is None else _misspecification(stored.misspecification),
     )
 
 
@@ -157,35 +145,35 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         raise DovetailError(Fault(str(file), "the samples of its posterior do not fit its parameters."))
     if stored.mode is not None and len(stored.mode) != len(parameters):
         raise DovetailError(Fault(str(file), "the most probable place of its posterior does not fit its parameters."))
-    ranges = [Parameter(name, p.unit, p.lower, p.upper, p.scale) for name, p in parameters.items()]
-    fraction = np.stack([one.to_unit(theta[:, index]) for index, one in enumerate(ranges)], axis=1)
+    ranges = [parameter.definition for parameter in parameters.values()]
+    fraction = np.stack([parameter.to_unit(column) for parameter, column in zip(ranges, theta.T, strict=True)], axis=1)
     mean = (weight / total) @ fraction
     return Posterior(
         names=tuple(parameters),
         theta=theta,
         fraction=fraction,
         weight=weight / total,
-        estimate=np.array([one.from_unit(mean[index]) for index, one in enumerate(ranges)]),
+        estimate=np.array([parameter.from_unit(value) for parameter, value in zip(ranges, mean, strict=True)]),
         model_error=stored.model_error,
-        drawn=round(len(weight) / stored.reached),
+        searches=round(len(weight) / stored.reached),
         lines=stored.lines,
         seconds=stored.seconds,
         form=stored.form,
         mode=None if stored.mode is None else np.array(stored.mode),
-        doubtful=tuple(name for name, one in stored.parameters.items() if one.doubtful),
+        unreliable=tuple(name for name, parameter in stored.parameters.items() if parameter.doubtful),
     )
 
 
-def _at_point(file: Path, stored: _Stored, one: _StoredResponse) -> AtPoint:
-    frf, measured = (_frf(file, stored, one.quantity, values) for values in (one.frf, one.measured))
-    return AtPoint(one.point, frf, measured)
+def _at_point(file: Path, stored: _StoredIdentification, response: _StoredResponse) -> AtPoint:
+    frf, measured = (_frf(file, stored, response.quantity, values) for values in (response.frf, response.measured))
+    return AtPoint(response.point, frf, measured)
 
 
-def _foreign(stored: _StoredForeign) -> Foreign:
-    return Foreign(stored.flagged, stored.statistic, stored.looks_like, stored.reasons, stored.bands_Hz)
+def _misspecification(stored: _StoredMisspecification) -> Misspecification:
+    return Misspecification(stored.flagged, stored.statistic, stored.looks_like, stored.reasons, stored.bands_Hz)
 
 
-def _frf(file: Path, stored: _Stored, quantity: Quantity, frf: _StoredFrf) -> Frf:
+def _frf(file: Path, stored: _StoredIdentification, quantity: Quantity, frf: _StoredFrf) -> Frf:
     if len(frf.real) != len(frf.imag):
         raise DovetailError(Fault(str(file), f"the FRF '{frf.label}' has real and imaginary parts of unlike length."))
     values = np.array(frf.real) + 1j * np.array(frf.imag)
@@ -193,9 +181,8 @@ def _frf(file: Path, stored: _Stored, quantity: Quantity, frf: _StoredFrf) -> Fr
 
 
 def _faults(file: Path, error: ValidationError) -> list[Fault]:
-    found = error.errors(include_url=False)
     faults = [
-        Fault(f"{file}  {'.'.join(str(part) for part in fault['loc'])}".rstrip(), f"{fault['msg']}.")
-        for fault in found[:_MOST_FAULTS]
+        Fault(f"{file}  {'.'.join(str(key) for key in fault['loc'])}".rstrip(), f"{fault['msg']}.")
+        for fault in error.errors(include_url=False)[:_MOST_FAULTS]
     ]
     return [Fault(str(file), "this is not the result of an identification.", "the result.json of identify"), *faults]

@@ -1,6 +1,6 @@
-"""Measurements that the model cannot have made: recognised, and what looks wrong is named."""
+"""The check for model misspecification: can the model have produced a measurement, and what explains it if not."""
 
-from dovetail.identification.misspecification.check import examine
-from dovetail.identification.misspecification.result import Foreign
+from dovetail.identification.misspecification.check import check_misspecification
+from dovetail.identification.misspecification.result import Misspecification
 
-__all__ = ["Foreign", "examine"]
+__all__ = ["Misspecification", "check_misspecification"]

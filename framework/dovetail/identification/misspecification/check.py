@@ -1,4 +1,4 @@
-"""A measurement held against all that the model can make."""
+"""The check whether a model can have produced a measurement with any joint within the ranges."""
 
 from __future__ import annotations
 
@@ -7,71 +7,73 @@ from dataclasses import replace
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.identification.fitting import Fit, one_for_each
-from dovetail.identification.misspecification.explanations import Cause, causes
-from dovetail.identification.misspecification.frequency_bands import off_bands
-from dovetail.identification.misspecification.perturbations import changes
-from dovetail.identification.misspecification.prior_predictive import missing_resonance
-from dovetail.identification.misspecification.result import Foreign
-from dovetail.identification.misspecification.significance import evidence, is_good
-from dovetail.identification.misspecification.whitened_residuals import remainder
+from dovetail.identification.fitting import Fit, one_per_response
+from dovetail.identification.misspecification.explanations import FlaggedFrf, find_explanations
+from dovetail.identification.misspecification.frequency_bands import find_deviating_bands
+from dovetail.identification.misspecification.perturbations import list_perturbations
+from dovetail.identification.misspecification.prior_predictive import find_missing_resonance
+from dovetail.identification.misspecification.result import Misspecification
+from dovetail.identification.misspecification.significance import assess_significance, is_negligible
+from dovetail.identification.misspecification.whitened_residuals import whiten_residuals
 from dovetail.identification.posterior.model_error import MODEL_ERROR
 
-__all__ = ["examine"]
-
-_MOST_NAMED = 3
+__all__ = ["check_misspecification"]
 
 
-def examine(
+def check_misspecification(
     assembly: Assembly,
     measured: Frf | Sequence[Frf],
     fit: Fit,
     model_error: float = MODEL_ERROR,
     *,
-    name: bool = True,
-) -> Foreign:
-    """Say whether the model can have made a measurement.
+    explain: bool = True,
+) -> Misspecification:
+    """Check whether the model can have produced a measurement.
 
     Parameters
     ----------
     assembly : Assembly
     measured : Frf or sequence of Frf
-        One for each response, on the assembly's frequencies; each is examined by itself.
+        One for each response, on the assembly's frequencies; each is checked by itself.
     fit : Fit
         Of the same measurement.
     model_error : float
         Standard deviation of the relative error of natural frequencies that the model is allowed.
-    name : bool
-        Whether to seek what explains a foreign measurement, which takes some seconds.
+    explain : bool
+        Whether to search for an explanation of a flagged measurement, which takes some seconds.
     """
-    frfs = one_for_each(assembly, measured)
+    frfs = one_per_response(assembly, measured)
     if len(frfs) == 1:
-        return _examine(assembly, frfs[0], fit, model_error, name)
-    parts = [
-        _examine(assembly.at(index), frf, fit.at(index, len(frfs)), model_error, name) for index, frf in enumerate(frfs)
+        return _check_response(assembly, frfs[0], fit, model_error, explain)
+    verdicts = [
+        _check_response(assembly.at(index), frf, fit.at(index, len(frfs)), model_error, explain)
+        for index, frf in enumerate(frfs)
     ]
-    worst = max(parts, key=lambda part: part.statistic)
+    worst = max(verdicts, key=lambda verdict: verdict.statistic)
     if not worst.flagged:
         return worst
-    point = assembly.description.response_labels[parts.index(worst)]
+    point = assembly.description.response_labels[verdicts.index(worst)]
     return replace(worst, reasons=(f"The FRF at {point} is the one that fits the least.", *worst.reasons))
 
 
-def _examine(assembly: Assembly, measured: Frf, fit: Fit, model_error: float, name: bool) -> Foreign:
+def _check_response(assembly: Assembly, measured: Frf, fit: Fit, model_error: float, explain: bool) -> Misspecification:
     target = measured.to(assembly.description.response.quantity)
-    left = remainder(assembly, target, fit, model_error)
-    found = evidence(left, changes(assembly))
-    if found.statistic <= 1.0 or is_good(fit):
-        return Foreign(False, min(found.statistic, 1.0))
-    looks_like = _looks_like(assembly, target, causes(assembly, measured, left, found, model_error)) if name else ""
-    reason = f"No joint within the ranges explains it: {found.words()} (chi-squared {fit.chi_squared:.3g})."
-    return Foreign(True, found.statistic, looks_like, (reason,), off_bands(target.frequency, left.lines))
+    whitened = whiten_residuals(assembly, target, fit, model_error)
+    significance = assess_significance(whitened, list_perturbations(assembly))
+    if significance.statistic <= 1.0 or is_negligible(fit):
+        return Misspecification(False, min(significance.statistic, 1.0))
+    flagged = FlaggedFrf(assembly, measured, target, whitened, significance, model_error)
+    looks_like = _explain(flagged) if explain else ""
+    reason = f"No joint within the ranges explains it: {significance.describe()} (chi-squared {fit.chi_squared:.3g})."
+    bands = find_deviating_bands(target.frequency, whitened.by_line)
+    return Misspecification(True, significance.statistic, looks_like, (reason,), bands)
 
 
-def _looks_like(assembly: Assembly, target: Frf, explaining: tuple[Cause, ...]) -> str:
-    if explaining:
-        return f"It looks as if {', or '.join(cause.words for cause in explaining[:_MOST_NAMED])}."
-    missing = missing_resonance(assembly, target)
+def _explain(flagged: FlaggedFrf) -> str:
+    explanations = find_explanations(flagged)
+    if explanations:
+        return f"It looks as if {', or '.join(explanation.words for explanation in explanations)}."
+    missing = find_missing_resonance(flagged.assembly, flagged.target)
     if missing is None:
         return ""
     low, high = missing

@@ -1,11 +1,16 @@
-"""What looks wrong with a foreign measurement: the one thing that, were it so, would explain it."""
+"""Explanations of a flagged measurement: the single change of the description that makes the model fit it.
+
+Small changes are perturbations of the measurement and of the substructures. If the deviation is gross, other units,
+quantities, response points, sizes of substructures and clipping are tried as well.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
+from functools import partial
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,294 +20,306 @@ from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import Frf, unit_of
 from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.levenberg_marquardt import Linear, minimise
-from dovetail.identification.fitting.residuals import FrfMisfit, LogAmplitude, Residual
-from dovetail.identification.misspecification.clipping import plateau
-from dovetail.identification.misspecification.perturbations import Change, changes
-from dovetail.identification.misspecification.prior_predictive import distance, furthest, rescaled
-from dovetail.identification.misspecification.significance import Evidence, evidence, is_good
-from dovetail.identification.misspecification.whitened_residuals import Remainder, remainder
-from dovetail.identification.posterior.model_error import MODEL_ERROR
+from dovetail.identification.fitting.least_squares import Linearisation, minimise
+from dovetail.identification.fitting.residuals import FrfResiduals, LogAmplitude, Residual
+from dovetail.identification.misspecification.clipping import find_clipping
+from dovetail.identification.misspecification.perturbations import Perturbation, list_perturbations
+from dovetail.identification.misspecification.prior_predictive import (
+    list_unit_errors,
+    prior_distance,
+    prior_width,
+)
+from dovetail.identification.misspecification.significance import Significance, assess_significance, is_negligible
+from dovetail.identification.misspecification.whitened_residuals import WhitenedResiduals, whiten_residuals
 
-__all__ = ["Cause", "WithChange", "at_other_points", "causes", "of_other_sizes"]
+__all__ = ["Explanation", "FlaggedFrf", "PerturbedResiduals", "find_explanations"]
 
-_NEARLY_NOISE = 1.5
-"""Evidence up to which a cause is said to explain a measurement that is far from noise without it."""
-_BETTER = 0.5
-"""Part of the evidence that a cause leaves at most."""
-_GROSS = 10.0
-"""Evidence from which large causes are looked for: another unit, another point, parts of another size."""
-_ALWAYS = ("mass", "axis", "gain")
-_OVERHANGS = (0.1, -0.1)
-"""Logarithms of ratios at which other overhangs are sought as well: a joint follows a small one a long way."""
-_MOST_PARTS = 3
-"""Of the numbers of the parts, how many are looked into: those that the remainder points to the most."""
-_SECONDS = 60.0
-"""After which nothing new is tried; enough for all that there is but on large assemblies."""
-_STRONGEST = 4
-"""Of the numbers of the parts, how many are tried at quite other sizes: those on which the FRF depends the most."""
-_MOST_STEPS, _TOLERANCE = 40, 0.5
-_SEARCHES, _SEARCH_TOLERANCE, _SEARCH_STEPS = 3, 1.0, 40
-_HARDLY = 0.8
-"""A change is given up whose first estimate leaves this part of the sum of squares."""
-_FURTHEST = 0.5
-"""Part of the range in which an amount is sought that the first estimate is from none at most."""
-_LESS = 0.3
-"""Part of the sum of squares that a cause must leave at most, unless noise leaves as much."""
-_WORTH = 12.0
-"""Sum of squares by which a cause must improve the fit, and by which the best must be better than others."""
-_ABOVE = 1.1
-"""How far above a plateau the model must be, where the measurement is cut off."""
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tried, and when it counts as an explanation."""
+
+    most_named: int = 3
+    """Explanations that are returned at most; more are not readable."""
+    seconds: float = 60.0
+    """Time after which nothing new is tried; enough for everything but on large assemblies."""
+    gross: float = 10.0
+    """Statistic from which other units, points and sizes are tried."""
+    nearly_noise: float = 1.5
+    """Statistic up to which the residuals with a change count as noise, if they are far from noise without it."""
+    better: float = 0.5
+    """Part of the statistic that a change leaves at most."""
+    worth: float = 12.0
+    """Decrease of the sum of squares that a change needs, and by which the best must be better than others."""
+    first_estimate: float = 0.8
+    """A perturbation is given up if its first estimate leaves more than this part of the sum of squares."""
+    after_fit: float = 0.3
+    """A perturbation is given up if its fit leaves more than this part, unless noise leaves as much."""
+    noise: float = 1.2
+    """Mean square of the residuals up to which they may be noise."""
+    farthest_start: float = 0.5
+    """Part of the range of an amount beyond which a first estimate, which is linear, is not trusted."""
+    overhangs: tuple[float, ...] = (0.1, -0.1)
+    """Log ratios from which an overhang is fitted as well: the joint compensates for small ones."""
+    sizes: tuple[float, ...] = (-0.2, -0.1, -0.05, 0.05, 0.1, 0.2)
+    """Log ratios of sizes that are tried if the deviation is gross."""
+    most_quantities: int = 3
+    """Quantities of the substructures that are fitted: those along which the residuals are most significant."""
+    most_sensitive: int = 4
+    """Quantities of the substructures that are tried at other sizes: those on which the FRF depends the most."""
+    nearest: int = 2
+    """Other points, and other sizes, that are fitted: those nearest to the measurement."""
+    above_plateau: float = 1.1
+    """Amplitude of the model over a plateau from which the measurement was clipped."""
+    starts: int = 3
+    """Random starts of the search for the joint, besides the best fit."""
+    tolerance: float = 0.5
+    """Decrease of the sum of squares at which a fit of joint and amount ends; its result is only a start."""
+    most_steps: int = 40
+    """Of such a fit."""
+    step: float = 1e-5
+    """Part of an amount's range by which derivatives by it are taken."""
+
+
+_SETTINGS = Settings()
 
 
 @dataclass(frozen=True, eq=False)
-class Cause:
-    """One thing that explains a measurement.
+class Explanation:
+    """A single change that explains a measurement.
 
     Parameters
     ----------
     words : str
         What it is, after "as if".
-    squares : float
-        Sum of squares that it leaves.
+    sum_of_squares : float
+        Of the whitened residuals with it.
     """
 
     words: str
-    squares: float
+    sum_of_squares: float
 
 
 @dataclass(frozen=True, eq=False)
-class _Case:
-    """A foreign measurement, as it came and in the quantity of the response, and what its fit leaves."""
-
-    assembly: Assembly
-    measured: Frf
-    target: Frf
-    left: Remainder
-    found: Evidence
-    model_error: float
-
-
-def causes(
-    assembly: Assembly, measured: Frf, left: Remainder, found: Evidence, model_error: float = MODEL_ERROR
-) -> tuple[Cause, ...]:
-    """Return what explains a measurement nearly down to its noise, the best first; nothing if nothing tried does.
+class FlaggedFrf:
+    """A measured FRF that the model cannot have produced, and its residuals.
 
     Parameters
     ----------
     assembly : Assembly
     measured : Frf
-        On the assembly's frequencies.
-    left : Remainder
-        What the joint does not explain of it.
-    found : Evidence
-        How far that is from noise.
+        As it was read, on the assembly's frequencies.
+    target : Frf
+        The same in the quantity of the assembly's response.
+    whitened : WhitenedResiduals
+    significance : Significance
+        Of these residuals.
     model_error : float
         Standard deviation of the relative error of natural frequencies that the model is allowed.
     """
-    target = measured.to(assembly.description.response.quantity)
-    case = _Case(assembly, measured, target, left, found, model_error)
-    deadline = time.monotonic() + _SECONDS
-    explaining = [cause for cause in _until(deadline, _small(case)) if cause is not None]
-    if not explaining and found.statistic > _GROSS:
-        explaining = next(([cause] for cause in _until(deadline, _large(case)) if cause is not None), [])
-    best = min((cause.squares for cause in explaining), default=0.0)
-    if best > found.squares - _WORTH:
+
+    assembly: Assembly
+    measured: Frf
+    target: Frf
+    whitened: WhitenedResiduals
+    significance: Significance
+    model_error: float
+
+
+def find_explanations(flagged: FlaggedFrf) -> tuple[Explanation, ...]:
+    """Return what explains a measurement nearly down to its noise; nothing if nothing that was tried does."""
+    deadline = time.monotonic() + _SETTINGS.seconds
+    explanations = list(_in_time(deadline, _try_perturbations(flagged)))
+    if not explanations and flagged.significance.statistic > _SETTINGS.gross:
+        explanations = list(islice(_in_time(deadline, _try_gross_changes(flagged)), 1))
+    best = min((explanation.sum_of_squares for explanation in explanations), default=np.inf)
+    if best > flagged.significance.sum_of_squares - _SETTINGS.worth:
         return ()
-    return tuple(cause for cause in explaining if cause.squares <= best + _WORTH)
+    close = [explanation for explanation in explanations if explanation.sum_of_squares <= best + _SETTINGS.worth]
+    return tuple(close[: _SETTINGS.most_named])
 
 
-def _until(deadline: float, tried: Iterator[Cause | None]) -> Iterator[Cause | None]:
-    """Go on trying until it is too late."""
-    while time.monotonic() < deadline:
-        try:
-            yield next(tried)
-        except StopIteration:
+def _in_time(deadline: float, candidates: Iterator[Explanation | None]) -> Iterator[Explanation]:
+    """Yield the explanations among candidates until time is up."""
+    for candidate in candidates:
+        if candidate is not None:
+            yield candidate
+        if time.monotonic() > deadline:
             return
 
 
-def _small(case: _Case) -> Iterator[Cause | None]:
-    """Try what may be a little other than described; of the measurement before the parts."""
-    by_name = {change.name: change for change in changes(case.assembly)}
-    parts = sorted((name for name in by_name if ": " in name), key=lambda name: -abs(case.found.towards[name]))
-    numbers = [name for name in parts if not by_name[name].overhang]
-    for name in _ALWAYS:
-        if name in by_name:
-            yield _looked_into(case, by_name[name], case.found.amounts[name])
-    for name in parts:
-        if not by_name[name].overhang:
-            continue
-        starts = (case.found.amounts[name], *_OVERHANGS)
-        yield next(filter(None, (_looked_into(case, by_name[name], amount) for amount in starts)), None)
-    for name in numbers[:_MOST_PARTS]:
-        yield _looked_into(case, by_name[name], case.found.amounts[name])
+def _try_perturbations(flagged: FlaggedFrf) -> Iterator[Explanation | None]:
+    """Try small changes: of the measurement, of the overhangs, and of other quantities of the substructures."""
+    significance, perturbations = flagged.significance, list_perturbations(flagged.assembly)
+    of_measurement = [p for name in ("mass", "axis", "gain") for p in perturbations if p.name == name]
+    structural = [p for p in perturbations if p.of_substructure]
+    structural.sort(key=lambda p: -abs(significance.deviations[p.name]))
+    overhangs = [p for p in structural if p.is_overhang]
+    quantities = [p for p in structural if not p.is_overhang][: _SETTINGS.most_quantities]
+    for perturbation in chain(of_measurement, overhangs, quantities):
+        further = _SETTINGS.overhangs if perturbation.is_overhang else ()
+        starts = (significance.amounts[perturbation.name], *further)
+        yield next(filter(None, (_fit_perturbation(flagged, perturbation, amount) for amount in starts)), None)
 
 
-def _large(case: _Case) -> Iterator[Cause | None]:
-    """Try what is far from described, the likeliest first."""
-    yield _cut_off(case)
-    within = furthest(case.assembly)
-    others = chain(rescaled(case.assembly, case.measured, case.target), at_other_points(case.assembly, case.target))
-    for other, words in others:
-        if distance(other, case.target) < within:
-            yield _explained(case, other, words)
-    parts = [change for change in changes(case.assembly) if ": " in change.name]
-    strongest = sorted(parts, key=lambda change: -case.found.sensitivity(change.name))[:_STRONGEST]
-    overhangs = [change for change in parts if change.overhang and change not in strongest]
-    for change, amount in of_other_sizes([*overhangs, *strongest], case.target):
-        yield _looked_into(case, change, amount)
+def _try_gross_changes(flagged: FlaggedFrf) -> Iterator[Explanation | None]:
+    """Try large changes, the likeliest first."""
+    yield _explain_by_clipping(flagged)
+    width = prior_width(flagged.assembly)
+    unit_errors = list_unit_errors(flagged.assembly, flagged.measured, flagged.target)
+    for other, words in chain(unit_errors, _nearest_points(flagged.assembly, flagged.target)):
+        if prior_distance(other, flagged.target) < width:
+            yield _fit_assembly(flagged, other, words)
+    structural = [p for p in list_perturbations(flagged.assembly) if p.of_substructure]
+    sensitive = sorted(structural, key=lambda p: -flagged.significance.sensitivity(p.name))[: _SETTINGS.most_sensitive]
+    overhangs = [p for p in structural if p.is_overhang and p not in sensitive]
+    for perturbation, amount in _nearest_sizes([*overhangs, *sensitive], flagged.target):
+        yield _fit_perturbation(flagged, perturbation, amount)
 
 
-def _cut_off(case: _Case) -> Cause | None:
-    flat = plateau(case.target)
-    if flat is None:
+def _explain_by_clipping(flagged: FlaggedFrf) -> Explanation | None:
+    clipping = find_clipping(flagged.target)
+    if clipping is None:
         return None
-    fit = refine(case.assembly, flat.rest)
-    left = remainder(case.assembly, flat.rest, fit, case.model_error)
-    found = evidence(left, changes(case.assembly))
-    beyond = float(np.abs(left.values).max()) / flat.level
-    if found.statistic > _NEARLY_NOISE or beyond < _ABOVE:
+    fit = refine(flagged.assembly, clipping.unclipped)
+    whitened = whiten_residuals(flagged.assembly, clipping.unclipped, fit, flagged.model_error)
+    significance = assess_significance(whitened, list_perturbations(flagged.assembly))
+    highest = float(np.abs(whitened.values).max())
+    if significance.statistic > _SETTINGS.nearly_noise or highest < _SETTINGS.above_plateau * clipping.level:
         return None
-    unit = unit_of(case.target.quantity, rotation=case.target.rotation)
-    return Cause(f"it were cut off at {flat.level:.3g} {unit} (an overloaded channel?)", found.squares)
+    unit = unit_of(flagged.target.quantity, rotation=flagged.target.rotation)
+    words = f"it were cut off at {clipping.level:.3g} {unit} (an overloaded channel?)"
+    return Explanation(words, significance.sum_of_squares)
 
 
-def _looked_into(case: _Case, change: Change, amount: float) -> Cause | None:
-    """Seek how much of a change explains a measurement, from a first estimate, and fit anew with it if that helps."""
+def _fit_perturbation(flagged: FlaggedFrf, perturbation: Perturbation, amount: float) -> Explanation | None:
+    """Fit the amount of a perturbation from a first estimate, then the joint anew with it if that helps."""
+    start = np.clip(amount, *(_SETTINGS.farthest_start * end for end in (perturbation.lower, perturbation.upper)))
     try:
-        found = _sought(case, change, float(np.clip(amount, _FURTHEST * change.least, _FURTHEST * change.most)))
-        if found is None or abs(found[1]) < change.worth:
+        solution = _fit_amount(flagged, perturbation, float(start))
+        if solution is None or abs(solution[1]) < perturbation.negligible:
             return None
-        theta, amount = found
-        return _explained(case, change.altered(amount), change.words(amount), theta)
+        theta, amount = solution
+        return _fit_assembly(flagged, perturbation.apply(amount), perturbation.describe(amount), theta)
     except (DovetailError, np.linalg.LinAlgError):
         return None
 
 
-def _sought(case: _Case, change: Change, amount: float) -> tuple[NDArray[np.float64], float] | None:
-    """Return the joint (p,) [SI] and the amount that leave the least, or None if that is too much."""
-    nothing = 1.2 * len(case.left.residuals)
-    problem = WithChange(change, case.left.residual)
-    start = problem.position(_nearest_joint(case, change.altered(amount)), amount)
-    if np.sum(problem.residuals(start) ** 2) > max(_HARDLY * case.found.squares, nothing):
+def _fit_amount(
+    flagged: FlaggedFrf, perturbation: Perturbation, amount: float
+) -> tuple[NDArray[np.float64], float] | None:
+    """Return the joint (p,) [SI] and the amount that fit best, or None if the residuals remain too large."""
+    noise, total = _SETTINGS.noise * len(flagged.whitened.residuals), flagged.significance.sum_of_squares
+    problem = PerturbedResiduals(perturbation, flagged.whitened.whitening)
+    start = problem.position(_fit_joint(flagged, perturbation.apply(amount)), amount)
+    if np.sum(problem.residuals(start) ** 2) > max(_SETTINGS.first_estimate * total, noise):
         return None
-    found = minimise(problem, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS)
-    if found.cost[0] > max(_LESS * case.found.squares, nothing):
+    minimum = minimise(problem, start, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.most_steps)
+    if minimum.cost[0] > max(_SETTINGS.after_fit * total, noise):
         return None
-    return case.assembly.from_unit(found.position[0, :-1]), problem.amount(found.position[0])
+    return flagged.assembly.from_unit(minimum.position[0, :-1]), problem.amount(minimum.position[0])
 
 
-def _nearest_joint(case: _Case, other: Assembly) -> NDArray[np.float64]:
-    """Return the fractions of the ranges (p,) where another assembly is nearest: by amplitudes, then with phases."""
-    search = FrfMisfit(other, LogAmplitude(case.target, case.left.residual.residual.variance))
-    random = qmc.LatinHypercube(len(case.left.theta), rng=np.random.default_rng(0)).random(_SEARCHES)
-    starts = np.concatenate([case.assembly.to_unit(case.left.theta)[np.newaxis], random])
-    ends = minimise(search, starts, tolerance=_SEARCH_TOLERANCE, most_steps=_SEARCH_STEPS)
-    rough = ends.position[np.argsort(ends.cost, kind="stable")[:1]]
-    found = minimise(FrfMisfit(other, case.left.residual), rough, tolerance=_SEARCH_TOLERANCE, most_steps=_SEARCH_STEPS)
-    return np.asarray(found.position[0])
+def _fit_joint(flagged: FlaggedFrf, other: Assembly) -> NDArray[np.float64]:
+    """Return the fractions of the ranges (p,) where another assembly fits best: by amplitudes, then with phases."""
+    whitened = flagged.whitened
+    search = partial(minimise, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.most_steps)
+    by_amplitude = FrfResiduals(other, LogAmplitude(flagged.target, whitened.whitening.weighted.variance))
+    points = qmc.LatinHypercube(len(whitened.theta), rng=np.random.default_rng(0)).random(_SETTINGS.starts)
+    starts = np.concatenate([flagged.assembly.to_unit(whitened.theta)[np.newaxis], points])
+    minima = search(by_amplitude, starts)
+    best = minima.position[[np.argmin(minima.cost)]]
+    return np.asarray(search(FrfResiduals(other, whitened.whitening), best).position[0])
 
 
-def _explained(case: _Case, other: Assembly, words: str, *starts: NDArray[np.float64]) -> Cause | None:
-    """Fit another assembly, and return it as a cause if that leaves little more than noise."""
-    fit = refine(other, case.target, starts)
-    found = evidence(remainder(other, case.target, fit, case.model_error), changes(case.assembly))
-    limit = min(_NEARLY_NOISE, max(1.0, _BETTER * case.found.statistic))
-    if found.statistic > limit and not is_good(fit):
+def _fit_assembly(flagged: FlaggedFrf, other: Assembly, words: str, *starts: NDArray[np.float64]) -> Explanation | None:
+    """Fit another assembly, and return it as an explanation if its residuals are little more than noise."""
+    fit = refine(other, flagged.target, starts)
+    whitened = whiten_residuals(other, flagged.target, fit, flagged.model_error)
+    significance = assess_significance(whitened, list_perturbations(flagged.assembly))
+    limit = min(_SETTINGS.nearly_noise, max(1.0, _SETTINGS.better * flagged.significance.statistic))
+    if significance.statistic > limit and not is_negligible(fit):
         return None
-    return Cause(words, found.squares)
+    return Explanation(words, significance.sum_of_squares)
 
 
-_STEP = 1e-5
-"""Part of the range of the amount by which derivatives are taken."""
-
-
-class WithChange:
-    """Residuals by the joint's fractions of the ranges and, last, the place of the amount between its ends.
+class PerturbedResiduals:
+    """Residuals as a function of the joint's fractions of the ranges and, last, of a perturbation's amount.
 
     Parameters
     ----------
-    change : Change
+    perturbation : Perturbation
+        Its amount is given as a fraction of its range, too.
     residual : Residual
         Against the measurement.
     """
 
-    def __init__(self, change: Change, residual: Residual) -> None:
-        self._change = change
+    def __init__(self, perturbation: Perturbation, residual: Residual) -> None:
+        self._perturbation = perturbation
         self._residual = residual
+        self._width = perturbation.upper - perturbation.lower
 
     def position(self, fraction: NDArray[np.float64], amount: float) -> NDArray[np.float64]:
-        """Return the place (1, p + 1) of a joint (p,) and an amount."""
-        return np.append(fraction, (amount - self._change.least) / self._width)[np.newaxis]
+        """Return the position (1, p + 1) of a joint (p,) and an amount."""
+        return np.append(fraction, (amount - self._perturbation.lower) / self._width)[np.newaxis]
 
     def amount(self, position: NDArray[np.float64]) -> float:
-        """Return the amount at a place (p + 1,)."""
-        return float(self._change.least + self._width * position[-1])
+        """Return the amount at a position (p + 1,)."""
+        return float(self._perturbation.lower + self._width * position[-1])
 
     def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals (n, m) at places (n, p + 1)."""
-        return np.concatenate([self._misfit(self.amount(one)).residuals(one[np.newaxis, :-1]) for one in position])
+        """Return residuals (n, m) at positions (n, p + 1)."""
+        return np.concatenate([self._at(self.amount(row)).residuals(row[np.newaxis, :-1]) for row in position])
 
-    def linear(self, position: NDArray[np.float64]) -> Linear:
-        """Return residuals and derivatives at places (n, p + 1)."""
-        each = [self._linear(one) for one in position]
-        residuals, slopes = (np.stack(parts) for parts in zip(*each, strict=True))
-        return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ np.swapaxes(slopes, 1, 2))
+    def linearise(self, position: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives at positions (n, p + 1)."""
+        rows = [self._linearise(row) for row in position]
+        return Linearisation(*(np.stack(arrays) for arrays in zip(*rows, strict=True)))
 
-    def _linear(self, position: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _linearise(self, position: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         fraction, amount = position[np.newaxis, :-1], self.amount(position)
-        step = -_STEP if position[-1] > 0.5 else _STEP
-        here = self._misfit(amount).linear(fraction)
-        ahead = self._misfit(amount + step * self._width).residuals(fraction)
-        return here.residuals[0], np.concatenate([here.slopes[0], (ahead - here.residuals) / step])
+        step = -_SETTINGS.step if position[-1] > 0.5 else _SETTINGS.step
+        here = self._at(amount).linearise(fraction)
+        ahead = self._at(amount + step * self._width).residuals(fraction)
+        return here.residuals[0], np.concatenate([here.jacobian[0], (ahead - here.residuals) / step])
 
-    def _misfit(self, amount: float) -> FrfMisfit:
-        return FrfMisfit(self._change.altered(amount), self._residual)
-
-    @property
-    def _width(self) -> float:
-        return self._change.most - self._change.least
+    def _at(self, amount: float) -> FrfResiduals:
+        return FrfResiduals(self._perturbation.apply(amount), self._residual)
 
 
-_CLOSEST = 2
-_AS_CLOSE = 1.1
-"""Over the least distance, up to which the second is looked into too."""
-_SIZES = (-0.2, -0.1, -0.05, 0.05, 0.1, 0.2)
-"""Logarithms of the ratio of another size to the one described."""
+def _nearest_points(assembly: Assembly, target: Frf) -> list[tuple[Assembly, str]]:
+    """Return the assembly measured at the points where it comes nearest to the measurement, and where that is."""
+    points = [(prior_distance(other, target), words, other) for other, words in _other_points(assembly)]
+    points.sort(key=lambda point: point[0])
+    return [(other, words) for _, words, other in points[: _SETTINGS.nearest]]
 
 
-def at_other_points(assembly: Assembly, target: Frf) -> tuple[tuple[Assembly, str], ...]:
-    """Return the assembly measured where it comes nearest to the measurement, and in words where that is."""
-    found = [(distance(other, target), words, other) for other, words in _points(assembly)]
-    found.sort(key=lambda one: one[0])
-    return tuple((other, words) for apart, words, other in found[:_CLOSEST] if apart < _AS_CLOSE * found[0][0])
-
-
-def _points(assembly: Assembly) -> Iterator[tuple[Assembly, str]]:
+def _other_points(assembly: Assembly) -> Iterator[tuple[Assembly, str]]:
+    """Yield the assembly measured at each point outside the joints but its own, and where that is."""
     description = assembly.description
     response = description.response
-    inside = {
-        (attached.substructure, node)
+    excluded = {(response.substructure, response.node)} | {
+        (attachment.substructure, node)
         for joint in description.joints.values()
-        for attached in joint.connection.attachments
-        for node in attached.nodes
+        for attachment in joint.connection.attachments
+        for node in attachment.nodes
     }
-    for name, part in description.substructures.items():
-        for index, node in enumerate(part.nodes):
-            if (name, index) in inside or (name, index) == (response.substructure, response.node):
-                continue
-            elsewhere = replace(response, substructure=name, node=index)
-            words = f"it were measured on the {name} at {1e3 * node.position:.4g} mm"
-            yield Assembly(replace(description, responses=(elsewhere,))), words
+    for name, model in description.substructures.items():
+        for index, node in enumerate(model.nodes):
+            if (name, index) not in excluded:
+                elsewhere = replace(response, substructure=name, node=index)
+                words = f"it were measured on the {name} at {1e3 * node.position:.4g} mm"
+                yield Assembly(replace(description, responses=(elsewhere,))), words
 
 
-def of_other_sizes(possible: Sequence[Change], target: Frf) -> tuple[tuple[Change, float], ...]:
-    """Return the changes of parts, and by how much, with which the assembly comes nearest to the measurement."""
-    found = []
-    for change in possible:
-        for amount in _SIZES:
+def _nearest_sizes(perturbations: Sequence[Perturbation], target: Frf) -> list[tuple[Perturbation, float]]:
+    """Return the perturbations and amounts with which the assembly comes nearest to the measurement."""
+    sizes = []
+    for perturbation in perturbations:
+        for amount in _SETTINGS.sizes:
             try:
-                found.append((distance(change.altered(amount), target), change, amount))
+                sizes.append((prior_distance(perturbation.apply(amount), target), perturbation, amount))
             except (DovetailError, np.linalg.LinAlgError):
                 continue
-    return tuple((change, amount) for _, change, amount in sorted(found, key=lambda one: one[0])[:_CLOSEST])
+    sizes.sort(key=lambda size: size[0])
+    return [(perturbation, amount) for _, perturbation, amount in sizes[: _SETTINGS.nearest]]

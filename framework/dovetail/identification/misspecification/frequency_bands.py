@@ -1,72 +1,84 @@
-"""Where in frequency a measurement is off."""
+"""The frequency bands in which a measurement deviates from the model."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["off_bands"]
-
-_LENGTHS = (16, 64, 256)
-"""Lines over which what is left is averaged: narrow bands and wide ones."""
-_OFF = 6.0
-"""Standard deviations by which the mean of the squares must be too large."""
-_SHARE = 0.9
-"""Part of all that is too large that the bands together hold."""
-_CLEARLY = 3.0
-"""Excess of a line that noise hardly has."""
-_TAIL = 0.02
-"""Part of a stretch's excess that may lie outside a band at either end."""
-_MOST = 5
+__all__ = ["find_deviating_bands"]
 
 
-def off_bands(frequency: NDArray[np.float64], lines: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
-    """Return the bands [Hz] in which residuals are larger than noise, those with the most of it first.
+@dataclass(frozen=True)
+class Settings:
+    """What counts as a band."""
+
+    windows: tuple[int, ...] = (16, 64, 256)
+    """Lines over which squared residuals are averaged, so that narrow and wide bands are detected."""
+    deviations: float = 6.0
+    """Standard deviations by which such an average must exceed that of noise."""
+    share: float = 0.9
+    """Share of the whole excess that the bands together hold."""
+    clear_excess: float = 3.0
+    """Excess of a single line that noise hardly has; the ends of a band are placed by such lines."""
+    tail: float = 0.02
+    """Share of a segment's excess that may lie outside its band at either end."""
+    most_bands: int = 5
+    """More are not readable in a sentence."""
+
+
+_SETTINGS = Settings()
+
+
+def find_deviating_bands(
+    frequency: NDArray[np.float64], residuals: NDArray[np.float64]
+) -> tuple[tuple[float, float], ...]:
+    """Return the bands [Hz] in which residuals exceed noise, those with the largest excess first.
 
     Parameters
     ----------
     frequency : (n_freq,) array
-    lines : (n_freq, parts) array
-        White where nothing but noise is left.
+    residuals : (n_freq, n) array
+        White if the model explains the measurement.
 
     Returns
     -------
     tuple of (float, float)
-        At most five, which together hold nine tenths of what is too large; none where no run of lines stands out.
+        At most five, which together hold nine tenths of the excess; none if no run of lines stands out.
     """
-    excess = np.mean(lines**2, axis=1) - 1.0
+    excess = np.mean(residuals**2, axis=1) - 1.0
     bands = []
-    for first, last in _stretches(_off(excess, lines.shape[1])):
-        low, high = first + _within(excess[first:last])
+    for first, last in _segments(_deviates(excess, residuals.shape[1])):
+        low, high = first + _ends(excess[first:last])
         bands.append((float(np.sum(excess[first:last])), float(frequency[low]), float(frequency[high])))
     bands.sort(reverse=True)
-    whole, held, kept = sum(size for size, _, _ in bands), 0.0, []
-    for size, low, high in bands[:_MOST]:
-        kept.append((low, high))
-        held += size
-        if held >= _SHARE * whole:
-            break
-    return tuple(kept)
+    sizes = np.array([size for size, _, _ in bands])
+    needed = int(np.sum(np.cumsum(sizes) < _SETTINGS.share * sizes.sum())) + 1
+    return tuple((low, high) for _, low, high in bands[: min(needed, _SETTINGS.most_bands)])
 
 
-def _within(excess: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the first and the last line of a stretch between which nearly all lies of what is clearly too large."""
-    held = np.cumsum(np.maximum(excess - _CLEARLY, 0.0))
-    found = np.searchsorted(held, held[-1] * np.array([_TAIL, 1.0 - _TAIL]))
-    return np.asarray(np.minimum(found, len(held) - 1))
+def _ends(excess: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the first and the last line of a segment between which nearly all of its clear excess lies."""
+    total = np.cumsum(np.maximum(excess - _SETTINGS.clear_excess, 0.0))
+    ends = np.searchsorted(total, total[-1] * np.array([_SETTINGS.tail, 1.0 - _SETTINGS.tail]))
+    return np.asarray(np.minimum(ends, len(total) - 1))
 
 
-def _off(excess: NDArray[np.float64], parts: int) -> NDArray[np.bool_]:
-    off = np.zeros(len(excess), dtype=np.bool_)
-    for length in _LENGTHS:
+def _deviates(excess: NDArray[np.float64], residuals_per_line: int) -> NDArray[np.bool_]:
+    """Return which lines (n_freq,) lie in a window whose mean excess is not noise."""
+    deviates = np.zeros(len(excess), dtype=np.bool_)
+    for length in _SETTINGS.windows:
         if length > len(excess):
             break
         means = np.convolve(excess, np.ones(length) / length, mode="valid")
-        for start in np.flatnonzero(means > _OFF * np.sqrt(2.0 / (parts * length))).tolist():
-            off[start : start + length] = True
-    return off
+        limit = _SETTINGS.deviations * np.sqrt(2.0 / (residuals_per_line * length))
+        for start in np.flatnonzero(means > limit).tolist():
+            deviates[start : start + length] = True
+    return deviates
 
 
-def _stretches(off: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], off.astype(np.int8), [0]])))
+def _segments(deviates: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first line of each run of True, and the line after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], deviates.astype(np.int8), [0]])))
     return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))

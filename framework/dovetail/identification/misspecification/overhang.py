@@ -1,4 +1,4 @@
-"""How far a part stands out of its joint: its free end longer or shorter, joint and response at their distances."""
+"""How far a substructure stands out of its joint: its free end longer or shorter, the joint's own nodes unchanged."""
 
 from __future__ import annotations
 
@@ -14,112 +14,109 @@ from dovetail.assembly import Description
 from dovetail.errors import DovetailError
 from dovetail.interfaces import StructuralMatrices, SubstructureModel
 
-__all__ = ["Overhang", "overhangs"]
-
-_SAME = 1e-9
+__all__ = ["Overhang", "find_overhangs"]
 
 
 @dataclass(frozen=True)
 class Overhang:
-    """The free end of a part that a joint holds.
+    """The free end of a substructure that a joint holds.
 
     Parameters
     ----------
-    part, joint : str
+    substructure, joint : str
     length : float
         From the joint's nearest node to the end [m].
-    shortest : float
-        What of it stays as it is, between the end and a response [m].
+    unchanged : float
+        Length between the end and the farthest response on it [m], which stays as it is.
     first, last : int
-        Nodes between which the part is longer or shorter; what lies between the end and a response stays as it is.
+        Nodes between which the substructure is lengthened or shortened.
     end : float
         Position of the end [m].
     """
 
-    part: str
+    substructure: str
     joint: str
     length: float
-    shortest: float
+    unchanged: float
     first: int
     last: int
     end: float
 
-    def changed(self, model: SubstructureModel, length: float) -> SubstructureModel:
-        """Return the part with another length [m] beyond the joint, above the shortest, and as many nodes."""
-        by = (length - self.shortest) / (self.length - self.shortest)
-        return _stretched(model, self.first, self.last, by)
+    def lengthen(self, model: SubstructureModel, length: float) -> SubstructureModel:
+        """Return the substructure with another overhang [m], longer than `unchanged`, and as many nodes."""
+        factor = (length - self.unchanged) / (self.length - self.unchanged)
+        return _stretch(model, self.first, self.last, factor)
 
 
-def overhangs(description: Description, most_nodes: int) -> Iterator[Overhang]:
-    """Yield the free ends of all parts that joints hold and that are described by sections.
+def find_overhangs(description: Description, most_nodes: int) -> Iterator[Overhang]:
+    """Yield the free ends of all substructures that joints hold and that are described by sections.
 
     Parameters
     ----------
     description : Description
     most_nodes : int
-        Of a part; larger ones take too long.
+        Of a substructure; larger ones take too long.
     """
-    for name, part in description.substructures.items():
-        held = {node: joint for joint, nodes in _attached(description, name) for node in nodes}
-        if not held or len(part.nodes) > most_nodes or not _has_sections(part):
+    for name, model in description.substructures.items():
+        held = {node: joint for joint, nodes in _attachments(description, name) for node in nodes}
+        if not held or len(model.nodes) > most_nodes or not _has_sections(model):
             continue
         measured = [response.node for response in description.responses if response.substructure == name]
-        positions, last = [node.position for node in part.nodes], len(part.nodes) - 1
+        positions, last = [node.position for node in model.nodes], len(model.nodes) - 1
         low, high = min(held), max(held)
         below = max((node for node in measured if node < low), default=0)
         above = min((node for node in measured if node > high), default=last)
-        if below < low and _divides(part, below, low):
-            length, shortest = positions[low] - positions[0], positions[below] - positions[0]
-            yield Overhang(name, held[low], length, shortest, below, low, positions[0])
-        if above > high and _divides(part, high, above):
-            length, shortest = positions[last] - positions[high], positions[last] - positions[above]
-            yield Overhang(name, held[high], length, shortest, high, above, positions[last])
+        if below < low and _can_divide(model, below, low):
+            length, unchanged = positions[low] - positions[0], positions[below] - positions[0]
+            yield Overhang(name, held[low], length, unchanged, below, low, positions[0])
+        if above > high and _can_divide(model, high, above):
+            length, unchanged = positions[last] - positions[high], positions[last] - positions[above]
+            yield Overhang(name, held[high], length, unchanged, high, above, positions[last])
 
 
-def _attached(description: Description, part: str) -> Iterator[tuple[str, tuple[int, ...]]]:
-    for joint, described in description.joints.items():
-        for attached in described.connection.attachments:
-            if attached.substructure == part:
-                yield joint, tuple(attached.nodes)
+def _attachments(description: Description, substructure: str) -> Iterator[tuple[str, tuple[int, ...]]]:
+    for name, joint in description.joints.items():
+        for attachment in joint.connection.attachments:
+            if attachment.substructure == substructure:
+                yield name, tuple(attachment.nodes)
 
 
-def _has_sections(part: SubstructureModel) -> bool:
-    sections = getattr(part.config, "sections", None)
+def _has_sections(model: SubstructureModel) -> bool:
+    sections = getattr(model.config, "sections", None)
     return isinstance(sections, tuple) and all(
         hasattr(section, "length") and hasattr(section, "elements") for section in sections
     )
 
 
-def _divides(part: SubstructureModel, first: int, last: int) -> bool:
-    """Say whether sections can be divided at two nodes without another change; those of a taper cannot."""
+def _can_divide(model: SubstructureModel, first: int, last: int) -> bool:
+    """Return whether sections can be divided at two nodes and nothing else changes; those of a taper cannot."""
     try:
-        divided = _stretched(part, first, last, 1.0)
+        divided = _stretch(model, first, last, 1.0)
     except DovetailError:
         return False
-    if len(divided.nodes) != len(part.nodes):
+    if len(divided.nodes) != len(model.nodes):
         return False
-    own, other = part.matrices(), divided.matrices()
-    if not (isinstance(own, StructuralMatrices) and isinstance(other, StructuralMatrices)):
+    matrices, of_divided = model.matrices(), divided.matrices()
+    if not (isinstance(matrices, StructuralMatrices) and isinstance(of_divided, StructuralMatrices)):
         return False
-    return _same(own.M, other.M) and _same(own.K, other.K)
+    return _are_equal(matrices.M, of_divided.M) and _are_equal(matrices.K, of_divided.K)
 
 
-def _same(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    """Say whether two symmetric matrices are the same, on the scale of their DOFs."""
-    size = np.sqrt(np.abs(np.diag(one)))
-    return bool(np.all(np.abs(one - other) <= _SAME * np.outer(size, size)))
+def _are_equal(matrix: NDArray[np.float64], other: NDArray[np.float64], tolerance: float = 1e-9) -> bool:
+    """Return whether two symmetric matrices are equal up to rounding, each entry on the scale of its DOFs."""
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    return bool(np.all(np.abs(matrix - other) <= tolerance * np.outer(scale, scale)))
 
 
-def _stretched(part: SubstructureModel, first: int, last: int, by: float) -> SubstructureModel:
-    """Return a part whose elements between two nodes are longer by a factor."""
+def _stretch(model: SubstructureModel, first: int, last: int, factor: float) -> SubstructureModel:
+    """Return a substructure whose elements between two nodes are longer by a factor."""
     sections: list[Any] = []
     start = 0
-    for section in part.config.sections:
+    for section in model.config.sections:
         end = start + section.elements
         cuts = sorted({start, end, *(node for node in (first, last) if start < node < end)})
         for near, far in pairwise(cuts):
-            factor = by if first <= near < last else 1.0
-            length = factor * section.length * (far - near) / section.elements
+            length = section.length * (far - near) / section.elements * (factor if first <= near < last else 1.0)
             sections.append(section.model_copy(update={"length": length, "elements": far - near}))
         start = end
-    return type(part)(part.config.model_copy(update={"sections": tuple(sections)}))
+    return type(model)(model.config.model_copy(update={"sections": tuple(sections)}))

@@ -1,29 +1,29 @@
-"""Whether the model can have made a measurement at all."""
+"""The verdict of the check for model misspecification."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["Foreign"]
+__all__ = ["Misspecification"]
 
 
 @dataclass(frozen=True)
-class Foreign:
-    """What speaks for or against a measurement being of the structure that was described.
+class Misspecification:
+    """Whether the model can have produced a measurement, and what explains it if not.
 
     Parameters
     ----------
     flagged : bool
-        Whether the model cannot have made it: no identified number is then to be believed.
+        Whether the model cannot have produced it. The identified parameters are then not to be relied on.
     statistic : float
-        How far it is from all that the model makes: above 1 it is flagged.
+        Significance of the largest deviation from the model, over its limit: above 1 the measurement is flagged.
     looks_like : str
-        What explains it, as a sentence; empty where nothing that was tried does.
+        What explains the measurement, as a sentence; empty if nothing that was tried does.
     reasons : tuple of str
-        Why, as sentences.
+        Why it is flagged, as sentences.
     bands : tuple of (float, float)
-        Where in frequency [Hz] it is off, the worst first.
+        Frequency bands [Hz] in which it deviates, the worst first.
     """
 
     flagged: bool

@@ -1,4 +1,4 @@
-"""Whether what is left of a measurement is noise: in any run of lines, and towards anything that may be other."""
+"""The significance of whitened residuals: along each perturbation, along the model's errors and in runs of lines."""
 
 from __future__ import annotations
 
@@ -10,132 +10,144 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from dovetail.identification.fitting import Fit
-from dovetail.identification.misspecification.perturbations import Change
-from dovetail.identification.misspecification.whitened_residuals import Remainder
+from dovetail.identification.misspecification.perturbations import Perturbation
+from dovetail.identification.misspecification.whitened_residuals import WhitenedResiduals
 
-__all__ = ["Evidence", "evidence", "is_good", "runs"]
+__all__ = ["Significance", "assess_runs", "assess_significance", "is_negligible"]
 
-_MEASUREMENT_LIMIT, _PARTS_LIMIT = 3.7, 3.9
-"""Standard deviations that a remainder hardly has by chance towards a change of the measurement, and of the parts."""
-_LIMIT = 1e-7
-"""Probability below which a remainder, in the run of lines where it is largest, is not noise."""
-_ERRORS_LIMIT = 1e-4
-_GOOD = 0.002
-"""Part of the FRF's magnitude by which a model may be off and still be a good one, however little noise shows it."""
-_SHORTEST = 8
-_FAINT = 1e-6
+
+@dataclass(frozen=True)
+class Settings:
+    """From where residuals are significant."""
+
+    measurement_limit: float = 3.7
+    """Standard deviations along a perturbation of the measurement; noise exceeds them with probability 2e-4."""
+    substructure_limit: float = 3.9
+    """The same along a perturbation of a substructure, with probability 1e-4, since there are more of these."""
+    run_probability: float = 1e-7
+    """Probability of the residuals in their worst run of lines below which they are not noise; runs are many."""
+    error_probability: float = 1e-4
+    """Probability of the residuals along the model's errors below which these are larger than allowed."""
+    negligible_discrepancy: float = 0.002
+    """Discrepancy over the FRF's magnitude of a model that is good, however little noise would hide it."""
+    shortest_run: int = 8
+    """Lines; fewer may be an interference line."""
+    rank: float = 1e-6
+    """Eigenvalue over the largest below which the model's errors have no further direction."""
+
+
+_SETTINGS = Settings()
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """How far a remainder is from noise; each entry is 1 at the limit.
+class Significance:
+    """How significant whitened residuals are.
 
     Parameters
     ----------
-    towards : mapping of str to float
-        Standard deviations by which it lies towards each change.
+    deviations : mapping of str to float
+        Standard deviations of the residuals along each perturbation.
     amounts : mapping of str to float
-        Of each change, by which the remainder is the least, to first order.
-    squares : float
-        Sum of the squared residuals.
-    errors : float
-        Towards the errors of the model, beyond what they are reckoned with.
-    runs : float
-        In the run of lines where it is largest.
+        Amount of each perturbation that minimises the residuals, to first order.
+    sum_of_squares : float
+        Of the residuals.
+    model_error : float
+        Significance along the errors that the model is allowed, 1 at its limit.
+    run : float
+        Significance of the worst run of lines, 1 at its limit.
     """
 
-    towards: Mapping[str, float]
+    deviations: Mapping[str, float]
     amounts: Mapping[str, float]
-    squares: float
-    errors: float
-    runs: float
+    sum_of_squares: float
+    model_error: float
+    run: float
 
     @property
     def statistic(self) -> float:
-        """The largest of all, over its limit."""
-        return max(self._largest[1], self.errors, self.runs)
+        """The largest of all over its limit."""
+        return max(self._worst[1], self.model_error, self.run)
 
     @property
-    def _largest(self) -> tuple[str, float]:
-        """The change that the remainder lies towards the most, and how much over its limit."""
-        over = {
-            name: abs(size) / (_PARTS_LIMIT if ": " in name else _MEASUREMENT_LIMIT)
-            for name, size in self.towards.items()
+    def _worst(self) -> tuple[str, float]:
+        """The perturbation along which the deviation is the largest over its limit, and that ratio."""
+        ratios = {
+            name: abs(deviation) / (_SETTINGS.substructure_limit if ": " in name else _SETTINGS.measurement_limit)
+            for name, deviation in self.deviations.items()
         }
-        return max(over.items(), key=lambda one: one[1], default=("", 0.0))
+        return max(ratios.items(), key=lambda item: item[1], default=("", 0.0))
 
     def sensitivity(self, name: str) -> float:
-        """Return by how many standard deviations a unit of a change alters the FRF."""
+        """Return by how many standard deviations a unit of a perturbation changes the FRF."""
         amount = self.amounts[name]
-        return abs(self.towards[name] / amount) if amount else 0.0
+        return abs(self.deviations[name] / amount) if amount else 0.0
 
-    def words(self) -> str:
-        """Say what the remainder's largest part is."""
-        name, over = self._largest
-        if over >= max(self.errors, self.runs):
-            return f"what is left lies {abs(self.towards[name]):.3g} standard deviations towards another '{name}'"
+    def describe(self) -> str:
+        """Return the most significant deviation in words."""
+        name, ratio = self._worst
+        if ratio >= max(self.model_error, self.run):
+            return f"what is left lies {abs(self.deviations[name]):.3g} standard deviations towards another '{name}'"
         return "what is left is more than random error and small errors of the model"
 
 
-def evidence(left: Remainder, possible: tuple[Change, ...]) -> Evidence:
-    """Return how far what is left of a measurement is from noise."""
-    effects = left.effect(np.array([change.effect(left.theta, left.values) for change in possible]))
-    length = np.linalg.norm(effects, axis=1)
-    along = np.divide(effects @ left.residuals, length, out=np.zeros_like(length), where=length > 0.0)
-    amounts = np.divide(along, length, out=np.zeros_like(length), where=length > 0.0)
-    names = [change.name for change in possible]
-    return Evidence(
-        dict(zip(names, along.tolist(), strict=True)),
-        dict(zip(names, (-amounts).tolist(), strict=True)),
-        float(left.residuals @ left.residuals),
-        _towards_errors(left) / -np.log10(_ERRORS_LIMIT),
-        max(runs(_rescaled(left.lines)).values(), default=0.0) / -np.log10(_LIMIT),
+def assess_significance(whitened: WhitenedResiduals, perturbations: tuple[Perturbation, ...]) -> Significance:
+    """Return how significant the whitened residuals of a measurement are."""
+    derivatives = np.array([p.derivative(whitened.theta, whitened.values) for p in perturbations])
+    directions = whitened.project(derivatives)
+    length = np.linalg.norm(directions, axis=1)
+    length[length == 0.0] = np.inf
+    deviations = directions @ whitened.residuals / length
+    names = [perturbation.name for perturbation in perturbations]
+    return Significance(
+        dict(zip(names, deviations.tolist(), strict=True)),
+        dict(zip(names, (-deviations / length).tolist(), strict=True)),
+        float(whitened.residuals @ whitened.residuals),
+        _assess_model_error(whitened) / -np.log10(_SETTINGS.error_probability),
+        assess_runs(_scale_to_scatter(whitened.by_line)) / -np.log10(_SETTINGS.run_probability),
     )
 
 
-def is_good(fit: Fit) -> bool:
-    """Say whether a fit misses more than noise, but next to nothing of the FRF."""
-    return 0.0 < fit.discrepancy < _GOOD
+def is_negligible(fit: Fit) -> bool:
+    """Return whether a fit misses more than noise, but next to nothing of the FRF."""
+    return 0.0 < fit.discrepancy < _SETTINGS.negligible_discrepancy
 
 
-def _towards_errors(left: Remainder) -> float:
-    """Return how improbable it is that the errors of the model are as large as the remainder says, as -log10."""
-    if not len(left.errors):
+def _assess_model_error(whitened: WhitenedResiduals) -> float:
+    """Return -log10 of the probability that the model's errors are as large as the residuals suggest."""
+    if not len(whitened.errors):
         return 0.0
-    size, axes = np.linalg.eigh(left.errors @ left.errors.T)
-    clear = size > _FAINT * size[-1]
-    squares = (axes.T @ (left.errors @ left.residuals))[clear] ** 2 / size[clear]
-    return _surprise(float(squares.sum()), int(clear.sum()))
+    eigenvalues, axes = np.linalg.eigh(whitened.errors @ whitened.errors.T)
+    clear = eigenvalues > _SETTINGS.rank * eigenvalues[-1]
+    squares = (axes.T @ (whitened.errors @ whitened.residuals))[clear] ** 2 / eigenvalues[clear]
+    return _significance(float(squares.sum()), int(clear.sum()))
 
 
-def _rescaled(lines: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return residuals made smaller if they scatter from line to line by more than the random error says."""
-    scatter = float(np.mean(np.diff(lines, axis=0) ** 2)) / 2.0 if len(lines) > 1 else 1.0
-    return np.asarray(lines / np.sqrt(max(1.0, scatter)))
+def _scale_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return residuals (n_freq, n), smaller if they scatter from line to line by more than random error."""
+    scatter = float(np.mean(np.diff(residuals, axis=0) ** 2)) / 2.0 if len(residuals) > 1 else 1.0
+    return np.asarray(residuals / np.sqrt(max(1.0, scatter)))
 
 
-def runs(lines: NDArray[np.float64]) -> dict[int, float]:
-    """Return how improbable the largest run of each length is, as -log10 of its probability for noise.
+def assess_runs(residuals: NDArray[np.float64]) -> float:
+    """Return the significance of the worst run of lines, as -log10 of its probability for noise.
 
     Parameters
     ----------
-    lines : (n_freq, parts) array
-        White where nothing but noise is left.
+    residuals : (n_freq, n) array
+        White if the model explains the measurement.
     """
-    found = {}
-    sums = np.concatenate([np.zeros((1, lines.shape[1])), np.cumsum(lines, axis=0)])
-    squares = np.concatenate([[0.0], np.cumsum(np.sum(lines**2, axis=1))])
-    length = _SHORTEST
-    while length <= len(lines):
+    sums = np.concatenate([np.zeros((1, residuals.shape[1])), np.cumsum(residuals, axis=0)])
+    squares = np.concatenate([[0.0], np.cumsum(np.sum(residuals**2, axis=1))])
+    worst, length, width = 0.0, _SETTINGS.shortest_run, residuals.shape[1]
+    while length <= len(residuals):
         energy = float((squares[length:] - squares[:-length]).max())
         coherent = float((np.sum((sums[length:] - sums[:-length]) ** 2, axis=1) / length).max())
-        parts = lines.shape[1]
-        found[length] = max(_surprise(energy, parts * length), _surprise(coherent, parts))
+        worst = max(worst, _significance(energy, width * length), _significance(coherent, width))
         length *= 2
-    return found
+    return worst
 
 
-def _surprise(squares: float, freedom: int) -> float:
+def _significance(squares: float, degrees_of_freedom: int) -> float:
     """Return -log10 of the probability that noise gives so large a sum of squares."""
-    surprise = -float(chi2.logsf(squares, freedom))
-    return (surprise if np.isfinite(surprise) else squares / 2.0) / float(np.log(10.0))
+    negative_log = -float(chi2.logsf(squares, degrees_of_freedom))
+    return (negative_log if np.isfinite(negative_log) else squares / 2.0) / float(np.log(10.0))

@@ -1,12 +1,12 @@
-"""Are measurements flagged that the model cannot have made, and no others? Eight kinds of them, random joints.
+"""Are measurements flagged that the model cannot have produced, and no others? Eight kinds of them, random joints.
 
-    python tests/benchmarks/foreign_measurements.py [--foreign 25] [--genuine 500] [--finer 100] [--model MODEL]
+    python tests/benchmarks/misspecified_measurements.py [--misspecified 25] [--genuine 500] [--finer 100]
 
-The noise is complex, in every line one or five per cent of the standard deviation of the FRF, and is not told. With a
-trained model the network's answer is examined as well. With --name it is counted how often the cause of those flagged
-is named, alone or among others.
-With --reach it is counted how many any test could find: those that no joint within the ranges comes near, by the
-deviations of the noise that 95 % found at 2 % of false alarms need.
+The noise is complex, in every line one or five per cent of the standard deviation of the FRF. Its size is not given to
+the check. With `--model MODEL` the answer of a trained network is checked as well. With `--name` the flagged cases are
+counted whose explanation names the true cause, alone or among others. With `--reach` the cases are counted that any
+test could detect: no joint within the ranges comes nearer than the standard deviations of the noise that a detection of
+95 % at 2 % of false alarms needs.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from scipy.stats import norm
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.identification.fitting import refine
-from dovetail.identification.misspecification import examine
-from dovetail.identification.misspecification.whitened_residuals import remainder
+from dovetail.identification.misspecification import check_misspecification
+from dovetail.identification.misspecification.whitened_residuals import whiten_residuals
 from dovetail.identification.posterior.model_error import MODEL_ERROR
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISES = (0.01, 0.05)
 NEEDED = norm.ppf(0.95) + norm.ppf(0.98)
-"""Standard deviations by which two FRFs must differ for a test to find 95 % at 2 % of false alarms: 3.7."""
+"""Standard deviations by which two FRFs must differ for a test to detect 95 % at 2 % of false alarms: 3.7."""
 Kind = Callable[[np.ndarray, int], np.ndarray]
 """From a joint (n_params,) and the number of the case to the FRF that is measured, without noise."""
 
@@ -190,7 +190,7 @@ def measurement(assembly: dovetail.Assembly, values: np.ndarray, level: float, s
 def distance(
     assembly: dovetail.Assembly, values: np.ndarray, level: float, theta: np.ndarray, model_error: float
 ) -> float:
-    """Return how far an FRF without noise is from the nearest joint found, in standard deviations of the noise.
+    """Return how far an FRF without noise is from the nearest joint, in standard deviations of the noise.
 
     What the model is allowed to err counts as noise. No test can tell it from that joint's FRF better than a test that
     knows both, whose power this distance gives.
@@ -198,12 +198,12 @@ def distance(
     variance = np.full(len(values), (level * values.std()) ** 2)
     measured = dovetail.Frf(assembly.frequency, values, "accelerance", variance=variance)
     fits = (refine(assembly, measured), refine(assembly, measured, (theta,)))
-    left = (remainder(assembly, measured, replace(fit, variance=variance), model_error) for fit in fits)
-    return min(float(np.linalg.norm(one.residual.of(one.values[np.newaxis]))) for one in left)
+    residuals = (whiten_residuals(assembly, measured, replace(fit, variance=variance), model_error) for fit in fits)
+    return min(float(np.linalg.norm(near.whitening.of(near.values[np.newaxis]))) for near in residuals)
 
 
-class Examined:
-    """What was found of the measurements of one kind."""
+class Outcomes:
+    """What the check says of the measurements of one kind."""
 
     def __init__(self) -> None:
         self.refined: dict[float, list[bool]] = {level: [] for level in NOISES}
@@ -221,44 +221,46 @@ def study(
     model_error: float = MODEL_ERROR,
     name: bool = False,
     reach: bool = False,
-) -> Iterator[tuple[str, Examined]]:
-    """Yield what is found of the measurements of each kind, (kind, number of cases)."""
+) -> Iterator[tuple[str, Outcomes]]:
+    """Yield what the check says of the measurements of each kind, (kind, number of cases)."""
     for kind, (make, count) in of_kinds.items():
-        found = Examined()
+        counts = Outcomes()
         for case, theta in enumerate(latin_hypercube(assembly, count, seed=len(kind))):
             values = make(theta, case)
             for level in NOISES:
                 measured = measurement(assembly, values, level, case)
-                verdict = examine(assembly, measured, refine(assembly, measured), model_error, name=name)
-                found.refined[level].append(verdict.flagged)
-                found.words[level].append(verdict.looks_like)
+                verdict = check_misspecification(
+                    assembly, measured, refine(assembly, measured), model_error, explain=name
+                )
+                counts.refined[level].append(verdict.flagged)
+                counts.words[level].append(verdict.looks_like)
                 if name and verdict.flagged and not kind.startswith("genuine"):
-                    found.named[level].append(says(verdict.looks_like, kind))
+                    counts.named[level].append(says(verdict.looks_like, kind))
                 if model is not None:
-                    answer = model.identify(measured).foreign
-                    found.network[level].append(answer is not None and answer.flagged)
+                    answer = model.identify(measured).misspecification
+                    counts.network[level].append(answer is not None and answer.flagged)
                 if reach:
-                    apart = distance(assembly, values, level, theta, model_error)
-                    found.in_reach[level].append(apart > NEEDED)
-        yield kind, found
+                    separation = distance(assembly, values, level, theta, model_error)
+                    counts.in_reach[level].append(separation > NEEDED)
+        yield kind, counts
 
 
-def together(all_found: Iterable[Examined]) -> Examined:
-    """Return what was found of several kinds as one."""
-    whole = Examined()
-    for found in all_found:
+def together(each_kind: Iterable[Outcomes]) -> Outcomes:
+    """Return the counts of several kinds as one."""
+    whole = Outcomes()
+    for counts in each_kind:
         for level in NOISES:
-            whole.refined[level] += found.refined[level]
-            whole.in_reach[level] += found.in_reach[level]
-            whole.named[level] += found.named[level]
-            whole.network[level] += found.network[level]
+            whole.refined[level] += counts.refined[level]
+            whole.in_reach[level] += counts.in_reach[level]
+            whole.named[level] += counts.named[level]
+            whole.network[level] += counts.network[level]
     return whole
 
 
-def row(kind: str, found: Examined) -> str:
+def row(kind: str, counts: Outcomes) -> str:
     """Return one line of the table."""
     cells = []
-    for by_level in (found.refined, found.in_reach, found.named, found.network):
+    for by_level in (counts.refined, counts.in_reach, counts.named, counts.network):
         cells += [f"{sum(flags)} of {len(flags)}" if flags else "-" for flags in by_level.values()]
     return f"| {kind} | " + " | ".join(cells) + " |"
 
@@ -272,7 +274,7 @@ HEADER = (
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--foreign", type=int, default=25, help="cases of each kind")
+    parser.add_argument("--misspecified", type=int, default=25, help="cases of each kind")
     parser.add_argument("--genuine", type=int, default=500)
     parser.add_argument("--finer", type=int, default=100, help="genuine cases from a mesh four times finer")
     parser.add_argument("--model", type=Path, help="folder of a trained model")
@@ -281,27 +283,27 @@ def main() -> None:
     parser.add_argument("--name", action="store_true", help="name what looks wrong, and print it")
     parser.add_argument("--sizes", action="store_true", help="causes of other sizes in place of the eight kinds")
     parser.add_argument("--only", help="kinds that begin with this, or one of these with commas between")
-    given = parser.parse_args()
+    options = parser.parse_args()
     assembly = dovetail.load(ASSEMBLY)
-    model = None if given.model is None else dovetail.load_model(given.model)
-    causes = sizes(assembly) if given.sizes else kinds(assembly)
-    of_kinds: dict[str, tuple[Kind, int]] = {kind: (make, given.foreign) for kind, make in causes.items()}
-    of_kinds["genuine"] = lambda theta, _: assembly.frf(theta), given.genuine
-    of_kinds["genuine, mesh four times finer"] = lambda theta, _: finer(4).frf(theta), given.finer
-    if given.only:
-        of_kinds = {kind: entry for kind, entry in of_kinds.items() if kind.startswith(tuple(given.only.split(",")))}
+    model = None if options.model is None else dovetail.load_model(options.model)
+    causes = sizes(assembly) if options.sizes else kinds(assembly)
+    of_kinds: dict[str, tuple[Kind, int]] = {kind: (make, options.misspecified) for kind, make in causes.items()}
+    of_kinds["genuine"] = lambda theta, _: assembly.frf(theta), options.genuine
+    of_kinds["genuine, mesh four times finer"] = lambda theta, _: finer(4).frf(theta), options.finer
+    if options.only:
+        of_kinds = {kind: entry for kind, entry in of_kinds.items() if kind.startswith(tuple(options.only.split(",")))}
     print(HEADER, flush=True)
-    foreign = []
-    for kind, found in study(
-        assembly, of_kinds, model, model_error=given.model_error, name=given.name, reach=given.reach
+    misspecified = []
+    for kind, counts in study(
+        assembly, of_kinds, model, model_error=options.model_error, name=options.name, reach=options.reach
     ):
-        if kind == "genuine" and foreign:
-            print(row("all of these", together(foreign)), flush=True)
-        foreign.append(found)
-        print(row(kind, found), flush=True)
-        if given.name:
-            for level, words in found.words.items():
-                print("\n".join(f"    {level:.0%}: {one}" for one in words), flush=True)
+        if kind == "genuine" and misspecified:
+            print(row("all of these", together(misspecified)), flush=True)
+        misspecified.append(counts)
+        print(row(kind, counts), flush=True)
+        if options.name:
+            for level, words in counts.words.items():
+                print("\n".join(f"    {level:.0%}: {sentence}" for sentence in words), flush=True)
 
 
 if __name__ == "__main__":
