@@ -19,7 +19,7 @@ import numpy as np
 from make_joints import finer
 
 import dovetail
-from dovetail.report import read_truth
+from dovetail.report.truth import read_truth
 from dovetail.synthesis import direct_receptance
 
 HERE = Path(__file__).resolve().parent
@@ -43,7 +43,7 @@ def off_direct_solve(assembly: dovetail.Assembly, theta: np.ndarray) -> float:
     """Return the largest relative difference of the receptance from the direct solve, over all lines."""
     part, dof = assembly.drive_point
     number = [int(assembly.graph.substructure_dofs(part)[dof])]
-    by_joint = {name: values[0] for name, values in assembly._by_joint(theta[np.newaxis]).items()}
+    by_joint = assembly.by_joint(theta)
     direct = direct_receptance(assembly.graph, assembly.frequency, by_joint, number, number)[:, 0, 0]
     found = assembly.frf(theta) / -((2 * np.pi * assembly.frequency) ** 2)
     return float(np.max(np.abs(found - direct) / np.abs(direct)))

@@ -53,11 +53,11 @@ class Chain(JointModel):
         joint = dovetail.StructuralMatrices.zeros(len(theta), self.size)
         along = np.array([0, *range(4, self.size), 2])
         first, second = along[:-1], along[1:]
-        for part, values in ((joint.K, theta[:, :1]), (joint.C, theta[:, 1:2])):
+        for matrix, values in ((joint.K, theta[:, :1]), (joint.C, theta[:, 1:2])):
             for ends in (first, second):
-                np.add.at(part, (slice(None), ends, ends), values)
-            part[:, first, second] -= values
-            part[:, second, first] -= values
+                np.add.at(matrix, (slice(None), ends, ends), values)
+            matrix[:, first, second] -= values
+            matrix[:, second, first] -= values
         joint.M[:, along[1:-1], along[1:-1]] = theta[:, 2:]
         return joint
 
@@ -107,8 +107,8 @@ def with_boundary(dofs: int) -> dovetail.Assembly:
     nodes = dofs // 4
     section = {"length": 0.01 * (nodes + 4), "outer": 0.02, "elements": nodes + 4}
     beam = {"model": "timoshenko_beam", "material": MATERIAL, "sections": [section]}
-    places = {"a": [0.01 * (4 + node) for node in range(nodes)], "b": [0.01 * node for node in range(nodes)]}
-    connect = {port: {"to": part, "at": places[port]} for port, part in (("a", "left"), ("b", "right"))}
+    positions = {"a": [0.01 * (4 + node) for node in range(nodes)], "b": [0.01 * node for node in range(nodes)]}
+    connect = {port: {"to": part, "at": positions[port]} for port, part in (("a", "left"), ("b", "right"))}
     return dovetail.load(
         {
             "dovetail": 1,
@@ -126,14 +126,14 @@ def with_chain(masses: int, rounds: int) -> Point:
     registry = Registry()
     registry.load_entry_points()
     lumped = registry.find("substructure", "lumped").component
-    parts = {name: lumped(lumped.Config(masses=[{"mass": 1.0}])) for name in ("left", "right")}
+    masses_at = {name: lumped(lumped.Config(masses=[{"mass": 1.0}])) for name in ("left", "right")}
     joint = Connection(Chain.of(masses), (Attachment("left", (0,)), Attachment("right", (0,))))
     lower, upper = np.array([1e5, 1, 0.1]), np.array([1e7, 100, 1])
     theta = {"chain": lower + (upper - lower) * np.random.default_rng(0).random((SAMPLES, 3))}
     frequency = np.linspace(1, 500, LINES)
 
     def first() -> Engine:
-        engine = Engine(Graph(parts, {"chain": joint}), frequency, [("left", 0)], theta)
+        engine = Engine(Graph(masses_at, {"chain": joint}), frequency, [("left", 0)], theta)
         engine.threads = 1
         engine.drive_point({"chain": theta["chain"][:1]})
         return engine
@@ -197,14 +197,14 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=6, help="sizes of each quantity, from the smallest")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("-o", "--output", type=Path, help="folder for cost.md and cost.svg")
-    given = parser.parse_args()
-    measured = series(given.points, given.rounds)
+    arguments = parser.parse_args()
+    measured = series(arguments.points, arguments.rounds)
     text = table(measured)
     print(text)
-    if given.output:
-        given.output.mkdir(parents=True, exist_ok=True)
-        (given.output / "cost.md").write_text(text + "\n")
-        draw(measured, given.output / "cost.svg")
+    if arguments.output:
+        arguments.output.mkdir(parents=True, exist_ok=True)
+        (arguments.output / "cost.md").write_text(text + "\n")
+        draw(measured, arguments.output / "cost.svg")
 
 
 if __name__ == "__main__":

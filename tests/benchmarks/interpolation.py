@@ -29,7 +29,7 @@ from synthesis import printed
 
 import dovetail
 from dovetail.dataset import latin_hypercube
-from dovetail.synthesis.interpolation import RationalPair, chebyshev_lines
+from dovetail.synthesis.interpolation import RationalInterpolant, chebyshev_lines
 
 COUNTS = (13, 17, 21, 25, 29, 33, 41, 49)
 TOLERANCE = 1e-9
@@ -38,9 +38,9 @@ FEW = 20
 """FRFs for AAA, which takes 0.1 s for each."""
 
 
-def greatest(found: NDArray[np.complex128], exact: NDArray[np.complex128]) -> NDArray[np.float64]:
+def greatest(approximation: NDArray[np.complex128], exact: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return the greatest relative error over the lines."""
-    error: NDArray[np.float64] = np.max(np.abs(found - exact) / np.abs(exact), axis=-1)
+    error: NDArray[np.float64] = np.max(np.abs(approximation - exact) / np.abs(exact), axis=-1)
     return error
 
 
@@ -89,20 +89,20 @@ def best_of(work: Callable[[], object], rounds: int = 5) -> float:
 
 def fixed(assembly: dovetail.Assembly, theta: NDArray[np.float64], exact: NDArray[np.complex128], count: int) -> Fixed:
     """Interpolate between `count` of Chebyshev's points; the time is that of amplitudes, with the exact lines."""
-    pair = RationalPair(assembly.frequency, chebyshev_lines(count, len(assembly.frequency)))
-    found = np.empty_like(exact)
-    estimated = pair.complex_values(exact[:, pair.lines], found)
-    errors, accepted = greatest(found, exact), estimated <= TOLERANCE
+    interpolant = RationalInterpolant(assembly.frequency, chebyshev_lines(count, len(assembly.frequency)))
+    interpolated = np.empty_like(exact)
+    estimated = interpolant.fill(exact[:, interpolant.lines], interpolated)
+    errors, accepted = greatest(interpolated, exact), estimated <= TOLERANCE
     block = theta[:64]
     amplitude = np.empty((len(block), len(assembly.frequency)), dtype=np.float32)
     sparse = dovetail.Assembly(assembly.description)
     nodes = type(sparse.engine)(
-        sparse.graph, sparse.frequency[pair.lines], [sparse.drive_point], sparse._by_joint(theta[:5])
+        sparse.graph, sparse.frequency[interpolant.lines], [sparse.drive_point], sparse.by_joint(theta[:5])
     )
     nodes.threads = 1
 
     def work() -> None:
-        pair.amplitudes(nodes.drive_point(sparse._by_joint(block)), amplitude)
+        interpolant.fill(nodes.drive_point(sparse.by_joint(block)), amplitude)
 
     work()
     worst = float(errors[accepted].max()) if accepted.any() else np.nan
@@ -128,7 +128,7 @@ def table(by_count: dict[int, Fixed], known: dict[int, NDArray[np.float64]], eng
     return printed(rows)
 
 
-def draw(by_count: dict[int, Fixed], known: dict, found: list[tuple[int, float]], engine: float, file: Path) -> None:
+def draw(by_count: dict[int, Fixed], known: dict, adaptive_lines: list, engine: float, file: Path) -> None:
     """Draw errors and times by number of exact lines."""
     import matplotlib
     from matplotlib.figure import Figure
@@ -142,7 +142,7 @@ def draw(by_count: dict[int, Fixed], known: dict, found: list[tuple[int, float]]
     errors.semilogy(
         counts, [known[n].max() for n in counts], "s-", color="C1", label="AAA that knows all lines, worst of 20"
     )
-    errors.semilogy(*zip(*found, strict=True), "x", color="C2", label="adaptive lines, 20 FRFs")
+    errors.semilogy(*zip(*adaptive_lines, strict=True), "x", color="C2", label="adaptive lines, 20 FRFs")
     errors.axhline(AIM, color="0.5", ls=":")
     errors.set(xlabel="exact lines of 4451", ylabel="greatest relative error")
     errors.legend(fontsize=8)
@@ -161,28 +161,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--samples", type=int, default=2000)
     parser.add_argument("-o", "--output", type=Path, help="folder for interpolation.md and interpolation.svg")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     warnings.simplefilter("ignore", RuntimeWarning)  # AAA says whenever it is stopped at the wanted number of terms
     assembly = dovetail.load(ASSEMBLY)
     assembly.engine.threads = 1
-    theta = latin_hypercube(assembly, given.samples, seed=0)
+    theta = latin_hypercube(assembly, arguments.samples, seed=0)
     exact = assembly.frf(theta)
     few = exact[:FEW]
     engine = best_of(lambda: assembly.accelerance_amplitude(theta[:64])) / 64
     by_count = {count: fixed(assembly, theta, exact, count) for count in COUNTS}
     known = {n: np.array([greatest(knowing_all(assembly.frequency, h, n), h) for h in few]) for n in COUNTS}
-    found = [adaptive(assembly.frequency, h) for h in few]
-    lines, errors = zip(*found, strict=True)
+    adaptive_lines = [adaptive(assembly.frequency, h) for h in few]
+    lines, errors = zip(*adaptive_lines, strict=True)
     text = table(by_count, known, engine)
     text += (
         f"\n\nEvery line exact: {1e6 * engine:.0f} µs per FRF, {1e9 * engine / exact.shape[1]:.0f} ns per line. "
         f"Lines chosen adaptively for each FRF: {min(lines)} to {max(lines)}, with errors up to {max(errors):.0e}."
     )
     print(text)
-    if given.output:
-        given.output.mkdir(parents=True, exist_ok=True)
-        (given.output / "interpolation.md").write_text(text + "\n", encoding="utf-8")
-        draw(by_count, known, found, engine, given.output / "interpolation.svg")
+    if arguments.output:
+        arguments.output.mkdir(parents=True, exist_ok=True)
+        (arguments.output / "interpolation.md").write_text(text + "\n", encoding="utf-8")
+        draw(by_count, known, adaptive_lines, engine, arguments.output / "interpolation.svg")
 
 
 if __name__ == "__main__":

@@ -98,22 +98,23 @@ def timed(work: Callable[[], object], rounds: int = 1) -> float:
 
 def measure(graph: Graph, lines: int, limit: int) -> tuple[Engine, list[float]]:
     """Return the first FRF's time, and the times per FRF alone and with Jacobian, in milliseconds."""
-    engine_module.STRAIGHT_LINE = limit
+    engine_module.SETTINGS = engine_module.Settings(straight_line=limit)
     theta = parameters(graph)
     name = next(iter(graph.substructures))
     engine = Engine(graph, np.linspace(100.0, 9000.0, lines), [(name, 0)], theta)
     engine.threads = 1
-    one = {joint: values[:1] for joint, values in theta.items()}
-    first = timed(lambda: engine.drive_point(one))
-    engine.jacobian(one)
+    single = {joint: values[:1] for joint, values in theta.items()}
+    first = timed(lambda: engine.drive_point(single))
+    engine.jacobian(single)
     alone = timed(lambda: engine.drive_point(theta), 3) / SAMPLES
     return engine, [first, alone, timed(lambda: engine.jacobian(theta), 3) / SAMPLES]
 
 
 def main(sizes: Iterable[int] = (2, 3, 4, 6, 8, 10, 15), lines: int = 4451, longest: int = 4000) -> None:
     """Print a row for each system; straight-line code for eliminations up to `longest` multiplications."""
-    chosen = engine_module.STRAIGHT_LINE
-    print(f"times in ms, one thread, {lines} lines; the engine compiles up to {chosen} multiplications without loops")
+    chosen = engine_module.SETTINGS
+    limit = chosen.straight_line
+    print(f"times in ms, one thread, {lines} lines; the engine compiles up to {limit} multiplications without loops")
     print(f"{'':29}{'straight-line code':>30}{'loops':>30}{'LAPACK':>8}")
     titles = ["first", "FRF", "+Jacobian"]
     heads = "".join(f"{title:>10}" for title in titles * 2)
@@ -123,13 +124,13 @@ def main(sizes: Iterable[int] = (2, 3, 4, 6, 8, 10, 15), lines: int = 4451, long
             graph = make(nodes)
             engine, loops = measure(graph, lines, 0)
             straight = measure(graph, lines, 10**9)[1] if engine.program.multiplications <= longest else None
-            one = {joint: values[:1] for joint, values in parameters(graph).items()}
-            lapack = timed(lambda e=engine, t=one: e.receptance(t, e.system.points, e.system.points))
+            single = {joint: values[:1] for joint, values in parameters(graph).items()}
+            lapack = timed(lambda e=engine, t=single: e.receptance(t, e.system.points, e.system.points))
             count = sum(len(c.model.parameters) for c in graph.connections.values())
             numbers = f"{kind:8}{4 * nodes:8}{engine.program.multiplications:8}{count:7}"
             shown = "".join(f"{value:10.3f}" for value in straight) if straight else f"{'-':>10}" * 3
             print(numbers + shown + "".join(f"{value:10.3f}" for value in loops) + f"{lapack:8.0f}", flush=True)
-    engine_module.STRAIGHT_LINE = chosen
+    engine_module.SETTINGS = chosen
 
 
 if __name__ == "__main__":

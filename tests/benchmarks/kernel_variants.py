@@ -45,18 +45,18 @@ def with_reciprocal(source: str) -> str:
     """Replace each division by the processor's estimate of 14 bits and two Newton steps."""
     number = 0
 
-    def steps(found: re.Match[str]) -> str:
+    def steps(division: re.Match[str]) -> str:
         nonlocal number
         number += 1
-        value, n = found[2], number
+        value, n = division[2], number
         fma = f"call {VECTOR} @llvm.fma.v{WIDTH}f64({VECTOR} "
         estimate = f"call {VECTOR} @llvm.x86.avx512.rcp14.pd.512({VECTOR} {value}, {VECTOR} undef, i8 -1)"
         return (
             f"%estimate{n} = {estimate}\n  %minus{n} = fneg {VECTOR} {value}\n"
             f"  %error{n} = {fma}%minus{n}, {VECTOR} %estimate{n}, {VECTOR} {constant(1.0)})\n"
             f"  %better{n} = {fma}%estimate{n}, {VECTOR} %error{n}, {VECTOR} %estimate{n})\n"
-            f"  %left{n} = {fma}%minus{n}, {VECTOR} %better{n}, {VECTOR} {constant(1.0)})\n"
-            f"  {found[1]} = {fma}%better{n}, {VECTOR} %left{n}, {VECTOR} %better{n})"
+            f"  %rest{n} = {fma}%minus{n}, {VECTOR} %better{n}, {VECTOR} {constant(1.0)})\n"
+            f"  {division[1]} = {fma}%better{n}, {VECTOR} %rest{n}, {VECTOR} %better{n})"
         )
 
     replaced = re.sub(rf"(%\w+) = fdiv {re.escape(VECTOR)} <[^>]*>, (%\w+)", steps, source)
@@ -66,11 +66,11 @@ def with_reciprocal(source: str) -> str:
 def two_samples(source: str) -> str:
     """Work on two samples in turn, so that one goes on while the other waits for a pivot."""
     lines = source.split("\n")
-    first = next(i for i, line in enumerate(lines) if line.startswith("one:")) + 2
+    first = next(i for i, line in enumerate(lines) if line.startswith("begin:")) + 2
     last = next(i for i, line in enumerate(lines) if "br label %after" in line)
     body = lines[first:last]
-    own = set(re.findall(r"^\s+(%\w+) =", "\n".join(body), flags=re.M)) | {"%sample"}
-    other = [re.sub(r"%\w+", lambda m: f"{m[0]}_b" if m[0] in own else m[0], line) for line in body]
+    results = set(re.findall(r"^\s+(%\w+) =", "\n".join(body), flags=re.M)) | {"%sample"}
+    other = [re.sub(r"%\w+", lambda m: f"{m[0]}_b" if m[0] in results else m[0], line) for line in body]
     lines[first:last] = [
         "  %sample_b = add i64 %sample, 1",
         *(x for pair in zip(body, other, strict=True) for x in pair),
@@ -107,13 +107,13 @@ class Bench:
         self.samples, self.rounds = samples, rounds
         assembly = dovetail.load(ASSEMBLY)
         self.engine = engine = assembly.engine
-        theta = assembly._by_joint(latin_hypercube(assembly, samples, seed=0))
+        theta = assembly.by_joint(latin_hypercube(assembly, samples, seed=0))
         self.lines = len(engine.system.frequency)
         factor = as_vectors(np.stack([np.ones(self.lines), np.zeros(self.lines)]), WIDTH)
-        terms = engine._contributions.gather(theta, samples)
-        weights, none = engine._contributions.gather_weights(theta, samples), np.empty((samples, 0))
+        terms = engine._inputs.gather(theta, samples)
+        weights, none = engine._inputs.gather_weights(theta, samples), np.empty((samples, 0))
         result = aligned_empty((samples, self.lines), np.complex128)
-        derived = aligned_empty((samples, engine._contributions.parameters, self.lines), np.complex128)
+        derived = aligned_empty((samples, engine._inputs.parameters, self.lines), np.complex128)
         flags = np.zeros(samples, dtype=np.uint8)
         self.arrays = (engine._omega, factor, engine._static, terms, none, weights, none, result, derived, flags)
 
@@ -142,7 +142,7 @@ class Bench:
 def random_orders(engine: Engine, tries: int) -> int:
     """Return the fewest multiplications among random orders, each pivot with nearly the fewest neighbours."""
     draw, best = random.Random(0), 10**9
-    keep = engine.system.place(engine.system.points[0])
+    keep = engine.system.index(engine.system.points[0])
     for _ in range(tries):
         graph = {dof: set(np.flatnonzero(row).tolist()) - {dof} for dof, row in enumerate(engine.system.pattern)}
         total = 1

@@ -2,9 +2,10 @@
 
     python tests/benchmarks/synthesis.py [--samples N] [--rounds N] [--written N] [-o FOLDER]
 
-The literal method (Eqs. 4-7, batched LAPACK) computes the substructures' receptances once, outside the timing, and runs
-on one BLAS thread. The routes take turns and the best of each one's rounds counts, so that other work on the machine
-meets all of them alike. With -o the tables are written as Markdown too.
+The literal method (Eqs. 4-7 of Processes 14 (2026) 1875, doi:10.3390/pr14121875, in batched LAPACK) computes the
+substructures' receptances once, outside the timing, and runs on one BLAS thread. The routes take turns and the best of
+each route's rounds counts, so that other work on the machine slows all of them alike. With -o the tables are
+written as Markdown too.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def routes(assembly: dovetail.Assembly, samples: int) -> Routes:
     """Return what is compared: how many FRFs each computes at once, and how; the literal method first."""
     theta = latin_hypercube(assembly, samples, seed=0)
     few = theta[: max(1, samples // 4)]
-    one = {name: values[0] for name, values in assembly._by_joint(theta[:1]).items()}
+    single = assembly.by_joint(theta[0])
     literal = LiteralSynthesis(assembly.graph, assembly.frequency, *assembly.drive_point)
 
     def on(threads: int, work: Callable[[], object]) -> Callable[[], object]:
@@ -45,17 +46,17 @@ def routes(assembly: dovetail.Assembly, samples: int) -> Routes:
         return timed
 
     interpolated = assembly.interpolated(1e-9)
-    found: Routes = {"literal, batched NumPy, 1 thread": (1, lambda: literal.receptance(one))}
+    compared: Routes = {"literal, batched NumPy, 1 thread": (1, lambda: literal.receptance(single))}
     for threads in sorted({1, len(os.sched_getaffinity(0))}):
         named = f"{threads} thread{'s' if threads > 1 else ''}"
-        found[f"engine, complex, {named}"] = samples, on(threads, lambda: assembly.frf(theta))
-        found[f"engine, amplitude, {named}"] = samples, on(threads, lambda: assembly.accelerance_amplitude(theta))
-        found[f"engine, amplitude, interpolated, {named}"] = (
+        compared[f"engine, complex, {named}"] = samples, on(threads, lambda: assembly.frf(theta))
+        compared[f"engine, amplitude, {named}"] = samples, on(threads, lambda: assembly.accelerance_amplitude(theta))
+        compared[f"engine, amplitude, interpolated, {named}"] = (
             samples,
             on(threads, lambda: interpolated.accelerance_amplitude(theta)),
         )
-        found[f"engine, complex with Jacobian, {named}"] = len(few), on(threads, lambda: assembly.frf_jacobian(few))
-    return found
+        compared[f"engine, complex with Jacobian, {named}"] = len(few), on(threads, lambda: assembly.frf_jacobian(few))
+    return compared
 
 
 @dataclass(frozen=True)
@@ -137,19 +138,19 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--written", type=int, default=50_000, help="FRFs in the dataset")
     parser.add_argument("-o", "--output", type=Path, help="folder for comparison.md")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     assembly = dovetail.load(ASSEMBLY)
     cores, lines = len(os.sched_getaffinity(0)), len(assembly.frequency)
     busy = f"{os.getloadavg()[0]:.1f} of them busy with other work"
     print(f"NumPy {np.__version__}, Python {platform.python_version()}, {cores} cores, {busy}; {lines} lines\n")
-    best = cost_per_frf(routes(assembly, given.samples), given.rounds)
+    best = cost_per_frf(routes(assembly, arguments.samples), arguments.rounds)
     text = printed(speed_table(best))
     print(text, end="\n\n", flush=True)
-    text += "\n\n" + printed(aims_table(best, given.written))
+    text += "\n\n" + printed(aims_table(best, arguments.written))
     print(text.split("\n\n")[1])
-    if given.output:
-        given.output.mkdir(parents=True, exist_ok=True)
-        (given.output / "comparison.md").write_text(text + "\n")
+    if arguments.output:
+        arguments.output.mkdir(parents=True, exist_ok=True)
+        (arguments.output / "comparison.md").write_text(text + "\n")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from dovetail.errors import DovetailError, ParameterError
 from dovetail.evaluation import calibrate
 from dovetail.evaluation import calibration as study
 from dovetail.evaluation.mesh_refinement import finer
-from dovetail.evaluation.parallel import side_by_side
+from dovetail.parallel import side_by_side
 
 CASES = 120
 

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 import dovetail
 from dovetail.dataset import latin_hypercube
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import plain_values
+from dovetail.documents.yaml_reader import read_yaml
 from dovetail.synthesis import LiteralSynthesis
 
 LARGE = 100
@@ -22,7 +24,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "assemblies"
 
 def shipped() -> list[str]:
     """Every file under assemblies/ that describes an assembly, in subfolders too; lists of cases are none."""
-    texts = {file: YAML(typ="safe").load(file.read_text()) for file in sorted(FOLDER.rglob("*.yaml"))}
+    texts = {file: plain_values(read_yaml(str(file), 0, FaultList())) for file in sorted(FOLDER.rglob("*.yaml"))}
     return [
         file.relative_to(FOLDER).as_posix() for file, text in texts.items() if {"substructures", "extends"} & {*text}
     ]
@@ -31,10 +33,6 @@ def shipped() -> list[str]:
 @cache
 def load(name: str) -> dovetail.Assembly:
     return dovetail.load(FOLDER / name)
-
-
-def by_joint(assembly, theta):
-    return {name: values[0] for name, values in assembly._by_joint(theta[None, :]).items()}
 
 
 class WholeAssembly:
@@ -64,7 +62,7 @@ class WholeAssembly:
 
         for own, dofs in self.parts:
             add(own.M, own.K, own.C, own.D, dofs)
-        for name, values in by_joint(self.assembly, theta).items():
+        for name, values in self.assembly.by_joint(theta).items():
             own = graph.connections[name].model.matrices(values[None, :])
             add(own.M[0], own.K[0], own.C[0], own.D[0], graph.joint_dofs(name))
         first = size
@@ -116,7 +114,7 @@ def largest_error(assembly, theta, lines_of) -> float:
     """Greatest relative error of the engine over the lines that `lines_of` picks for each vector."""
     whole = WholeAssembly(assembly)
     worst = 0.0
-    for vector, found in zip(theta, assembly.engine.drive_point(assembly._by_joint(theta)), strict=True):
+    for vector, found in zip(theta, assembly.engine.drive_point(assembly.by_joint(theta)), strict=True):
         lines = lines_of(vector, found)
         blocks = np.array_split(lines, -(-len(lines) // 500))
         truth = np.concatenate([whole.drive_point(vector, block) for block in blocks])
@@ -214,8 +212,8 @@ def test_the_literal_method_gives_the_same_for_twenty_vectors(name):
     lines = np.linspace(0, len(assembly.frequency) - 1, 250).astype(int)
     literal = LiteralSynthesis(assembly.graph, assembly.frequency[lines], *assembly.drive_point)
     theta = samples(assembly, 20, seed=15)
-    for vector, found in zip(theta, assembly.engine.drive_point(assembly._by_joint(theta)), strict=True):
-        np.testing.assert_allclose(literal.receptance(by_joint(assembly, vector)), found[lines], rtol=1e-6)
+    for vector, found in zip(theta, assembly.engine.drive_point(assembly.by_joint(theta)), strict=True):
+        np.testing.assert_allclose(literal.receptance(assembly.by_joint(vector)), found[lines], rtol=1e-6)
 
 
 def differences(assembly, theta, column, relative_step) -> np.ndarray:

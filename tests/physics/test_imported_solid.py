@@ -77,7 +77,7 @@ def load(folder, step, tolerance):
 
 def matrices_of(assembly):
     theta = assembly.vector(None)
-    return {name: values[0] for name, values in assembly._by_joint(theta[None, :]).items()}
+    return assembly.by_joint(theta)
 
 
 def error(assembly, lines):

@@ -11,7 +11,7 @@ import pytest
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.errors import DatasetError, ParameterError
-from dovetail.synthesis.interpolation import RationalPair, chebyshev_lines
+from dovetail.synthesis.interpolation import RationalInterpolant, chebyshev_lines
 
 
 def error(found, exact):
@@ -25,12 +25,12 @@ def interpolated(collet):
 
 @pytest.mark.parametrize("count", [1000, pytest.param(50_000, marks=pytest.mark.slow)])
 def test_every_line_of_random_frfs_is_within_ten_times_the_tolerance(collet, interpolated, count):
-    worst, refused = 0.0, interpolated.engine.refused
+    worst, refused = 0.0, interpolated.engine.rejections
     for seed in range(count // 500):
         theta = latin_hypercube(collet, 500, seed=seed)
         worst = max(worst, float(error(interpolated.frf(theta), collet.frf(theta)).max()))
-    assert len(interpolated.engine.pair.lines) < 50
-    assert interpolated.engine.refused - refused < 0.05 * count
+    assert len(interpolated.engine.interpolant.lines) < 50
+    assert interpolated.engine.rejections - refused < 0.05 * count
     assert 0 < worst < 1e-8
 
 
@@ -51,9 +51,9 @@ FREQUENCY = np.linspace(100.0, 9000.0, 4451)
 def test_a_rational_function_of_low_degree_comes_out_exactly_and_says_so():
     poles, residues = np.array([1300 + 9j, 4000 - 30j, 6400 + 80j]), np.array([1.0, -2.0, -0.4 + 0.1j])
     exact = (residues / (FREQUENCY[:, None] - poles)).sum(axis=1)[None, :]
-    pair = RationalPair(FREQUENCY, chebyshev_lines(9, len(FREQUENCY)))
+    interpolant = RationalInterpolant(FREQUENCY, chebyshev_lines(9, len(FREQUENCY)))
     found = np.empty_like(exact)
-    estimated = pair.complex_values(exact[:, pair.lines], found)
+    estimated = interpolant.fill(exact[:, interpolant.lines], found)
     assert error(found, exact).max() < 1e-10
     assert estimated[0] < 1e-9
 
@@ -64,13 +64,13 @@ def test_the_estimate_is_the_difference_of_both_functions_written_out():
     from scipy.interpolate import AAA
 
     values = rational(FREQUENCY, [900 + 9j, 2500 + 40j, 4100 + 15j, 6400 + 80j, 8000 + 60j], [1, -2, 1j, 3, 1])[None]
-    pair = RationalPair(FREQUENCY, chebyshev_lines(9, len(FREQUENCY)))
+    interpolant = RationalInterpolant(FREQUENCY, chebyshev_lines(9, len(FREQUENCY)))
     found = np.empty_like(values)
-    estimated = pair.complex_values(values[:, pair.lines], found)
-    x, y = FREQUENCY[pair.lines], values[0, pair.lines]
+    estimated = interpolant.fill(values[:, interpolant.lines], found)
+    x, y = FREQUENCY[interpolant.lines], values[0, interpolant.lines]
     low = np.delete(np.arange(9), [2, 6])  # all but a and b, the second and the fourth of the even ones
     others = AAA(x[low], y[low], max_terms=4, rtol=0, clean_up=False)(FREQUENCY)
-    between = np.setdiff1d(np.arange(len(FREQUENCY)), pair.lines)
+    between = np.setdiff1d(np.arange(len(FREQUENCY)), interpolant.lines)
     expected = np.max(np.abs(found[0] - others)[between] / np.abs(found[0])[between])
     assert estimated[0] == pytest.approx(expected, rel=1e-3)
 
@@ -78,43 +78,43 @@ def test_the_estimate_is_the_difference_of_both_functions_written_out():
 @pytest.mark.parametrize("width", [0.05, 0.5, 5.0])
 def test_a_resonance_that_the_lines_do_not_resolve_is_noticed(collet, interpolated, width):
     """A weak mode between two exact lines, which changes the FRF there by a few per cent at the most."""
-    pair = interpolated.engine.pair
+    interpolant = interpolated.engine.interpolant
     exact = collet.frf(latin_hypercube(collet, 40, seed=2))
-    place = FREQUENCY[pair.lines[10] : pair.lines[11] + 1].mean()
-    disturbed = exact * (1 + 0.02 * width / (FREQUENCY - (place + width * 1j)))
+    centre = FREQUENCY[interpolant.lines[10] : interpolant.lines[11] + 1].mean()
+    disturbed = exact * (1 + 0.02 * width / (FREQUENCY - (centre + width * 1j)))
     found = np.empty_like(disturbed)
-    estimated = pair.complex_values(disturbed[:, pair.lines], found)
+    estimated = interpolant.fill(disturbed[:, interpolant.lines], found)
     true = error(found, disturbed)
     assert np.all((estimated > 1e-9) | (true < 1e-8))
 
 
 def test_an_frf_that_cannot_be_interpolated_is_computed_exactly(collet):
     demanding = collet.interpolated(1e-9)
-    pair = demanding.engine.pair
-    real = pair.amplitudes
-    spoilt = [3, 50, 199]
+    interpolant = demanding.engine.interpolant
+    fill = interpolant.fill
+    some = [3, 50, 199]
 
     class Doubtful:
-        lines = pair.lines
+        lines = interpolant.lines
 
-        def amplitudes(self, known, result):
-            estimated = real(known, result)
+        def fill(self, exact, result):
+            estimated = fill(exact, result)
             result[:] = 0.0
             return np.full_like(estimated, np.nan)
 
-    demanding.engine.__dict__["pair"] = Doubtful()
+    demanding.engine.__dict__["interpolant"] = Doubtful()
     theta = latin_hypercube(collet, 200, seed=3)
     np.testing.assert_array_equal(
-        demanding.accelerance_amplitude(theta)[spoilt], collet.accelerance_amplitude(theta)[spoilt]
+        demanding.accelerance_amplitude(theta)[some], collet.accelerance_amplitude(theta)[some]
     )
-    assert demanding.engine.refused == 200
+    assert demanding.engine.rejections == 200
 
 
 def test_few_frfs_small_systems_sensitivities_and_measured_parts_are_exact(collet, sdof, assemblies, interpolated):
     theta = latin_hypercube(collet, 5, seed=4)
     np.testing.assert_array_equal(interpolated.frf(theta), collet.frf(theta))
     np.testing.assert_array_equal(interpolated.frf_jacobian(theta)[1], collet.frf_jacobian(theta)[1])
-    assert sdof.interpolated().engine.pair is None
+    assert sdof.interpolated().engine.interpolant is None
     spindle = dovetail.load(assemblies / "campaign" / "sf_h2_t1.yaml")  # a spline through a measurement is not rational
     many = latin_hypercube(spindle, 40, seed=5)
     np.testing.assert_array_equal(spindle.interpolated().frf(many), spindle.frf(many))

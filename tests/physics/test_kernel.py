@@ -13,7 +13,7 @@ from dovetail.dataset import latin_hypercube
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
 from dovetail.synthesis.codegen.vector_ir import WIDTH
-from dovetail.synthesis.elimination import eliminate, run
+from dovetail.synthesis.elimination import plan_elimination, run_elimination
 
 FREQUENCY = np.linspace(20.0, 900.0, 61)
 
@@ -23,12 +23,12 @@ def obvious(engine: Engine, theta: dict) -> np.ndarray:
     Z = engine.system.dynamic_stiffness(theta, slice(None))
     program = engine.program
     slots = np.ascontiguousarray(Z[:, program.rows, program.columns].T)
-    run(program, slots)
+    run_elimination(program, slots)
     return 1.0 / slots[program.diagonal[-1], : len(engine.frequency)]
 
 
 def test_the_kernel_does_what_the_obvious_elimination_does(collet):
-    theta = collet._by_joint(latin_hypercube(collet, 3, seed=5))
+    theta = collet.by_joint(latin_hypercube(collet, 3, seed=5))
     found = collet.engine.drive_point(theta)
     for sample in range(3):
         one = {name: values[sample : sample + 1] for name, values in theta.items()}
@@ -50,9 +50,9 @@ def test_elimination_leaves_the_schur_complement(size, kept):
     matrix = np.where(pattern, rng.standard_normal((size, size)) + 1j * rng.standard_normal((size, size)), 0)
     matrix = matrix + matrix.T + 4 * np.eye(size)
     keep = rng.permutation(size)[:kept]
-    program = eliminate(pattern, keep.tolist())
+    program = plan_elimination(pattern, keep.tolist())
     slots = matrix[program.rows, program.columns][:, None]
-    run(program, slots)
+    run_elimination(program, slots)
     left = np.zeros((size, size), dtype=complex)
     left[program.rows, program.columns] = left[program.columns, program.rows] = slots[:, 0]
     inner = np.setdiff1d(np.arange(size), keep)
@@ -67,8 +67,8 @@ def test_any_number_of_lines(sdof, lines):
     description["frequency"] = {"start": 10, "stop": 10 + 7 * (lines - 1) + 1e-3, "lines": lines} if lines > 1 else None
     theta = [2.5e6, 40.0]
     if lines == 1:
-        engine = Engine(sdof.graph, np.array([50.0]), [sdof.drive_point], sdof._by_joint(np.array([theta])))
-        frequency, found = np.array([50.0]), engine.drive_point(sdof._by_joint(np.array([theta])))[0]
+        engine = Engine(sdof.graph, np.array([50.0]), [sdof.drive_point], sdof.by_joint(np.array([theta])))
+        frequency, found = np.array([50.0]), engine.drive_point(sdof.by_joint(np.array([theta])))[0]
     else:
         assembly = dovetail.load(description)
         frequency = assembly.frequency
@@ -94,13 +94,13 @@ def test_the_collets_own_derivatives_are_the_differences_of_its_matrices(collet)
 
 
 def test_no_samples_give_no_frfs(collet):
-    theta = collet._by_joint(np.empty((0, 12)))
+    theta = collet.by_joint(np.empty((0, 12)))
     assert collet.engine.drive_point(theta).shape == (0, 4451)
     assert collet.engine.jacobian(theta)[1].shape == (0, 4451, 12)
 
 
 def test_threads_change_nothing(collet):
-    theta = collet._by_joint(latin_hypercube(collet, 200, seed=7))
+    theta = collet.by_joint(latin_hypercube(collet, 200, seed=7))
     engine = collet.engine
     before = engine.threads
     try:
@@ -124,12 +124,12 @@ def undamped(collet):
 def test_without_damping_the_frf_is_real_and_exact_away_from_resonance(collet):
     assembly = undamped(collet)
     theta = latin_hypercube(assembly, 10, seed=8)
-    found = assembly.engine.drive_point(assembly._by_joint(theta))
+    found = assembly.engine.drive_point(assembly.by_joint(theta))
     assert np.all(found.imag == 0)
     name, dof = assembly.drive_point
     number = int(assembly.graph.substructure_dofs(name)[dof])
     for vector, receptance in zip(theta, found, strict=True):
-        by_joint = {joint: values[0] for joint, values in assembly._by_joint(vector[None, :]).items()}
+        by_joint = assembly.by_joint(vector)
         truth = direct_receptance(assembly.graph, assembly.frequency, by_joint, [number], [number])[:, 0, 0]
         modes = assembly.natural_frequencies(vector, count=8)
         away = np.min(np.abs(assembly.frequency[:, None] / modes - 1), axis=1) > 0.01
@@ -207,8 +207,8 @@ def test_where_a_pivot_vanishes_the_derivatives_are_solved_with_pivoting():
 
 
 def test_a_line_on_an_undamped_resonance_is_refused(sdof):
-    at_resonance = Engine(sdof.graph, np.array([50.0]), [sdof.drive_point], sdof._by_joint(np.array([[1e6, 10.0]])))
-    theta = sdof._by_joint(np.array([[(2 * np.pi * 50.0) ** 2, 0.0]]))
+    at_resonance = Engine(sdof.graph, np.array([50.0]), [sdof.drive_point], sdof.by_joint(np.array([[1e6, 10.0]])))
+    theta = sdof.by_joint(np.array([[(2 * np.pi * 50.0) ** 2, 0.0]]))
     for compute in (at_resonance.drive_point, at_resonance.jacobian):
         with pytest.raises(dovetail.DovetailError, match="resonates without damping at 50 Hz"):
             compute(theta)

@@ -9,6 +9,7 @@ from dovetail import Node, StructuralMatrices, SubstructureModel
 from dovetail.dataset import latin_hypercube
 from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
 from dovetail.synthesis import engine as engine_module
+from dovetail.synthesis.engine import Settings
 
 FREQUENCY = np.linspace(100.0, 9000.0, 43)
 THETA = np.array([[1e6, 1e3, 0.5], [3e6, 5e2, 0.3], [2e5, 8e3, 0.7]])
@@ -50,7 +51,7 @@ def both(monkeypatch, make):
     """Return the engine of loops and that of straight-line code."""
     engines = []
     for limit in (0, 10**9):
-        monkeypatch.setattr(engine_module, "STRAIGHT_LINE", limit)
+        monkeypatch.setattr(engine_module, "SETTINGS", Settings(straight_line=limit))
         engine = make()
         _ = engine._receptance_kernel, engine._amplitude_kernel, engine._jacobian_kernel
         engines.append(engine)
@@ -70,9 +71,9 @@ def assert_same(loops: Engine, straight: Engine, theta: dict[str, np.ndarray]) -
 
 
 def test_loops_and_straight_line_code_give_the_same_for_the_collet(collet, monkeypatch):
-    theta = collet._by_joint(latin_hypercube(collet, 9, seed=3))
-    points, sought = [collet.drive_point], {"collet": [11, 0, 4]}
-    make = lambda: Engine(collet.graph, collet.frequency[::7], points, theta, sought)  # noqa: E731
+    theta = collet.by_joint(latin_hypercube(collet, 9, seed=3))
+    points, columns = [collet.drive_point], {"collet": [11, 0, 4]}
+    make = lambda: Engine(collet.graph, collet.frequency[::7], points, theta, columns)  # noqa: E731
     assert_same(*both(monkeypatch, make), theta)
 
 
@@ -98,7 +99,7 @@ def test_loops_note_a_vanishing_pivot_too(monkeypatch):
 def test_sixty_boundary_dofs_equal_the_direct_solve():
     graph, theta = blocks(15)
     engine = Engine(graph, FREQUENCY, [("a", 0)], theta)
-    assert engine.program.multiplications > engine_module.STRAIGHT_LINE
+    assert engine.program.multiplications > engine_module.SETTINGS.straight_line
     found = engine.drive_point(theta)
     for sample, vector in enumerate(theta["j"]):
         truth = direct_receptance(graph, FREQUENCY, {"j": vector}, [0], [0])[:, 0, 0]

@@ -18,7 +18,7 @@ FILES = sorted([*ASSEMBLIES.glob("*.yaml"), *ASSEMBLIES.glob("campaign/*.yaml")]
 def worst_error(assembly: dovetail.Assembly, samples: int, every: int) -> float:
     """Return the largest relative error over samples and every n-th line, each sample beginning at another line."""
     theta = latin_hypercube(assembly, samples, seed=0) if assembly.parameters else np.empty((1, 0))
-    by_joint = assembly._by_joint(theta)
+    by_joint = assembly.by_joint(theta)
     name, dof = assembly.drive_point
     number = int(assembly.graph.substructure_dofs(name)[dof])
     found = assembly.engine.drive_point(by_joint)

@@ -13,7 +13,7 @@ from dovetail.assembly.reader import read_description
 from dovetail.errors import PluginError
 from dovetail.registry import Registry
 from dovetail.synthesis import condensation, direct_receptance, sparse_condensation
-from dovetail.synthesis.sparse_condensation import Partition
+from dovetail.synthesis.sparse_condensation import PartitionedMatrices
 
 LENGTH, SIDE, LOSS = 0.3, 0.03, 0.003
 
@@ -102,7 +102,7 @@ def middle(assembly):
 
 
 def direct(assembly, theta, lines=slice(None)):
-    by_joint = {name: values[0] for name, values in assembly._by_joint(theta[None, :]).items()}
+    by_joint = assembly.by_joint(theta)
     name, dof = assembly.drive_point
     number = int(assembly.graph.substructure_dofs(name)[dof])
     return direct_receptance(assembly.graph, assembly.frequency[lines], by_joint, [number], [number])[:, 0, 0]
@@ -113,7 +113,7 @@ def relative(found, truth):
 
 
 def receptance(assembly, theta):
-    return assembly.engine.drive_point(assembly._by_joint(theta[None, :]))[0]
+    return assembly.engine.drive_point(assembly.by_joint(theta[None, :]))[0]
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1e-9])
@@ -150,9 +150,9 @@ def test_the_reduced_basis_states_an_error_that_holds_at_every_line(with_modes, 
     """
     if not with_modes:
         monkeypatch.setattr(sparse_condensation, "_modes", _no_modes)
-    partition = Partition(Solid(Solid.Config()).matrices(), range(6))
+    partition = PartitionedMatrices(Solid(Solid.Config()).matrices(), range(6))
     frequency = np.arange(100.0, 20001.0, 50.0)
-    exact = partition.condensed(frequency)
+    exact = partition.condense(frequency)
     for tolerance in (1e-3, 1e-6, 1e-9):
         reduced = sparse_condensation.condense_on_basis(partition, frequency, tolerance)
         assert reduced.error <= tolerance
@@ -179,7 +179,7 @@ def test_a_dense_part_of_many_dofs_is_condensed_as_a_sparse_one(monkeypatch):
     rod = beam(beam.Config(material=material, sections=[{"length": 0.2, "outer": 0.02, "elements": 150}]))
     frequency, dofs = np.array([50.0, 500.0, 5000.0]), [0, 1, 300, 301]
     eliminated = condensation.boundary_dynamic_stiffness(rod, dofs, frequency)
-    monkeypatch.setattr(condensation, "_MANY", 200)
+    monkeypatch.setattr(condensation, "SETTINGS", condensation.Settings(many_dofs=200))
     sparse = condensation.boundary_dynamic_stiffness(rod, dofs, frequency)
     assert not np.array_equal(sparse, eliminated)
     np.testing.assert_allclose(sparse, eliminated, rtol=1e-6)
@@ -211,7 +211,7 @@ def test_faulty_matrices_are_refused_with_one_message(fault, dense):
 def test_an_undamped_resonance_of_the_held_part_is_one_clear_error():
     spring = np.array([[1.0, -1.0], [-1.0, 1.0]])
     mass, stiffness = np.diag([1.0, 1.0]), (2 * np.pi) ** 2 * spring
-    partition = Partition(dovetail.SparseMatrices(mass, stiffness), [0])
+    partition = PartitionedMatrices(dovetail.SparseMatrices(mass, stiffness), [0])
     with pytest.raises(dovetail.DovetailError, match=r"at 1 Hz, where it resonates without damping"):
         partition.solve(1.0)
     Z, _ = partition.solve(2.0)

@@ -10,19 +10,15 @@ from dovetail.dataset import latin_hypercube
 from dovetail.synthesis import LiteralSynthesis, direct_receptance
 
 
-def by_joint(assembly, theta):
-    return {name: values[0] for name, values in assembly._by_joint(theta[None, :]).items()}
-
-
 def direct(assembly, theta):
     """Drive-point receptance by solving the whole assembly."""
     name, dof = assembly.drive_point
     number = int(assembly.graph.substructure_dofs(name)[dof])
-    return direct_receptance(assembly.graph, assembly.frequency, by_joint(assembly, theta), [number], [number])[:, 0, 0]
+    return direct_receptance(assembly.graph, assembly.frequency, assembly.by_joint(theta), [number], [number])[:, 0, 0]
 
 
 def receptance(assembly, theta):
-    return assembly.engine.drive_point(assembly._by_joint(np.atleast_2d(theta)))
+    return assembly.engine.drive_point(assembly.by_joint(np.atleast_2d(theta)))
 
 
 def relative(found, truth):
@@ -42,7 +38,7 @@ def test_engine_equals_the_direct_solve_at_every_line(collet):
 
 def test_literal_synthesis_equals_the_direct_solve(collet, torque_20):
     name, dof = collet.drive_point
-    literal = LiteralSynthesis(collet.graph, collet.frequency, name, dof).receptance(by_joint(collet, torque_20))
+    literal = LiteralSynthesis(collet.graph, collet.frequency, name, dof).receptance(collet.by_joint(torque_20))
     assert relative(literal, direct(collet, torque_20)) < 1e-6
     assert relative(receptance(collet, torque_20)[0], literal) < 1e-6
 
@@ -70,7 +66,7 @@ def test_transfer_receptance_equals_the_direct_solve(collet, torque_20):
     graph = collet.graph
     out, into = collet.point("holder", 0.1454, "x"), collet.point("tool", 0.0, "x")
     numbers = [int(graph.substructure_dofs(part)[dof]) for part, dof in (out, into)]
-    truth = direct_receptance(graph, collet.frequency, by_joint(collet, torque_20), numbers[:1], numbers[1:])
+    truth = direct_receptance(graph, collet.frequency, collet.by_joint(torque_20), numbers[:1], numbers[1:])
     found = collet.receptance(torque_20, [("holder", 0.1454, "x")], [("tool", 0.0, "x")])
     assert relative(found, truth) < 1e-8
 

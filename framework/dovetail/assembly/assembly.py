@@ -1,4 +1,4 @@
-"""An assembly: FRFs, sensitivities and natural frequencies as functions of the sought parameters."""
+"""An assembly: FRFs, their Jacobian and natural frequencies as functions of the identified parameters."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.description import Description
+from dovetail.assembly.joints import is_at
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.assembly.reader import read_description
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
@@ -26,23 +27,24 @@ __all__ = ["Assembly", "load"]
 PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 """One plugin file, or several."""
 
-_PROBES = 5
-_TRIALS = 256
-"""FRFs by which the number of exact lines is chosen, between which the others are interpolated."""
+_STRUCTURE_SAMPLES = 5
+"""Random parameter vectors that show which entries of the joints' matrices are ever filled."""
+_INTERPOLATION_SAMPLES = 256
+"""Random parameter vectors whose FRFs decide how many lines are computed exactly when the others are interpolated."""
 
 
 class Assembly:
-    """Substructures, joints and one or more response points, made from a description.
+    """Substructures, joints and one or more responses, made from a description.
 
-    What gives a single FRF gives that of the first response; `frfs` gives those of all.
+    A method that returns a single FRF returns that of the first response; `frfs` returns those of all.
 
     Parameters
     ----------
     description : Description
     rigid : bool
-        Whether the contacts of the joints with sought parameters are taken as rigid.
+        Whether the contacts of the joints with identified parameters are rigid.
     interpolation : float, optional
-        Interpolate FRFs between exact lines up to this relative error, as `interpolated` does.
+        Relative error up to which FRFs are interpolated between exact lines; see `interpolated`.
     """
 
     def __init__(self, description: Description, *, rigid: bool = False, interpolation: float | None = None) -> None:
@@ -61,7 +63,7 @@ class Assembly:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The sought parameters with units, ranges and scales."""
+        """The identified parameters with units, ranges and scales."""
         return self._space.parameters
 
     @property
@@ -71,7 +73,7 @@ class Assembly:
 
     @cached_property
     def graph(self) -> Graph:
-        """The parts and how they are connected."""
+        """The substructures and their connections."""
         connections = {
             name: replace(joint.connection, rigid=self._rigid and len(joint.fixed) < len(joint.parameters))
             for name, joint in self.description.joints.items()
@@ -80,21 +82,21 @@ class Assembly:
 
     @cached_property
     def engine(self) -> Engine:
-        """The synthesis engine of the response point."""
+        """The synthesis engine of the first response."""
         return self._engine([self.drive_point], self._interpolation)
 
     @cached_property
     def _further(self) -> tuple[Assembly, ...]:
-        """The same assembly at each response but the first."""
+        """The same assembly at each response after the first."""
         return tuple(self.at(index) for index in range(1, len(self.description.responses)))
 
     @property
     def each_response(self) -> tuple[Assembly, ...]:
-        """For each response an assembly whose `frf` is that of this response; the first is this one itself."""
+        """One assembly for each response, whose `frf` is that of this response; the first is this assembly itself."""
         return self, *self._further
 
     def at(self, index: int) -> Assembly:
-        """Return the same assembly with one of its responses alone.
+        """Return the same assembly with one of its responses only.
 
         Parameters
         ----------
@@ -105,28 +107,42 @@ class Assembly:
 
     @property
     def drive_point(self) -> Point:
-        """Where the structure is struck and its motion is read."""
+        """Substructure and DOF at which the structure is excited and its response is measured."""
         response = self.description.response
         return response.substructure, len(DIRECTIONS) * response.node + DIRECTIONS.index(response.direction)
 
     @cached_property
     def _conversion(self) -> NDArray[np.complex128]:
-        """What turns a receptance into the response's quantity."""
+        """(n_freq,) factor from receptance to the response's quantity."""
         return conversion(self.frequency, "receptance", self.description.response.quantity)
 
     def _engine(self, points: Sequence[Point], interpolation: float | None = None) -> Engine:
-        random = np.random.default_rng(0).random((_PROBES, len(self.parameters)))
-        probe = self._by_joint(self.from_unit(random))
-        sought = {name: self._space.sought_columns(name) for name in self.graph.connections}
+        probe_theta = self._samples(0, _STRUCTURE_SAMPLES)
+        columns = {name: self._space.identified_columns(name) for name in self.graph.connections}
+        system = (self.graph, self.frequency, points, probe_theta, columns)
         if interpolation is None:
-            return Engine(self.graph, self.frequency, points, probe, sought)
-        trial = self._by_joint(self.from_unit(np.random.default_rng(1).random((_TRIALS, len(self.parameters)))))
-        return InterpolatedEngine(
-            self.graph, self.frequency, points, probe, sought, tolerance=interpolation, trial=trial
-        )
+            return Engine(*system)
+        return InterpolatedEngine(*system, tolerance=interpolation, trial=self._samples(1, _INTERPOLATION_SAMPLES))
 
-    def _by_joint(self, batch: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        return self._space.by_joint(batch)
+    def _samples(self, seed: int, count: int) -> dict[str, NDArray[np.float64]]:
+        """Return parameter vectors drawn evenly from the ranges, by joint."""
+        return self.by_joint(self.from_unit(np.random.default_rng(seed).random((count, len(self.parameters)))))
+
+    def by_joint(self, theta: Theta = None) -> dict[str, NDArray[np.float64]]:
+        """Split parameter vectors into all parameters of each joint, fixed ones included.
+
+        Parameters
+        ----------
+        theta : as in `frf`
+
+        Returns
+        -------
+        dict of str to (n_joint_params,) or (n, n_joint_params) array
+            By the joint's name.
+        """
+        batch, single = self._space.batch(theta)
+        by_joint = self._space.by_joint(batch)
+        return {name: values[0] for name, values in by_joint.items()} if single else by_joint
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions of the ranges, (..., n_params) from 0 to 1 on the parameters' scales, to SI values."""
@@ -139,7 +155,7 @@ class Assembly:
         return np.stack(columns, axis=-1) if columns else np.empty(theta.shape)
 
     def vector(self, theta: Theta) -> NDArray[np.float64]:
-        """Return one parameter vector (n_params,) from whatever form it is given in.
+        """Return a parameter vector (n_params,) in SI from any form of `theta`.
 
         Raises
         ------
@@ -153,12 +169,12 @@ class Assembly:
         return vector
 
     def frf(self, theta: Theta = None) -> NDArray[np.complex128]:
-        """Drive-point FRF of the (first) response, in its quantity.
+        """Drive-point FRF of the first response, in its quantity.
 
         Parameters
         ----------
         theta : (n_params,) or (n, n_params) array, or mapping of names to values, optional
-            In SI; a mapping's values may be texts with units. The middle of the ranges when it is left out.
+            In SI; the values of a mapping may be texts with units. The middle of the ranges by default.
 
         Returns
         -------
@@ -169,7 +185,7 @@ class Assembly:
         ParameterError
         """
         batch, single = self._space.batch(theta)
-        values = self.engine.drive_point(self._by_joint(batch), self._conversion)
+        values = self.engine.drive_point(self._space.by_joint(batch), self._conversion)
         return values[0] if single else values
 
     def frfs(self, theta: Theta = None) -> NDArray[np.complex128]:
@@ -183,10 +199,10 @@ class Assembly:
         -------
         (n_responses, n_freq) or (n, n_responses, n_freq) complex array
         """
-        return np.stack([one.frf(theta) for one in self.each_response], axis=-2)
+        return np.stack([assembly.frf(theta) for assembly in self.each_response], axis=-2)
 
     def frf_jacobian(self, theta: Theta = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Drive-point FRF and its derivatives by every parameter, by the adjoint.
+        """Drive-point FRF and its Jacobian with respect to the parameters, by the adjoint method.
 
         Parameters
         ----------
@@ -196,14 +212,14 @@ class Assembly:
         -------
         frf : (n_freq,) or (n, n_freq) complex array
         jacobian : (n_freq, n_params) or (n, n_freq, n_params) complex array
-            Per unit of each parameter.
+            Derivatives in the response's quantity per SI unit of each parameter.
         """
         batch, single = self._space.batch(theta)
-        values, jacobian = self.engine.jacobian(self._by_joint(batch), self._conversion)
+        values, jacobian = self.engine.jacobian(self._space.by_joint(batch), self._conversion)
         return (values[0], jacobian[0]) if single else (values, jacobian)
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
-        """Amplitude of the accelerance in single precision, all responses side by side.
+        """Amplitude of the accelerance in single precision, for all responses.
 
         Parameters
         ----------
@@ -212,12 +228,13 @@ class Assembly:
         Returns
         -------
         (n_responses n_freq,) or (n, n_responses n_freq) float32 array
-            m/(N s^2); the lines of a second response stand behind those of the first.
+            m/(N s^2); the lines of the first response, then those of the second.
         """
         batch, single = self._space.batch(theta)
         factor = conversion(self.frequency, "receptance", "accelerance")
-        parts = [one.engine.amplitude(self._by_joint(batch), factor) for one in self.each_response]
-        amplitude = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        by_joint = self._space.by_joint(batch)
+        amplitudes = [assembly.engine.amplitude(by_joint, factor) for assembly in self.each_response]
+        amplitude = amplitudes[0] if len(amplitudes) == 1 else np.concatenate(amplitudes, axis=1)
         return amplitude[0] if single else amplitude
 
     def receptance(
@@ -238,7 +255,7 @@ class Assembly:
         vector = self.vector(theta)
         rows, columns = [self.point(*p) for p in outputs], [self.point(*p) for p in inputs]
         engine = self._engine(list(dict.fromkeys([*rows, *columns])))
-        return engine.receptance(self._by_joint(vector[None, :]), rows, columns)
+        return engine.receptance(self._space.by_joint(vector[None, :]), rows, columns)
 
     def point(self, substructure: str, position: float, direction: str = "x") -> Point:
         """Return the DOF of a substructure at a node's position.
@@ -248,26 +265,22 @@ class Assembly:
         ParameterError
             No such substructure, node or direction.
         """
-        parts = self.description.substructures
-        if substructure not in parts:
-            hint = did_you_mean(substructure, parts)
-            raise ParameterError(Fault("point", f"there is no substructure '{substructure}'.", listing(parts), hint))
+        substructures = self.description.substructures
+        if substructure not in substructures:
+            hint, problem = did_you_mean(substructure, substructures), f"there is no substructure '{substructure}'."
+            raise ParameterError(Fault("point", problem, listing(substructures), hint))
         if direction not in DIRECTIONS:
             raise ParameterError(Fault("point", f"'{direction}' is not a direction.", listing(DIRECTIONS)))
-        nodes = parts[substructure].nodes
+        nodes = substructures[substructure].nodes
         nearest = min(range(len(nodes)), key=lambda index: abs(nodes[index].position - position))
-        if abs(nodes[nearest].position - position) > 1e-9 + 1e-6 * abs(position):
-            raise ParameterError(
-                Fault(
-                    "point",
-                    f"'{substructure}' has no node at {position * 1e3:g} mm.",
-                    remedy=f"The nearest is at {nodes[nearest].position * 1e3:g} mm.",
-                )
-            )
+        if not is_at(nodes[nearest].position, position):
+            problem = f"'{substructure}' has no node at {position * 1e3:g} mm."
+            remedy = f"The nearest is at {nodes[nearest].position * 1e3:g} mm."
+            raise ParameterError(Fault("point", problem, remedy=remedy))
         return substructure, len(DIRECTIONS) * nearest + DIRECTIONS.index(direction)
 
     def natural_frequencies(self, theta: Theta = None, count: int = 3) -> NDArray[np.float64]:
-        """Lowest natural frequencies of the undamped assembly, rigid-body modes left out.
+        """Lowest natural frequencies of the undamped assembly, without its rigid-body modes.
 
         Parameters
         ----------
@@ -285,20 +298,19 @@ class Assembly:
             A substructure is known by its FRFs only.
         """
         batch, single = self._space.batch(theta)
-        found = np.full((len(batch), count), np.nan)
-        for row, vector in zip(found, batch, strict=True):
-            by_joint = {name: values[0] for name, values in self._by_joint(vector[None, :]).items()}
-            modes = elastic_frequencies(assembly_matrices(self.graph, by_joint), count)
+        frequencies = np.full((len(batch), count), np.nan)
+        for row, vector in zip(frequencies, batch, strict=True):
+            modes = elastic_frequencies(assembly_matrices(self.graph, self.by_joint(vector)), count)
             row[: len(modes)] = modes
-        return found[0] if single else found
+        return frequencies[0] if single else frequencies
 
     def on(self, frequency: ArrayLike) -> Assembly:
-        """Return the same assembly on other frequencies.
+        """Return the same assembly at other frequencies.
 
         Parameters
         ----------
         frequency : (n_freq,) array
-            Hz, positive and increasing; within the range of substructures that are known by their FRFs.
+            Hz, positive and increasing; within the range of each substructure that is known by its FRFs.
         """
         description = replace(self.description, frequency=np.asarray(frequency, dtype=np.float64))
         return Assembly(description, rigid=self._rigid)
@@ -306,20 +318,20 @@ class Assembly:
     def rigid(self) -> Assembly:
         """Return the same assembly with the contacts of its identified joints rigid.
 
-        Facing DOFs become one, so that contact stiffness and damping no longer act; what else a joint has (the
-        collet's beam and nut masses) stays, and so does the list of parameters.
+        The DOFs on both sides of a contact become one, so that contact stiffness and damping have no effect. The rest
+        of a joint, such as the collet's beam and nut masses, stays, and so does the list of parameters.
         """
         return Assembly(self.description, rigid=True, interpolation=self._interpolation)
 
     def interpolated(self, tolerance: float = 1e-9) -> Assembly:
-        """Return the same assembly with FRFs that are interpolated between a few exact lines, for large batches.
+        """Return the same assembly with FRFs interpolated between a few exact lines, which is fast for large batches.
 
         Parameters
         ----------
         tolerance : float
-            Greatest relative error of an FRF at any line, as estimated: the difference of two rational functions of
-            different degree through the exact lines. An FRF beyond it is computed at every line; so are calls for
-            fewer than 32 FRFs, and sensitivities. The estimate is no bound.
+            Greatest estimated relative error of an FRF at any line. The estimate is the difference of two rational
+            functions of different degree through the exact lines; it is not a bound. An FRF beyond the tolerance is
+            computed at every line; so are batches of fewer than 32 FRFs, and Jacobians.
 
         Raises
         ------
@@ -339,7 +351,7 @@ def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginP
     source : path or mapping
         A YAML file, or the same as a dict.
     plugins : path or iterable of paths
-        Plugin files to take in beside the installed ones. They run with the rights of the caller.
+        Plugin files to load in addition to the installed plugins. Their code runs with the rights of the caller.
 
     Returns
     -------
@@ -356,9 +368,8 @@ def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginP
 
 
 def components(plugins: PluginPaths = ()) -> Registry:
-    """Return the installed components, with those of plugin files beside them."""
-    given = [plugins] if isinstance(plugins, (str, os.PathLike)) else plugins
-    files = [Path(plugin) for plugin in given]
+    """Return the installed components and those of plugin files."""
+    files = [Path(file) for file in ([plugins] if isinstance(plugins, (str, os.PathLike)) else plugins)]
     if not files:
         return installed_components()
     registry = Registry()

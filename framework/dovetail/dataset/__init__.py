@@ -1,8 +1,8 @@
 """Datasets: Latin hypercube samples and their FRFs, streamed to disk."""
 
-from dovetail.dataset.dataset import Dataset, Storage
+from dovetail.dataset.dataset import Dataset
 from dovetail.dataset.generation import complex_accelerance, generate
 from dovetail.dataset.sampling import latin_hypercube
-from dovetail.dataset.stored import StoredFrfs
+from dovetail.dataset.storage import Storage, StoredFrfs
 
 __all__ = ["Dataset", "Storage", "StoredFrfs", "complex_accelerance", "generate", "latin_hypercube"]

@@ -1,30 +1,21 @@
-"""A dataset on disk: parameter vectors and the FRFs that belong to them."""
+"""A dataset on disk: parameter vectors and their FRFs."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import SAME, Assembly, largest_difference
-from dovetail.dataset.stored import StoredFrfs, flags, whole_array
+from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference
+from dovetail.dataset.storage import ARRAYS, Storage, StoredFrfs, read_array, read_flags
 from dovetail.errors import DatasetError, Fault
 
-__all__ = ["ARRAYS", "FORMAT", "Dataset", "Storage"]
+__all__ = ["FORMAT", "Dataset"]
 
 FORMAT = 1
-
-Storage = Literal["amplitude", "complex"]
-"""What is stored of each accelerance: its amplitude (float32), or amplitude and phase (complex64)."""
-
-ARRAYS: dict[Storage, tuple[str, str]] = {
-    "amplitude": ("amplitude", "float32"),
-    "complex": ("accelerance", "complex64"),
-}
-"""Name and type of the array that holds the FRFs."""
 
 
 class Dataset:
@@ -42,7 +33,7 @@ class Dataset:
         Hz.
     amplitude : StoredFrfs
         (n_samples, n_responses n_freq) float32, of the accelerance [m/(N s^2)], the lines of a second response behind
-        those of the first; read as it is indexed, ``dataset.amplitude[:10]``.
+        those of the first. It is read from disk when it is indexed, as in ``dataset.amplitude[:10]``.
     storage : "amplitude" or "complex"
         What is stored of each FRF.
     complete : bool
@@ -66,9 +57,9 @@ class Dataset:
             self.storage: Storage = self.attributes.get("storage", "amplitude")
             if self.storage not in get_args(Storage):
                 raise DatasetError(Fault(str(path), f"it stores '{self.storage}', which this version cannot read."))
-            self.parameters: NDArray[np.float64] = whole_array(self.path, self._group, "parameters")
-            self.frequency: NDArray[np.float64] = whole_array(self.path, self._group, "frequency")
-            self._written = flags(self.path, self._group, "written")
+            self.parameters: NDArray[np.float64] = read_array(self.path, self._group, "parameters")
+            self.frequency: NDArray[np.float64] = read_array(self.path, self._group, "frequency")
+            self._written = read_flags(self.path, self._group, "written")
             self._frfs = self._group[ARRAYS[self.storage][0]]
             self.amplitude = StoredFrfs(self.path, self._frfs, self._written, magnitude=True)
             self.complete = bool(self._written.all())
@@ -106,7 +97,7 @@ class Dataset:
         return int(self.attributes["seed"])
 
     def require(self, assembly: Assembly) -> None:
-        """Make sure that the dataset is complete and holds FRFs of this assembly.
+        """Check that the dataset is complete and holds FRFs of this assembly.
 
         Raises
         ------
@@ -125,13 +116,13 @@ class Dataset:
             raise DatasetError(
                 Fault(str(self.path), "its generation was interrupted.", remedy="Finish it with --resume.")
             )
-        self.amplitude.require_sound()
+        self.amplitude.check_chunks()
         self.require_same_frfs(assembly)
 
     def require_same_frfs(self, assembly: Assembly) -> None:
-        """Make sure that the assembly, whose description is the dataset's, still gives the FRFs that it holds.
+        """Check that an assembly of the same description still computes the FRFs that the dataset holds.
 
-        The first, the middle and the last of those that are written are computed again.
+        The first, the middle and the last FRF that are written are computed again.
 
         Raises
         ------
@@ -139,11 +130,11 @@ class Dataset:
             They differ: the code of a model has changed.
         """
         chunk = self.amplitude.chunks[0]
-        written = np.flatnonzero(np.repeat(self.amplitude.sound(), chunk)[: len(self)])
-        rows = sorted({int(written[place]) for place in (0, len(written) // 2, -1)}) if len(written) else []
-        kept = [self.amplitude[row] for row in rows]
-        difference = largest_difference(assembly, self.parameters[rows], kept)
-        if difference > SAME:
+        samples = np.flatnonzero(np.repeat(self.amplitude.complete_chunks(), chunk)[: len(self)])
+        rows = sorted({int(samples[index]) for index in (0, len(samples) // 2, -1)}) if len(samples) else []
+        amplitudes = [self.amplitude[row] for row in rows]
+        difference = largest_frf_difference(assembly, self.parameters[rows], amplitudes)
+        if difference > FRF_TOLERANCE:
             problem = "its FRFs are not those that the assembly gives now"
             maker = f"dovetail-frf {self.attributes.get('dovetail_version', '')}"
             raise DatasetError(

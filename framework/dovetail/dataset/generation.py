@@ -1,4 +1,4 @@
-"""Samples through the engine and onto the disk, chunk by chunk."""
+"""Generation of a dataset: samples are computed by the engine and written to disk, chunk by chunk."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.dataset.dataset import ARRAYS, FORMAT, Dataset, Storage
+from dovetail.dataset.dataset import FORMAT, Dataset
 from dovetail.dataset.sampling import latin_hypercube
+from dovetail.dataset.storage import ARRAYS, Storage
 from dovetail.errors import DatasetError, Fault, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Progress, silent
@@ -23,6 +24,7 @@ from dovetail.interfaces import Progress, silent
 __all__ = ["complex_accelerance", "generate"]
 
 _CHUNK_BYTES = 8e6
+"""Size of a chunk of FRFs on disk."""
 
 
 def generate(
@@ -36,24 +38,24 @@ def generate(
     resume: bool = False,
     progress: Progress = silent,
 ) -> Dataset:
-    """Make a dataset: Latin hypercube samples and the accelerance of each, at all responses side by side.
+    """Generate a dataset: Latin hypercube samples and the accelerance of each, for all responses.
 
     Parameters
     ----------
     assembly : Assembly
     path : path
-        Folder of the Zarr group to make.
+        Folder of the new Zarr group.
     samples, seed : int, optional
-        By default what the description says.
+        By default those of the description.
     storage : "amplitude" or "complex"
-        Keep the amplitude of each FRF as float32, or amplitude and phase as complex64, which takes twice the room.
-        Training takes the amplitude of either; the phase is for an `augmentation.mass` without fresh samples.
+        Store the amplitude of each FRF as float32, or amplitude and phase as complex64, which takes twice the space.
+        Training uses the amplitude of either. An `augmentation.mass` without fresh samples needs the phase.
     interpolation : float, optional
-        Compute some lines of each FRF and interpolate the others up to this relative error, as estimated
+        Compute some lines of each FRF and interpolate the others up to this estimated relative error
         (`Assembly.interpolated`). By default every line is computed.
     resume : bool
-        Go on with a dataset that was interrupted; what is there already is not computed again, and the result is
-        bit for bit that of one uninterrupted run. Chunks that have gone missing or are cut short are computed anew.
+        Continue a dataset that was interrupted. Complete chunks are not computed again, and the result is bit for bit
+        that of an uninterrupted run. Missing or truncated chunks are computed anew.
     progress : callable
 
     Returns
@@ -63,9 +65,9 @@ def generate(
     Raises
     ------
     DatasetError
-        The path is taken; what is to be resumed was made with another description, seed, storage, interpolation or
-        number of samples, or by models whose code has changed; or the disk refuses to be written, and what is there
-        can then be resumed.
+        The path exists; the dataset to resume was begun with another description, seed, storage, interpolation or
+        number of samples, or with models whose code has changed; or the disk cannot be written, after which the
+        dataset can be resumed.
     """
     settings = assembly.description.identification
     plan = _Plan(
@@ -97,7 +99,7 @@ def generate(
 
 @dataclass(frozen=True)
 class _Plan:
-    """What a dataset is begun with, and has to be gone on with."""
+    """Settings with which a dataset is begun, and with which it must be resumed."""
 
     samples: int
     seed: int
@@ -126,7 +128,7 @@ def _check_resumable(folder: Path, assembly: Assembly, plan: _Plan, resume: bool
 
 
 def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
-    """Lay out the group under a temporary name, so that a dataset is there whole or not at all."""
+    """Create the group under a temporary name and rename it, so that no incomplete group is ever visible."""
     import zarr
     from zarr.codecs import Crc32cCodec
 
@@ -162,23 +164,23 @@ def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
 
 
 def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
-    """Compute the chunks that are missing; the one before is written while the next is computed."""
+    """Compute the missing chunks. Each is written while the next is computed."""
     import zarr
 
-    for unfinished in folder.rglob("*.partial"):  # what a killed run was writing
+    for unfinished in folder.rglob("*.partial"):  # files of a killed run
         unfinished.unlink(missing_ok=True)
     group: Any = zarr.open_group(folder, mode="r+")
-    there = Dataset(folder)
-    parameters, stored, written = there.parameters, group[ARRAYS[there.storage][0]], group["written"]
-    compute = Assembly.accelerance_amplitude if there.storage == "amplitude" else complex_accelerance
-    chunk, samples = stored.chunks[0], len(parameters)
-    missing = [int(index) for index in np.flatnonzero(~there.amplitude.sound())]
+    dataset = Dataset(folder)
+    parameters, frfs, flags = dataset.parameters, group[ARRAYS[dataset.storage][0]], group["written"]
+    compute = Assembly.accelerance_amplitude if dataset.storage == "amplitude" else complex_accelerance
+    chunk, samples = frfs.chunks[0], len(parameters)
+    missing = [int(index) for index in np.flatnonzero(~dataset.amplitude.complete_chunks())]
     done = samples - sum(min(chunk, samples - index * chunk) for index in missing)
     progress("generate", done, samples)
 
     def write(index: int, values: NDArray[Any]) -> None:
-        stored[index * chunk : index * chunk + len(values)] = values
-        written[index] = 1
+        frfs[index * chunk : index * chunk + len(values)] = values
+        flags[index] = 1
 
     with ThreadPoolExecutor(max_workers=1) as writer:
         pending: Future[None] | None = None
@@ -194,7 +196,7 @@ def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
 
 
 def complex_accelerance(assembly: Assembly, theta: NDArray[np.float64]) -> NDArray[np.complex64]:
-    """Return the accelerance with its phase in single precision, all responses side by side.
+    """Return the complex accelerance in single precision, for all responses.
 
     Parameters
     ----------
@@ -205,11 +207,11 @@ def complex_accelerance(assembly: Assembly, theta: NDArray[np.float64]) -> NDArr
     Returns
     -------
     (n, n_responses n_freq) complex64 array
-        m/(N s^2).
+        m/(N s^2); the lines of the first response, then those of the second.
     """
-    each = zip(assembly.each_response, assembly.description.responses, strict=True)
-    parts = [
-        (one.frf(theta) * conversion(assembly.frequency, response.quantity, "accelerance")).astype(np.complex64)
-        for one, response in each
+    responses = zip(assembly.each_response, assembly.description.responses, strict=True)
+    frfs = [
+        (at_response.frf(theta) * conversion(assembly.frequency, response.quantity, "accelerance")).astype(np.complex64)
+        for at_response, response in responses
     ]
-    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+    return frfs[0] if len(frfs) == 1 else np.concatenate(frfs, axis=1)

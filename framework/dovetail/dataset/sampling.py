@@ -13,7 +13,7 @@ __all__ = ["latin_hypercube"]
 
 
 def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int]) -> NDArray[np.float64]:
-    """Draw parameter vectors that fill the ranges evenly, each on its parameter's scale.
+    """Draw a Latin hypercube sample of the ranges, on each parameter's scale.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Frequency response functions: what they are, how they convert, how two of them agree."""
+"""Frequency response functions: the FRF with its quantity, conversions, and the agreement of two FRFs."""
 
 from dovetail.frf.agreement import coherence_spectrum
 from dovetail.frf.frf import Frf

@@ -19,11 +19,11 @@ def coherence_spectrum(first: ArrayLike, second: ArrayLike) -> NDArray[np.float6
     Returns
     -------
     (..., n_freq) array
-        ``|h1 + h2|^2 / (2 (|h1|^2 + |h2|^2))``: 1 where they are equal, 0 where they are opposite. Two zeros agree.
+        ``|h1 + h2|^2 / (2 (|h1|^2 + |h2|^2))``: 1 where they are equal or both zero, 0 where they are opposite.
 
     References
     ----------
-    Eq. 15 of the reference method.
+    Eq. 15 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
     """
     h1, h2 = np.asarray(first, dtype=np.complex128), np.asarray(second, dtype=np.complex128)
     energy = 2.0 * (np.abs(h1) ** 2 + np.abs(h2) ** 2)

@@ -1,4 +1,4 @@
-"""A frequency response function: frequency axis, complex values and what they are."""
+"""A frequency response function: frequency axis, complex values, and their quantity."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ class Frf:
     has_phase : bool
         False for a measurement of the amplitude alone.
     label : str
-        Where it comes from, for figures and reports.
+        Its source, for figures and reports.
     note : str
-        What its file says of it in words.
+        Free text from its file.
     averages : int, optional
         Number of averages behind a measured FRF.
     variance : (n_freq,) array, optional
-        E|error|^2 of each complex value, in the square of the values' unit, where it is known by another way than
-        from coherence and averages.
+        E|error|^2 of each complex value, in the square of the values' unit, if it is known otherwise than from
+        coherence and averages.
     rotation : bool
         True for a rotation per moment, False for a displacement per force.
     response, force : str
-        Names of the DOFs where the motion was measured and where the force acted, such as ``"5+x"``; empty where
-        nothing tells them.
+        Names of the DOFs where the motion was measured and where the force acted, such as ``"5+x"``; empty if
+        unknown.
 
     Raises
     ------
@@ -87,10 +87,10 @@ class Frf:
             raise MeasurementError(
                 f"{self.label}: {self.values.shape} values do not fit {self.frequency.shape} frequencies."
             )
-        for plural, given in (("coherences", self.coherence), ("variances", self.variance)):
-            if given is not None and given.shape != self.frequency.shape:
+        for plural, values in (("coherences", self.coherence), ("variances", self.variance)):
+            if values is not None and values.shape != self.frequency.shape:
                 raise MeasurementError(
-                    f"{self.label}: {given.shape} {plural} do not fit {self.frequency.shape} frequencies."
+                    f"{self.label}: {values.shape} {plural} do not fit {self.frequency.shape} frequencies."
                 )
         if self.variance is not None and not (np.isfinite(self.variance).all() and np.all(self.variance >= 0)):
             raise MeasurementError(f"{self.label}: a variance is negative or not finite.")
@@ -130,13 +130,13 @@ class Frf:
 
     @property
     def random_variance(self) -> NDArray[np.float64] | None:
-        """(n_freq,) E|error|^2 of each complex value, or None where nothing tells it.
+        """(n_freq,) E|error|^2 of each complex value, or None if it is unknown.
 
-        As given, or from coherence and averages: ``|H|^2 (1 - c) / (c (n - 1))``, twice the square of the normalised
-        random error of an amplitude (Bendat and Piersol, Random Data, 4th ed., Table 9.6). There, c is the true
-        coherence and n stands in place of n - 1; the coherence of a measurement is estimated from the same n
-        averages, of which one is spent on H. Infinite where the coherence is 0; None for a single average, whose
-        coherence is always 1.
+        It is `variance`, or follows from coherence c and n averages: ``|H|^2 (1 - c) / (c (n - 1))``, twice the square
+        of the normalised random error of an amplitude (Bendat and Piersol, Random Data, 4th ed., Table 9.6). The table
+        has n in place of n - 1 and the true coherence. A measured coherence is estimated from the same n averages as
+        H, which costs one of them. The variance is infinite where the coherence is 0, and None for a single average,
+        whose coherence is always 1.
         """
         if self.variance is not None:
             return self.variance

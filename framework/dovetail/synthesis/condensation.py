@@ -1,8 +1,13 @@
-"""Condensation of a substructure to the dynamic stiffness of its boundary, once per frequency."""
+"""Condensation of a substructure to the dynamic stiffness of its boundary, at each frequency.
+
+The route depends on what the substructure gives: small matrices or chains of elements, large sparse matrices, or
+receptances alone.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,15 +15,29 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import DIRECTIONS, SparseMatrices, StructuralMatrices, SubstructureModel
-from dovetail.synthesis.elimination import eliminate, run
-from dovetail.synthesis.sparse_condensation import Partition, condense_on_basis
+from dovetail.synthesis.elimination import plan_elimination, run_elimination
+from dovetail.synthesis.sparse_condensation import PartitionedMatrices, condense_on_basis
 
 __all__ = ["boundary_dynamic_stiffness", "inverted_receptance", "substructure_matrices"]
 
-_FEW, _MANY = 60, 1500
-"""DOFs up to which matrices are eliminated symbolically however full they are, and beyond which they never are."""
-_CHAIN = 16
-"""Entries in a row, at most, of a chain of elements, which is eliminated symbolically between the two."""
+
+@dataclass(frozen=True)
+class Settings:
+    """Which matrices are eliminated symbolically, and which receptances are inverted."""
+
+    few_dofs: int = 60
+    """DOFs up to which matrices are eliminated symbolically, however full they are."""
+    many_dofs: int = 1500
+    """DOFs beyond which matrices are never eliminated symbolically."""
+    chain_entries: int = 16
+    """Entries in a row, at most, of a chain of elements, which is eliminated symbolically between the two."""
+    asymmetry: float = 1e-8
+    """Difference of an entry from its mirror image, over the matrix's largest entry, that rounding explains."""
+    condition: float = 1e10
+    """Condition of a balanced receptance beyond which its inverse is rounding."""
+
+
+SETTINGS = Settings()
 
 
 def boundary_dynamic_stiffness(
@@ -37,63 +56,56 @@ def boundary_dynamic_stiffness(
     Returns
     -------
     (n_freq, n, n) complex array
-        Z_bb - Z_bi Z_ii^-1 Z_ib, the Schur complement over the inner DOFs; the inverse of the receptance where
-        there are no matrices. Inverting a receptance costs about six digits near the rigid-body modes, so matrices
-        are preferred.
+        Z_bb - Z_bi Z_ii^-1 Z_ib, the Schur complement over the inner DOFs. Where there are no matrices it is the
+        inverse of the receptance, which costs about six digits near the rigid-body modes.
 
     Raises
     ------
     DovetailError
-        The matrices are not sound, or the receptance cannot be inverted.
+        The matrices are invalid, or the receptance cannot be inverted.
 
     Notes
     -----
     Small matrices and chains of elements are eliminated symbolically, all frequencies at once. Others are factorised
-    at every frequency, unless the substructure states a tolerance: then a reduced basis serves all frequencies.
+    at every frequency. If the substructure states a tolerance, a reduced basis serves all frequencies instead.
     """
     matrices = substructure_matrices(substructure)
     if matrices is None:
         return inverted_receptance(substructure, dofs, frequency)
     if isinstance(matrices, StructuralMatrices) and _is_quickly_eliminated(matrices):
-        return _eliminated(matrices, dofs, frequency)
+        return _condense_symbolically(matrices, dofs, frequency)
     if isinstance(matrices, StructuralMatrices):
         matrices = SparseMatrices(matrices.M, matrices.K, matrices.C, matrices.D)
-    partition = Partition(matrices, dofs)
+    partitioned = PartitionedMatrices(matrices, dofs)
     if substructure.condensation_tolerance > 0:
-        return condense_on_basis(partition, frequency, substructure.condensation_tolerance).stiffness
-    return partition.condensed(frequency)
+        return condense_on_basis(partitioned, frequency, substructure.condensation_tolerance).stiffness
+    return partitioned.condense(frequency)
 
 
 def _is_quickly_eliminated(matrices: StructuralMatrices) -> bool:
-    if matrices.size <= _FEW or matrices.size > _MANY:
-        return matrices.size <= _FEW
-    return int(np.count_nonzero(matrices.K)) <= _CHAIN * matrices.size
+    if matrices.size <= SETTINGS.few_dofs or matrices.size > SETTINGS.many_dofs:
+        return matrices.size <= SETTINGS.few_dofs
+    return int(np.count_nonzero(matrices.K)) <= SETTINGS.chain_entries * matrices.size
 
 
-def _eliminated(
+def _condense_symbolically(
     matrices: StructuralMatrices, dofs: Sequence[int], frequency: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    size = matrices.size
     filled = (matrices.M != 0) | (matrices.K != 0) | (matrices.C != 0) | (matrices.D != 0)
     active = np.union1d(np.flatnonzero(filled.any(axis=0)), dofs)
-    place = np.full(size, -1)
-    place[active] = np.arange(len(active))
-    program = eliminate(filled[np.ix_(active, active)], [int(place[dof]) for dof in dofs])
+    kept = np.searchsorted(active, dofs).tolist()
+    program = plan_elimination(filled[np.ix_(active, active)], kept)
     rows, columns = active[program.rows], active[program.columns]
     omega = 2.0 * np.pi * frequency
-    M, K, C, D = (part[rows, columns, None] for part in (matrices.M, matrices.K, matrices.C, matrices.D))
+    M, K, C, D = (matrix[rows, columns, None] for matrix in (matrices.M, matrices.K, matrices.C, matrices.D))
     slots = (K - omega**2 * M) + 1j * (D + omega * C)
-    run(program, slots)
+    run_elimination(program, slots)
     condensed = np.zeros((len(frequency), len(dofs), len(dofs)), dtype=np.complex128)
     index = {int(dof): position for position, dof in enumerate(dofs)}
     for slot, (row, column) in enumerate(zip(rows, columns, strict=True)):
         if row in index and column in index:
             condensed[:, index[row], index[column]] = condensed[:, index[column], index[row]] = slots[slot]
     return condensed
-
-
-_ASYMMETRY = 1e-8
-"""Difference of an entry from its mirror image, over the matrix's largest entry, that rounding may leave."""
 
 
 def substructure_matrices(substructure: SubstructureModel) -> StructuralMatrices | SparseMatrices | None:
@@ -117,22 +129,18 @@ def substructure_matrices(substructure: SubstructureModel) -> StructuralMatrices
         )
         raise PluginError(Fault(where, f"{problem} DOFs."))
     for name in ("M", "K", "C", "D"):
-        if fault := _fault(name, getattr(matrices, name)):
-            raise PluginError(Fault(where, fault))
+        if problem := _problem(name, getattr(matrices, name)):
+            raise PluginError(Fault(where, problem))
     return matrices
 
 
-def _fault(name: str, matrix: Any) -> str:
+def _problem(name: str, matrix: Any) -> str:
     values = matrix if isinstance(matrix, np.ndarray) else matrix.data
     if not np.isfinite(values).all():
         return f"its matrix {name} holds values that are not finite."
-    if values.size and abs(matrix - matrix.T).max() > _ASYMMETRY * abs(values).max():
+    if values.size and abs(matrix - matrix.T).max() > SETTINGS.asymmetry * abs(values).max():
         return f"its matrix {name} is not symmetric."
     return ""
-
-
-_WORST_CONDITION = 1e10
-"""Condition of a receptance, its rows and columns brought to the same size, beyond which nothing is left of it."""
 
 
 def inverted_receptance(
@@ -151,24 +159,24 @@ def inverted_receptance(
     Returns
     -------
     (n_freq, n, n) complex array
-        Zero at the DOFs that the part does not have.
+        Zero at the DOFs that the substructure does not have.
 
     Raises
     ------
     PluginError
-        The model returns something else than finite numbers of this shape.
+        The model does not return finite numbers of this shape.
     DovetailError
         The receptance is singular at a frequency, or so badly conditioned that its inverse is rounding.
     """
-    places = [place for place, dof in enumerate(dofs) if dof not in substructure.absent_dofs]
-    whole = np.zeros((len(frequency), len(dofs), len(dofs)), dtype=np.complex128)
-    if places:
-        present = [int(dofs[place]) for place in places]
-        whole[:, np.array(places)[:, None], places] = _inverse(substructure, present, frequency)
-    return whole
+    present = [index for index, dof in enumerate(dofs) if dof not in substructure.absent_dofs]
+    stiffness = np.zeros((len(frequency), len(dofs), len(dofs)), dtype=np.complex128)
+    if present:
+        inverse = _invert(substructure, [int(dofs[index]) for index in present], frequency)
+        stiffness[:, np.array(present)[:, None], present] = inverse
+    return stiffness
 
 
-def _inverse(
+def _invert(
     substructure: SubstructureModel, dofs: Sequence[int], frequency: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     where = f"substructure model '{substructure.name}'"
@@ -188,11 +196,11 @@ def _inverse(
     balanced = receptance / (scale[:, :, None] * scale[:, None, :])
     condition = np.linalg.cond(balanced)
     worst = int(np.argmax(condition))
-    if not condition[worst] < _WORST_CONDITION:
+    if not condition[worst] < SETTINGS.condition:
         labels = ", ".join(substructure.dof_label(int(dof)) for dof in dofs)
         problem = f"its receptance between {labels} cannot be inverted at {frequency[worst]:g} Hz: "
         problem += f"rows depend on each other (condition {condition[worst]:.1e}, balanced)."
         remedy = "Displacement and rotation must come from independent measurements; look at where they were taken."
-        raise DovetailError(Fault(where, problem, f"a condition below {_WORST_CONDITION:.0e}", remedy))
+        raise DovetailError(Fault(where, problem, f"a condition below {SETTINGS.condition:.0e}", remedy))
     inverse: NDArray[np.complex128] = np.linalg.inv(balanced) / (scale[:, :, None] * scale[:, None, :])
     return inverse

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError, PluginError
-from dovetail.interfaces import blamed_on
+from dovetail.interfaces import plugin_errors
 from dovetail.synthesis.condensation import boundary_dynamic_stiffness
 from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.joint_evaluation import (
@@ -37,15 +37,17 @@ class CoupledSystem:
         Hz, positive.
     points : sequence of Point
         Where forces act and motion is read; the first is the drive point.
-    probe : mapping of str to (n, n_params) array
+    probe_theta : mapping of str to (n, n_params) array
         A few parameter vectors that show which entries of the joints' matrices are ever filled.
     """
 
-    def __init__(self, graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point], probe: Theta) -> None:
+    def __init__(
+        self, graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point], probe_theta: Theta
+    ) -> None:
         self.graph = graph
         self.frequency = np.asarray(frequency, dtype=np.float64)
         self.points = tuple(points)
-        self.probe = probe
+        self.probe_theta = probe_theta
         self.condensed = self._condense()
 
     def _condense(self) -> dict[str, tuple[NDArray[np.intp], NDArray[np.complex128]]]:
@@ -61,7 +63,7 @@ class CoupledSystem:
             dofs = sorted(needed[name])
             if dofs and not substructure.grounded:
                 numbers = self.graph.substructure_dofs(name)[dofs]
-                with blamed_on(substructure, f"substructure '{name}' ({substructure.name})"):
+                with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
                     Z = boundary_dynamic_stiffness(substructure, dofs, self.frequency)
                 moving = np.flatnonzero(numbers >= 0)
                 condensed[name] = numbers[moving], Z[:, moving[:, None], moving]
@@ -69,18 +71,19 @@ class CoupledSystem:
 
     @cached_property
     def filled(self) -> dict[str, NDArray[np.bool_]]:
-        """Local entries of each joint that any probe fills, (d, d)."""
-        return {name: self._filled(name) for name in self.graph.connections}
+        """Local entries of each joint that any vector of `probe_theta` fills, (d, d)."""
+        return {name: self._filled_entries(name) for name in self.graph.connections}
 
-    def _filled(self, name: str) -> NDArray[np.bool_]:
-        model, probe = self.graph.connections[name].model, self.probe[name]
+    def _filled_entries(self, name: str) -> NDArray[np.bool_]:
+        model, theta = self.graph.connections[name].model, self.probe_theta[name]
         if depends_on_frequency(model):
             lines = self.frequency[[0, len(self.frequency) // 2, -1]]
-            filled: NDArray[np.bool_] = (joint_stiffness(name, model, lines, probe) != 0).any(axis=(0, 1))
+            filled: NDArray[np.bool_] = (joint_stiffness(name, model, lines, theta) != 0).any(axis=(0, 1))
             return filled
-        matrices = joint_matrices(name, model, probe)
-        for part in (matrices.M, matrices.K, matrices.C, matrices.D):
-            if not np.isfinite(part).all() or np.abs(part - np.swapaxes(part, 1, 2)).max() > 1e-9 * np.abs(part).max():
+        matrices = joint_matrices(name, model, theta)
+        for matrix in (matrices.M, matrices.K, matrices.C, matrices.D):
+            finite = np.isfinite(matrix).all()
+            if not finite or np.abs(matrix - np.swapaxes(matrix, 1, 2)).max() > 1e-9 * np.abs(matrix).max():
                 raise PluginError(f"joint '{name}' ({model.name}) gives matrices that are not finite and symmetric.")
         return filled_entries(matrices)
 
@@ -124,12 +127,12 @@ class CoupledSystem:
         """Where the system over the active DOFs has entries, (d, d)."""
         return self._pattern[np.ix_(self.active, self.active)]
 
-    def place(self, point: Point) -> int:
-        """Return the place of a point among the active DOFs."""
+    def index(self, point: Point) -> int:
+        """Return the index of a point among the active DOFs."""
         return int(np.searchsorted(self.active, self.graph.substructure_dofs(point[0])[point[1]]))
 
-    def located(self, numbers: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return which of some global DOFs take part, and their places among the active ones."""
+    def locate(self, numbers: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return which of some global DOFs are active, and their indices among the active ones."""
         local = np.flatnonzero(np.isin(numbers, self.active))
         return local, np.searchsorted(self.active, numbers[local])
 
@@ -150,17 +153,17 @@ class CoupledSystem:
         frequency, size = self.frequency[lines], len(self.active)
         system = np.zeros((len(frequency), size, size), dtype=np.complex128)
         for numbers, Z in self.condensed.values():
-            local, places = self.located(numbers)
-            _scatter(system, places, Z[lines][:, local[:, None], local])
+            local, indices = self.locate(numbers)
+            _scatter(system, indices, Z[lines][:, local[:, None], local])
         for name, connection in self.graph.connections.items():
-            local, places = self.located(self.graph.joint_dofs(name))
+            local, indices = self.locate(self.graph.joint_dofs(name))
             Z = joint_stiffness(name, connection.model, frequency, theta[name])[0]
-            _scatter(system, places, Z[:, local[:, None], local])
+            _scatter(system, indices, Z[:, local[:, None], local])
         return system
 
 
-def _scatter(system: NDArray[np.complex128], places: NDArray[np.intp], Z: NDArray[np.complex128]) -> None:
-    """Add Z to the rows and columns `places`, which may repeat."""
-    for row, place in enumerate(places):
-        for column, other in enumerate(places):
-            system[:, place, other] += Z[:, row, column]
+def _scatter(system: NDArray[np.complex128], indices: NDArray[np.intp], Z: NDArray[np.complex128]) -> None:
+    """Add Z to rows and columns of the system. An index that occurs twice is a merged DOF."""
+    for local_row, row in enumerate(indices):
+        for local_column, column in enumerate(indices):
+            system[:, row, column] += Z[:, local_row, local_column]

@@ -1,4 +1,4 @@
-"""Symbolic elimination: the order, the fill and the program of an LDL^T that every sample and frequency shares."""
+"""Symbolic elimination: order, fill and steps of the LDL^T, worked out once for all samples and frequencies."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Program", "eliminate", "run"]
+__all__ = ["Program", "plan_elimination", "run_elimination"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,9 +18,9 @@ class Program:
     Slots number the non-zeros of the lower triangle, fill included. Pivot p works on the slots
     ``column[start[p]:start[p + 1]]`` below its diagonal; its update of the entry (i, j) is
 
-        slot[target] -= slot[left] * slot[right] / slot[diagonal[p]]
+        slot[target] -= slot[row] * slot[other] / slot[diagonal[p]]
 
-    for each of ``update[update_start[p]:update_start[p + 1]]``, where left and right count from ``start[p]``.
+    for each of ``update[update_start[p]:update_start[p + 1]]``, where row and other count from ``start[p]``.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Program:
         Slots below the pivots.
     update_start : (pivots + 1,) array
     update : (n_updates, 3) array
-        Target slot, left and right as indices into the pivot's part of `column`.
+        Target slot, row and other as indices into the pivot's part of `column`.
     """
 
     pivots: int
@@ -61,16 +61,16 @@ class Program:
         return len(self.update) + len(self.column) + self.pivots + 1
 
 
-def eliminate(pattern: NDArray[np.bool_], keep: Sequence[int]) -> Program:
-    """Order the DOFs by minimum degree, the kept ones at the end, and write down the elimination.
+def plan_elimination(pattern: NDArray[np.bool_], keep: Sequence[int]) -> Program:
+    """Order the DOFs by minimum degree, the kept ones last, and list the steps of their elimination.
 
     Parameters
     ----------
     pattern : (d, d) bool array
         Where the symmetric system has entries.
     keep : sequence of int
-        DOFs that stay. What the elimination leaves in their slots is the Schur complement; for a single one, the
-        inverse of its final value is the receptance there.
+        DOFs that stay. After the elimination their slots hold the Schur complement. For a single DOF, the inverse of
+        its final value is the receptance there.
 
     Returns
     -------
@@ -79,11 +79,11 @@ def eliminate(pattern: NDArray[np.bool_], keep: Sequence[int]) -> Program:
     neighbours = [set(np.flatnonzero(row).tolist()) - {dof} for dof, row in enumerate(pattern)]
     eliminated, below, graph = _minimum_degree(neighbours, set(keep))
     order = [*eliminated, *keep]
-    rank = {dof: place for place, dof in enumerate(order)}
+    rank = {dof: position for position, dof in enumerate(order)}
     below = [sorted(rows, key=rank.__getitem__) for rows in below]
-    left = [[row for row in graph[dof] if rank[row] > rank[dof]] for dof in keep]
+    below_kept = [[row for row in graph[dof] if rank[row] > rank[dof]] for dof in keep]
     slot: dict[tuple[int, int], int] = {}
-    for dof, rows in zip(order, [*below, *left], strict=True):
+    for dof, rows in zip(order, [*below, *below_kept], strict=True):
         for row in (dof, *rows):
             slot[row, dof] = len(slot)
     start, update_start = [0], [0]
@@ -91,8 +91,8 @@ def eliminate(pattern: NDArray[np.bool_], keep: Sequence[int]) -> Program:
     update: list[tuple[int, int, int]] = []
     for dof, rows in zip(eliminated, below, strict=True):
         column.extend(slot[row, dof] for row in rows)
-        for right, later in enumerate(rows):
-            update.extend((slot[rows[index], later], index, right) for index in range(right, len(rows)))
+        for other, later in enumerate(rows):
+            update.extend((slot[rows[row], later], row, other) for row in range(other, len(rows)))
         start.append(len(column))
         update_start.append(len(update))
     positions = np.array(list(slot), dtype=np.int64)
@@ -109,8 +109,8 @@ def eliminate(pattern: NDArray[np.bool_], keep: Sequence[int]) -> Program:
     )
 
 
-def run(program: Program, slots: NDArray[np.complex128]) -> None:
-    """Carry out the elimination in place, all frequencies at once: the obvious version of the kernel.
+def run_elimination(program: Program, slots: NDArray[np.complex128]) -> None:
+    """Carry out the elimination in place, all frequencies at once, as the compiled kernel does.
 
     Parameters
     ----------
@@ -120,15 +120,15 @@ def run(program: Program, slots: NDArray[np.complex128]) -> None:
     """
     for pivot in range(program.pivots):
         column = program.column[program.start[pivot] : program.start[pivot + 1]]
-        left = slots[column] / slots[program.diagonal[pivot]]
+        factors = slots[column] / slots[program.diagonal[pivot]]
         for target, row, other in program.update[program.update_start[pivot] : program.update_start[pivot + 1]]:
-            slots[target] -= left[row] * slots[column[other]]
+            slots[target] -= factors[row] * slots[column[other]]
 
 
 def _minimum_degree(
     neighbours: list[set[int]], keep: set[int]
 ) -> tuple[list[int], list[list[int]], dict[int, set[int]]]:
-    """Return the order, the remaining neighbours of each pivot, and the graph that is left of the kept DOFs."""
+    """Return the order, the remaining neighbours of each pivot, and the graph that remains of the kept DOFs."""
     graph = {dof: set(adjacent) for dof, adjacent in enumerate(neighbours)}
     order: list[int] = []
     below: list[list[int]] = []

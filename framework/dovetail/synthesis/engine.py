@@ -1,49 +1,58 @@
-"""The synthesis engine: substructures condensed once, the joints' entries added, one elimination for all samples.
+"""The synthesis engine: FRFs of many parameter vectors by one symbolic elimination and compiled code.
 
-The primal form of frequency-domain substructure synthesis: the boundary dynamic stiffness of each substructure plus
-the joints' dynamic stiffness, eliminated with the response last, so that H_rr is the inverse of the last pivot.
+It uses the primal form of frequency-domain substructure synthesis. The boundary dynamic stiffness of each substructure,
+condensed once, plus the joints' dynamic stiffness is eliminated with the response last, so that H_rr is the inverse of
+the last pivot.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.parallel import cores
 from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty, as_vectors, compiled
 from dovetail.synthesis.codegen.layout import Layout
 from dovetail.synthesis.codegen.looped import looped_kernel_source
 from dovetail.synthesis.codegen.straight_line import kernel_source
 from dovetail.synthesis.codegen.vector_ir import WIDTH
 from dovetail.synthesis.coupled_system import CoupledSystem, Point
-from dovetail.synthesis.elimination import Program, eliminate
+from dovetail.synthesis.elimination import Program, plan_elimination
 from dovetail.synthesis.graph import Graph
-from dovetail.synthesis.joint_evaluation import Theta
-from dovetail.synthesis.kernel_inputs import Contributions, GeneralContributions
+from dovetail.synthesis.joint_evaluation import Theta, sample_count
+from dovetail.synthesis.kernel_inputs import KernelInputs, SpectralInputs
 from dovetail.synthesis.pivoting import PivotedSolver
 
-__all__ = ["Engine"]
+__all__ = ["Engine", "Settings"]
 
-STRAIGHT_LINE = 1500
-"""Multiplications a line up to which an elimination is compiled without loops, in less than a second.
 
-The route depends on the system alone, never on the number of samples, so that an FRF is the same bit for bit however it
-is asked for.
-"""
-_SAMPLES_AT_ONCE = 64
-"""Most samples in one call of the kernel: enough to use each vector of substructure data well."""
-_SAMPLES_AT_LEAST = 8
-"""Samples that are worth a call of their own."""
-_SAMPLES_GATHERED = 512
-"""Samples whose joint matrices are made at once."""
-_GENERAL_BYTES = 16e6
-"""Memory in which a thread evaluates joints that depend on frequency."""
+@dataclass(frozen=True)
+class Settings:
+    """How the engine compiles its elimination and divides its work."""
+
+    straight_line: int = 1500
+    """Multiplications up to which an elimination is compiled without loops, in less than a second.
+
+    The choice depends on the system alone, never on the number of samples, so that an FRF is the same bit for bit
+    however it is asked for.
+    """
+    most_samples: int = 64
+    """Samples in one call of the kernel: enough to use each vector of substructure data well."""
+    fewest_samples: int = 8
+    """Samples that are worth a call of the kernel."""
+    gathered_samples: int = 512
+    """Samples whose joint matrices are made at once."""
+    spectral_bytes: float = 16e6
+    """Memory in which a thread evaluates joints that depend on frequency."""
+
+
+SETTINGS = Settings()
 
 
 class Engine:
@@ -56,10 +65,10 @@ class Engine:
         Hz, positive.
     points : sequence of Point
         Where forces act and motion is read; the first is the drive point.
-    probe : mapping of str to (n, n_params) array
+    probe_theta : mapping of str to (n, n_params) array
         A few parameter vectors that show which entries of the joints' matrices are ever filled.
-    sought : mapping of str to list of int, optional
-        Parameters of each joint by which `jacobian` differentiates, as columns of its theta; all by default.
+    jacobian_columns : mapping of str to list of int, optional
+        Columns of each joint's theta by which `jacobian` differentiates; all by default.
 
     Attributes
     ----------
@@ -74,18 +83,19 @@ class Engine:
         graph: Graph,
         frequency: NDArray[np.float64],
         points: Sequence[Point],
-        probe: Theta,
-        sought: Mapping[str, list[int]] | None = None,
+        probe_theta: Theta,
+        jacobian_columns: Mapping[str, list[int]] | None = None,
     ) -> None:
-        given = np.asarray(frequency, dtype=np.float64)
-        self._lines = len(given)
-        padded = np.concatenate([given, np.repeat(given[-1:], -len(given) % WIDTH)])
+        frequency = np.asarray(frequency, dtype=np.float64)
+        self._lines = len(frequency)
+        padded = np.concatenate([frequency, np.repeat(frequency[-1:], -len(frequency) % WIDTH)])
         self.graph = graph
-        self.system = CoupledSystem(graph, padded, points, probe)
-        self.threads = _cores()
+        self.system = CoupledSystem(graph, padded, points, probe_theta)
+        self.threads = cores()
         self.pivoted_lines = 0
-        everything = {name: list(range(len(c.model.parameters))) for name, c in graph.connections.items()}
-        self._sought = everything if sought is None else {name: list(columns) for name, columns in sought.items()}
+        if jacobian_columns is None:
+            jacobian_columns = {name: list(range(len(c.model.parameters))) for name, c in graph.connections.items()}
+        self._jacobian_columns = {name: list(columns) for name, columns in jacobian_columns.items()}
 
     @property
     def frequency(self) -> NDArray[np.float64]:
@@ -95,34 +105,34 @@ class Engine:
     @cached_property
     def program(self) -> Program:
         """The symbolic elimination over the active DOFs, the drive point last."""
-        return eliminate(self.system.pattern, [self.system.place(self.system.points[0])])
+        return plan_elimination(self.system.pattern, [self.system.index(self.system.points[0])])
 
     @cached_property
-    def _contributions(self) -> Contributions:
-        return Contributions(self.system, self.program, self._sought)
+    def _inputs(self) -> KernelInputs:
+        return KernelInputs(self.system, self.program, self._jacobian_columns)
 
     @cached_property
-    def _general(self) -> GeneralContributions:
-        return GeneralContributions(self.system, self.program, self._sought, self._contributions)
+    def _spectral(self) -> SpectralInputs:
+        return SpectralInputs(self.system, self.program, self._jacobian_columns, self._inputs)
 
     @cached_property
     def _pivoted(self) -> PivotedSolver:
-        return PivotedSolver(self.system, self._sought)
+        return PivotedSolver(self.system, self._jacobian_columns)
 
     def _layout(self, *, derivatives: bool = False) -> Layout:
-        found, general = self._contributions, self._general
-        layout = Layout(found.static[0], found.terms, general.slots)
+        inputs, spectral = self._inputs, self._spectral
+        layout = Layout(inputs.static[0], inputs.terms, spectral.slots)
         if not derivatives:
             return layout
         return replace(
             layout,
-            derivatives=found.derivatives,
-            general_derivatives=general.derivatives,
-            parameters=found.parameters,
+            derivatives=inputs.derivatives,
+            spectral_derivatives=spectral.derivatives,
+            parameters=inputs.parameters,
         )
 
     def _kernel(self, layout: Layout, *, amplitude: bool = False) -> MachineKernel:
-        if self.program.multiplications > STRAIGHT_LINE:
+        if self.program.multiplications > SETTINGS.straight_line:
             return MachineKernel(*looped_kernel_source(self.program, layout, amplitude=amplitude))
         return compiled(kernel_source(self.program, layout, amplitude=amplitude))
 
@@ -140,7 +150,7 @@ class Engine:
 
     @cached_property
     def _static(self) -> NDArray[np.float64]:
-        return as_vectors(self._contributions.static[1], WIDTH)
+        return as_vectors(self._inputs.static[1], WIDTH)
 
     @cached_property
     def _omega(self) -> NDArray[np.float64]:
@@ -154,17 +164,17 @@ class Engine:
         theta : mapping of str to (n, n_params) array
             All parameters of each joint, by the joint's name.
         factor : (n_freq,) complex array, optional
-            What turns a receptance into the wanted quantity; the receptance by default.
+            Factor from the receptance to the wanted quantity; one by default.
 
         Returns
         -------
         (n, n_freq) complex array
         """
         padded = self._padded(factor)
-        result = aligned_empty((_count(theta), len(padded)), np.complex128)
-        flagged = self._run(self._receptance_kernel, theta, padded, result)
-        for one, sample, lines in self._spoilt(theta, result, flagged):
-            result[sample, lines] = self._pivoted.drive_point(one, lines) * padded[lines]
+        result = aligned_empty((sample_count(theta), len(padded)), np.complex128)
+        samples = self._run_kernel(self._receptance_kernel, theta, padded, result)
+        for single, sample, lines in self._failed_lines(theta, result, samples):
+            result[sample, lines] = self._pivoted.drive_point(single, lines) * padded[lines]
         return result[:, : self._lines]
 
     def amplitude(self, theta: Theta, factor: NDArray[np.complex128]) -> NDArray[np.float32]:
@@ -174,17 +184,17 @@ class Engine:
         ----------
         theta : mapping of str to (n, n_params) array
         factor : (n_freq,) complex array
-            What turns a receptance into the wanted quantity.
+            Factor from the receptance to the wanted quantity.
 
         Returns
         -------
         (n, n_freq) float32 array
         """
         padded = np.abs(self._padded(factor))
-        result = aligned_empty((_count(theta), len(padded)), np.float32)
-        flagged = self._run(self._amplitude_kernel, theta, padded, result)
-        for one, sample, lines in self._spoilt(theta, result, flagged):
-            result[sample, lines] = np.abs(self._pivoted.drive_point(one, lines)) * padded[lines]
+        result = aligned_empty((sample_count(theta), len(padded)), np.float32)
+        samples = self._run_kernel(self._amplitude_kernel, theta, padded, result)
+        for single, sample, lines in self._failed_lines(theta, result, samples):
+            result[sample, lines] = np.abs(self._pivoted.drive_point(single, lines)) * padded[lines]
         return result[:, : self._lines]
 
     def jacobian(
@@ -196,101 +206,104 @@ class Engine:
         ----------
         theta : mapping of str to (n, n_params) array
         factor : (n_freq,) complex array, optional
-            What turns a receptance into the wanted quantity; the receptance by default.
+            Factor from the receptance to the wanted quantity; one by default.
 
         Returns
         -------
         frf : (n, n_freq) complex array
-        jacobian : (n, n_freq, n_sought) complex array
+        jacobian : (n, n_freq, n_jacobian) complex array
             Joint by joint, per unit of the parameter.
         """
-        count, padded = _count(theta), self._padded(factor)
+        count, padded = sample_count(theta), self._padded(factor)
         result = aligned_empty((count, len(padded)), np.complex128)
-        derived = aligned_empty((count, self._contributions.parameters, len(padded)), np.complex128)
-        flagged = self._run(self._jacobian_kernel, theta, padded, result, derived)
-        for one, sample, lines in self._spoilt(theta, result, flagged):
-            result[sample, lines] = self._pivoted.drive_point(one, lines) * padded[lines]
-            derived[sample][:, lines] = self._pivoted.derivatives(one, lines).T * padded[lines]
-        return result[:, : self._lines], np.swapaxes(derived, 1, 2)[:, : self._lines]
+        jacobian = aligned_empty((count, self._inputs.parameters, len(padded)), np.complex128)
+        samples = self._run_kernel(self._jacobian_kernel, theta, padded, result, jacobian)
+        for single, sample, lines in self._failed_lines(theta, result, samples):
+            result[sample, lines] = self._pivoted.drive_point(single, lines) * padded[lines]
+            jacobian[sample][:, lines] = self._pivoted.derivatives(single, lines).T * padded[lines]
+        return result[:, : self._lines], np.swapaxes(jacobian, 1, 2)[:, : self._lines]
 
     def _padded(self, factor: NDArray[np.complex128] | None) -> NDArray[np.complex128]:
-        """Return one factor for each line that the kernel computes."""
-        given = np.ones(self._lines) if factor is None else factor
-        return np.concatenate([given, np.repeat(given[-1:], len(self.system.frequency) - self._lines)])
+        """Return a factor for each line that the kernel computes."""
+        factor = np.ones(self._lines) if factor is None else factor
+        return np.concatenate([factor, np.repeat(factor[-1:], len(self.system.frequency) - self._lines)])
 
-    def _run(
+    def _run_kernel(
         self,
         kernel: MachineKernel,
         theta: Theta,
         factor: NDArray[Any],
         result: NDArray[Any],
-        derived: NDArray[np.complex128] | None = None,
+        jacobian: NDArray[np.complex128] | None = None,
     ) -> NDArray[np.intp]:
-        """Let the kernel fill `result`, a block of samples a thread; return the samples with a vanishing pivot."""
+        """Fill `result`, a block of samples in each thread; return the samples in which a pivot nearly vanished."""
         count = len(result)
         flags = np.zeros(count, dtype=np.uint8)
         shared = (self._omega, as_vectors(np.stack([factor.real, factor.imag]), WIDTH), self._static)
-        outputs = (result, np.empty((count, 0)) if derived is None else derived, flags)
+        outputs = (result, np.empty((count, 0)) if jacobian is None else jacobian, flags)
 
         def run_block(first: int, theta: Theta, terms: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
             block = slice(first, first + len(terms))
-            general, general_weights = self._gather_general(theta, len(terms), derivatives=derived is not None)
-            inputs = (terms, general, weights, general_weights)
+            spectral, spectral_weights = self._gather_spectral(theta, len(terms), derivatives=jacobian is not None)
+            inputs = (terms, spectral, weights, spectral_weights)
             kernel(len(self._omega), len(terms), result.shape[1], (*shared, *inputs, *(a[block] for a in outputs)))
 
-        self._in_blocks(theta, count, run_block, derivatives=derived is not None)
+        self._run_in_blocks(theta, count, run_block, derivatives=jacobian is not None)
         return np.flatnonzero(flags)
 
-    def _in_blocks(self, theta: Theta, count: int, run_block: Callable[..., None], *, derivatives: bool) -> None:
-        """Gather what the joints contribute for some samples while the threads work on those before."""
+    def _run_in_blocks(self, theta: Theta, count: int, run_block: Callable[..., None], *, derivatives: bool) -> None:
+        """Evaluate the joints for some samples while the threads work on the samples before."""
         size = self._block_size(count, derivatives=derivatives)
         if not count:
             return
         if count <= size:
-            weights = self._contributions.gather_weights(theta, count) if derivatives else np.empty((count, 0))
-            run_block(0, theta, self._contributions.gather(theta, count), weights)
+            run_block(0, theta, *self._gather(theta, count, derivatives=derivatives))
             return
-        under_way: list[Future[None]] = []
+        blocks: list[Future[None]] = []
         with ThreadPoolExecutor(self.threads) as pool:
-            for start in range(0, count, _SAMPLES_GATHERED):
-                some = _part(theta, start, min(start + _SAMPLES_GATHERED, count))
-                number = min(_SAMPLES_GATHERED, count - start)
-                terms = self._contributions.gather(some, number)
-                weights = self._contributions.gather_weights(some, number) if derivatives else np.empty((number, 0))
-                _finish(under_way)
-                under_way = [
+            for start in range(0, count, SETTINGS.gathered_samples):
+                number = min(SETTINGS.gathered_samples, count - start)
+                chunk = _samples(theta, start, number)
+                terms, weights = self._gather(chunk, number, derivatives=derivatives)
+                _wait(blocks)
+                blocks = [
                     pool.submit(
-                        run_block, start + first, _part(some, first, last), terms[first:last], weights[first:last]
+                        run_block, start + i, _samples(chunk, i, size), terms[i : i + size], weights[i : i + size]
                     )
-                    for first in range(0, number, size)
-                    for last in [min(first + size, number)]
+                    for i in range(0, number, size)
                 ]
-            _finish(under_way)
+            _wait(blocks)
+
+    def _gather(
+        self, theta: Theta, count: int, *, derivatives: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        weights = self._inputs.gather_weights(theta, count) if derivatives else np.empty((count, 0))
+        return self._inputs.gather(theta, count), weights
 
     def _block_size(self, count: int, *, derivatives: bool) -> int:
-        """Return how many samples go to a thread at once: enough for the cache, and some for every thread."""
-        size = min(_SAMPLES_AT_ONCE, max(_SAMPLES_AT_LEAST, -(-count // self.threads)))
-        if self._general.slots:
-            size = min(size, int(_GENERAL_BYTES / self._general.bytes_per_sample(derivatives=derivatives)))
+        """Return how many samples a thread takes at once: enough for the cache, and some for every thread."""
+        size = min(SETTINGS.most_samples, max(SETTINGS.fewest_samples, -(-count // self.threads)))
+        if self._spectral.slots:
+            size = min(size, int(SETTINGS.spectral_bytes / self._spectral.bytes_per_sample(derivatives=derivatives)))
         return max(1, size)
 
-    def _gather_general(
+    def _gather_spectral(
         self, theta: Theta, count: int, *, derivatives: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         none = np.empty((count, 0))
-        if not self._general.slots:
+        if not self._spectral.slots:
             return none, none
-        general = self._general.gather(theta, count)
-        return general, self._general.gather_weights(theta, count) if derivatives else none
+        weights = self._spectral.gather_weights(theta, count) if derivatives else none
+        return self._spectral.gather(theta, count), weights
 
-    def _spoilt(
+    def _failed_lines(
         self, theta: Theta, result: NDArray[Any], samples: NDArray[np.intp]
     ) -> Iterator[tuple[Theta, int, NDArray[np.intp]]]:
-        """Yield the parameters, the number and the lines of each sample in which a pivot nearly vanished."""
+        """Yield parameters, number and lines of each sample in which a pivot nearly vanished."""
         for sample in map(int, samples):
             lines = np.flatnonzero(np.isnan(result[sample]))
             self.pivoted_lines += int(np.count_nonzero(lines < self._lines))
-            yield _part(theta, sample, sample + 1), sample, lines
+            yield _samples(theta, sample, 1), sample, lines
 
     def receptance(self, theta: Theta, outputs: Sequence[Point], inputs: Sequence[Point]) -> NDArray[np.complex128]:
         """Receptance between points for one parameter vector, by a pivoted solve at every frequency.
@@ -308,21 +321,11 @@ class Engine:
         return self._pivoted.receptance(theta, np.arange(self._lines), outputs, inputs)
 
 
-def _cores() -> int:
-    """Return how many cores this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
+def _samples(theta: Theta, first: int, count: int) -> Theta:
+    return {name: values[first : first + count] for name, values in theta.items()}
 
 
-def _count(theta: Theta) -> int:
-    return len(next(iter(theta.values()))) if theta else 1
-
-
-def _part(theta: Theta, first: int, last: int) -> Theta:
-    return {name: values[first:last] for name, values in theta.items()}
-
-
-def _finish(under_way: Sequence[Future[None]]) -> None:
+def _wait(blocks: Sequence[Future[None]]) -> None:
     """Wait, and raise what was raised."""
-    for future in under_way:
+    for future in blocks:
         future.result()

@@ -94,8 +94,8 @@ class Graph:
 
         for name, connection in self.connections.items():
             pairs = connection.model.merged_dofs + (connection.model.contact_dofs if connection.rigid else ())
-            for one, other in pairs:
-                low, high = sorted((find(int(local[name][one])), find(int(local[name][other]))))
+            for pair in pairs:
+                low, high = sorted(find(int(local[name][dof])) for dof in pair)
                 leader[high] = low
         roots = np.array([find(dof) for dof in range(count)], dtype=np.intp)
         held = {

@@ -1,9 +1,13 @@
-"""An engine that computes a few lines of each FRF and interpolates the others, as far as its error estimate allows."""
+"""An engine that computes a few lines of each FRF and interpolates the others by a rational function.
+
+An FRF whose estimated error exceeds the tolerance is computed at every line.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -13,20 +17,31 @@ from numpy.typing import NDArray
 from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Graph
-from dovetail.synthesis.joint_evaluation import Theta
+from dovetail.synthesis.joint_evaluation import Theta, sample_count
 
-__all__ = ["InterpolatedEngine", "RationalPair", "chebyshev_lines"]
+__all__ = ["InterpolatedEngine", "RationalInterpolant", "chebyshev_lines"]
 
-_COUNTS = (9, 13, 17, 21, 25, 27, 29, 33, 41, 49, 65, 81, 97)
-"""Numbers of exact lines that are tried, in this order."""
-_MOST_OF_ALL_LINES = 1 / 8
-_MOST_REFUSED = 0.03
-"""Part of the trial's FRFs that may fail the tolerance."""
-_FEWEST_MULTIPLICATIONS = 100
-"""Of the elimination at one line, below which exact lines cost no more than interpolated ones."""
-_BLOCK = 64
-_FEWEST = 32
-"""FRFs in one call below which interpolating them is not worth its preparation."""
+
+@dataclass(frozen=True)
+class Settings:
+    """How many exact lines an FRF needs, and when interpolating the others pays."""
+
+    counts: tuple[int, ...] = (9, 13, 17, 21, 25, 27, 29, 33, 41, 49, 65, 81, 97)
+    """Numbers of exact lines that are tried, in this order."""
+    most_exact: float = 1 / 8
+    """Part of all lines beyond which interpolation hardly saves time."""
+    most_rejected: float = 0.03
+    """Part of the trial's FRFs that may exceed the tolerance."""
+    fewest_multiplications: int = 100
+    """Of the elimination at a line, below which exact lines cost no more than interpolated lines."""
+    fewest_samples: int = 32
+    """FRFs in a call below which interpolation does not pay for its preparation."""
+    samples_at_once: int = 64
+    """With `lines_at_once`, so that the arrays of a block of FRFs stay in the second-level cache."""
+    lines_at_once: int = 512
+
+
+SETTINGS = Settings()
 
 
 class InterpolatedEngine(Engine):
@@ -34,17 +49,17 @@ class InterpolatedEngine(Engine):
 
     Parameters
     ----------
-    graph, frequency, points, probe, sought
+    graph, frequency, points, probe_theta, jacobian_columns
         As of `Engine`.
     tolerance : float
-        Greatest relative error at any line, as estimated. An FRF that exceeds it is computed exactly, as are calls
-        for a few FRFs, sensitivities and transfer FRFs.
+        Greatest estimated relative error at any line. An FRF that exceeds it is computed exactly, and so are calls for
+        a few FRFs, Jacobians and transfer FRFs.
     trial : mapping of str to (n, n_params) array
         Parameter vectors by which the number of exact lines is chosen.
 
     Attributes
     ----------
-    refused : int
+    rejections : int
         FRFs computed exactly so far because their estimated error exceeded the tolerance.
     """
 
@@ -53,39 +68,38 @@ class InterpolatedEngine(Engine):
         graph: Graph,
         frequency: NDArray[np.float64],
         points: Sequence[Point],
-        probe: Theta,
-        sought: Mapping[str, list[int]] | None = None,
-        *,
+        probe_theta: Theta,
+        jacobian_columns: Mapping[str, list[int]] | None,
         tolerance: float,
         trial: Theta,
     ) -> None:
-        super().__init__(graph, frequency, points, probe, sought)
+        super().__init__(graph, frequency, points, probe_theta, jacobian_columns)
         self.tolerance = tolerance
-        self.refused = 0
-        self._probe, self._trial = probe, trial
+        self.rejections = 0
+        self._trial = trial
 
     @cached_property
-    def pair(self) -> RationalPair | None:
-        """The rational functions through the fewest exact lines that do, or None where none pays."""
-        if self.program.multiplications < _FEWEST_MULTIPLICATIONS:
+    def interpolant(self) -> RationalInterpolant | None:
+        """The rational functions through the fewest exact lines that suffice, or None where none pays."""
+        if self.program.multiplications < SETTINGS.fewest_multiplications:
             return None
         exact = super().drive_point(self._trial)
-        scratch = np.empty_like(exact)
-        for count in _COUNTS:
-            if count > _MOST_OF_ALL_LINES * len(self.frequency):
+        interpolated = np.empty_like(exact)
+        for count in SETTINGS.counts:
+            if count > SETTINGS.most_exact * len(self.frequency):
                 break
-            pair = RationalPair(self.frequency, chebyshev_lines(count, len(self.frequency)))
-            estimated = pair.complex_values(exact[:, pair.lines], scratch)
-            accepted = estimated <= self.tolerance
-            true = np.max(np.abs(scratch - exact) / np.abs(exact), axis=1)
-            if np.mean(accepted) >= 1 - _MOST_REFUSED and np.all(true[accepted] <= 10 * self.tolerance):
-                return pair
+            interpolant = RationalInterpolant(self.frequency, chebyshev_lines(count, len(self.frequency)))
+            accepted = interpolant.fill(exact[:, interpolant.lines], interpolated) <= self.tolerance
+            error = np.max(np.abs(interpolated - exact) / np.abs(exact), axis=1)
+            if np.mean(accepted) >= 1 - SETTINGS.most_rejected and np.all(error[accepted] <= 10 * self.tolerance):
+                return interpolant
         return None
 
     @cached_property
-    def _at_nodes(self) -> Engine:
-        assert self.pair is not None
-        return Engine(self.graph, self.frequency[self.pair.lines], self.system.points[:1], self._probe)
+    def _exact_engine(self) -> Engine:
+        assert self.interpolant is not None
+        frequency = self.frequency[self.interpolant.lines]
+        return Engine(self.graph, frequency, self.system.points[:1], self.system.probe_theta)
 
     @cached_property
     def _blas(self) -> Any:
@@ -95,72 +109,49 @@ class InterpolatedEngine(Engine):
 
     def drive_point(self, theta: Theta, factor: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
         """FRF at the first point for each parameter vector, as `Engine.drive_point`."""
-        if self._too_few(theta):
-            return super().drive_point(theta, factor)
-        assert self.pair is not None
-        result = self._interpolated(theta, factor, np.complex128, self.pair.complex_values)
-        return self._corrected(theta, result, lambda some: super(InterpolatedEngine, self).drive_point(some, factor))
+        return self._interpolate(theta, factor, np.complex128, super().drive_point)
 
     def amplitude(self, theta: Theta, factor: NDArray[np.complex128]) -> NDArray[np.float32]:
         """Magnitude of the FRF at the first point, as `Engine.amplitude`."""
-        if self._too_few(theta):
-            return super().amplitude(theta, factor)
-        assert self.pair is not None
-        result = self._interpolated(theta, factor, np.float32, self.pair.amplitudes)
-        return self._corrected(theta, result, lambda some: super(InterpolatedEngine, self).amplitude(some, factor))
+        return self._interpolate(theta, factor, np.float32, super().amplitude)
 
-    def _too_few(self, theta: Theta) -> bool:
-        count = len(next(iter(theta.values()))) if theta else 1
-        return count < _FEWEST or self.pair is None
-
-    def _interpolated(
-        self,
-        theta: Theta,
-        factor: NDArray[np.complex128] | None,
-        dtype: type[np.generic],
-        fill: Callable[[NDArray[np.complex128], Any], NDArray[np.float64]],
-    ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        """Return the FRFs, and which of them fail the tolerance."""
-        assert self.pair is not None
-        self._at_nodes.threads = self.threads
-        known = self._at_nodes.drive_point(theta, None if factor is None else factor[self.pair.lines])
-        result = np.empty((len(known), len(self.frequency)), dtype=dtype)
-        error = np.empty(len(known))
+    def _interpolate(
+        self, theta: Theta, factor: Any, dtype: type[np.generic], exactly: Callable[[Theta, Any], NDArray[Any]]
+    ) -> NDArray[Any]:
+        """Return interpolated FRFs, and exact ones in place of those whose error exceeds the tolerance."""
+        if sample_count(theta) < SETTINGS.fewest_samples or self.interpolant is None:
+            return exactly(theta, factor)
+        interpolant, size = self.interpolant, SETTINGS.samples_at_once
+        self._exact_engine.threads = self.threads
+        exact = self._exact_engine.drive_point(theta, None if factor is None else factor[interpolant.lines])
+        result = np.empty((len(exact), len(self.frequency)), dtype=dtype)
+        error = np.empty(len(exact))
 
         def fill_block(first: int) -> None:
-            block = slice(first, first + _BLOCK)
-            error[block] = fill(known[block], result[block])
+            block = slice(first, first + size)
+            error[block] = interpolant.fill(exact[block], result[block])
 
         with self._blas.limit(limits=1, user_api="blas"), ThreadPoolExecutor(self.threads) as pool:
-            list(pool.map(fill_block, range(0, len(known), _BLOCK)))
-        return result, ~(error <= self.tolerance)
-
-    def _corrected(
-        self, theta: Theta, found: tuple[NDArray[Any], NDArray[np.bool_]], exactly: Callable[[Theta], NDArray[Any]]
-    ) -> NDArray[Any]:
-        result, refused = found
-        if refused.any():
-            result[refused] = exactly({name: values[refused] for name, values in theta.items()})
-            self.refused += int(np.count_nonzero(refused))
+            list(pool.map(fill_block, range(0, len(exact), size)))
+        rejected = ~(error <= self.tolerance)
+        if rejected.any():
+            result[rejected] = exactly({name: values[rejected] for name, values in theta.items()}, factor)
+            self.rejections += int(np.count_nonzero(rejected))
         return result
 
 
-_LINES_AT_ONCE = 512
-"""So that the arrays of a block of FRFs stay in the second-level cache."""
-
-
 def chebyshev_lines(count: int, lines: int) -> NDArray[np.intp]:
-    """Return `count` of `lines` lines, denser towards both ends, as Chebyshev's points are."""
-    place = (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2.0
-    return np.unique(np.round(place * (lines - 1)).astype(np.intp))
+    """Return the numbers of `count` out of `lines` lines, spaced as Chebyshev's points: denser towards both ends."""
+    fraction = (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2.0
+    return np.unique(np.round(fraction * (lines - 1)).astype(np.intp))
 
 
-class _Rational:
-    """Rational functions of frequency in barycentric form, through the same support lines for all FRFs.
+class _BarycentricRational:
+    """Rational functions of frequency in barycentric form, with the same support lines for all FRFs.
 
     r(f) = n(f) / d(f), n(f) = sum_j w_j h_j / (f - f_j), d(f) = sum_j w_j / (f - f_j). It takes the values h_j at the
-    support frequencies f_j whatever the weights are; they make it take those at the other lines too (Antoulas and
-    Anderson 1986).
+    support frequencies f_j for any weights. The weights are chosen so that it takes the values at the other lines too
+    (Antoulas and Anderson 1986).
     """
 
     def __init__(self, nodes: NDArray[np.float64], support: NDArray[np.intp], others: NDArray[np.intp]) -> None:
@@ -171,14 +162,14 @@ class _Rational:
 
     def weights(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return w (n, n_support) for the values h (n, n_nodes), scaled by its last column."""
-        held, met = values[:, self.support], values[:, self._others]
-        loewner = (met[:, :, None] - held[:, None, :]) * self._cauchy / np.abs(met)[:, :, None]
-        weights = np.ones_like(held)
+        h_support, h_others = values[:, self.support], values[:, self._others]
+        loewner = (h_others[:, :, None] - h_support[:, None, :]) * self._cauchy / np.abs(h_others)[:, :, None]
+        weights = np.ones_like(h_support)
         weights[:, :-1] = -np.linalg.solve(loewner[:, :, :-1], loewner[:, :, -1:])[:, :, 0]
         return weights
 
     def basis(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return 1 / (f - f_j), (n_support, n_freq); at a support line only its own column counts."""
+        """Return 1 / (f - f_j), (n_support, n_freq); at a support line the unit vector of that line."""
         distance = frequency[None, :] - self._nodes[self.support][:, None]
         hit = distance == 0.0
         basis = 1.0 / np.where(hit, 1.0, distance)
@@ -187,8 +178,8 @@ class _Rational:
         return basis
 
 
-class RationalPair:
-    """Two rational functions of different degree through the exact lines of an FRF.
+class RationalInterpolant:
+    """A rational function through the exact lines of an FRF, with an error estimate from a second of lower degree.
 
     Parameters
     ----------
@@ -199,13 +190,13 @@ class RationalPair:
 
     Notes
     -----
-    The first function has its support at every other exact line and passes through all of them. The second is of lower
-    degree, has its support where the first has not, and passes through all but two, a and b. Both meet at all others:
-    nothing is left of the numerator of their difference but a constant: relative to the first it is
+    The first function has its support at every other exact line and passes through all exact lines. The second has its
+    support at the lines between and passes through all exact lines but two, a and b. The functions agree at all the
+    others, so that the numerator of their difference is a constant. Relative to the first function it is
 
         kappa / ((f - a) (f - b) n_1(f) d_2(f)),   kappa = (a - b) w_a (h_a d_2(a) - n_2(a)),
 
-    at every frequency. Its greatest value over all lines is returned as the error: an estimate, and not a bound.
+    at every frequency. Its greatest value over all lines is the error estimate; it is not a bound.
     """
 
     def __init__(self, frequency: NDArray[np.float64], lines: NDArray[np.intp]) -> None:
@@ -214,64 +205,63 @@ class RationalPair:
         self._a, self._b = len(even) // 3, 2 * len(even) // 3
         a, b = nodes[even[self._a]], nodes[even[self._b]]
         self.lines = lines
-        self._high = _Rational(nodes, even, odd)
-        self._low = _Rational(nodes, odd, np.delete(even, [self._a, self._b]))
+        self._high = _BarycentricRational(nodes, even, odd)
+        self._low = _BarycentricRational(nodes, odd, np.delete(even, [self._a, self._b]))
         self._high_basis, self._low_basis = self._high.basis(frequency), self._low.basis(frequency)
         self._at_a = self._low.basis(np.array([a]))[:, 0]
         self._span = a - b
         self._distance = ((frequency - a) * (frequency - b)) ** 2
         self._distance[lines] = np.inf
 
-    def amplitudes(self, known: NDArray[np.complex128], result: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Fill `result` (n, n_freq) with the magnitudes of FRFs whose exact lines `known` (n, n_nodes) are.
+    def fill(self, exact: NDArray[np.complex128], result: NDArray[Any]) -> NDArray[np.float64]:
+        """Interpolate FRFs between their exact lines.
+
+        Parameters
+        ----------
+        exact : (n, n_nodes) complex array
+        result : (n, n_freq) array
+            Filled with complex values if it is complex, with magnitudes otherwise.
 
         Returns
         -------
         (n,) array
             Estimated greatest relative error; infinite or NaN where there is no such function.
         """
-        return self._fill(known, result)
-
-    def complex_values(self, known: NDArray[np.complex128], result: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Do the same with complex values."""
-        return self._fill(known, result)
-
-    def _fill(self, known: NDArray[np.complex128], result: NDArray[Any]) -> NDArray[np.float64]:
-        smallest = np.full(len(known), np.inf)
+        smallest = np.full(len(exact), np.inf)
         with np.errstate(all="ignore"):
             try:
-                high, low = self._high.weights(known), self._low.weights(known)
+                high, low = self._high.weights(exact), self._low.weights(exact)
             except np.linalg.LinAlgError:
-                return np.full(len(known), np.inf)
-            above = high * known[:, self._high.support]
-            rows = np.concatenate([part for weights in (above, high) for part in (weights.real, weights.imag)])
+                return np.full(len(exact), np.inf)
+            numerator = high * exact[:, self._high.support]
+            rows = np.concatenate([numerator.real, numerator.imag, high.real, high.imag])
             low_rows = np.concatenate([low.real, low.imag])
-            for first in range(0, result.shape[1], _LINES_AT_ONCE):
-                lines = slice(first, min(first + _LINES_AT_ONCE, result.shape[1]))
-                n, d = (rows @ self._high_basis[:, lines]).reshape(2, 2, len(known), -1)
-                other = (low_rows @ self._low_basis[:, lines]).reshape(2, len(known), -1)
+            for first in range(0, result.shape[1], SETTINGS.lines_at_once):
+                lines = slice(first, min(first + SETTINGS.lines_at_once, result.shape[1]))
+                n, d = (rows @ self._high_basis[:, lines]).reshape(2, 2, len(exact), -1)
+                d_low = (low_rows @ self._low_basis[:, lines]).reshape(2, len(exact), -1)
                 if result.dtype.kind == "c":
                     result[:, lines] = (n[0] + 1j * n[1]) / (d[0] + 1j * d[1])
-                n_square = _square(n)
+                n_square = _squared_magnitude(n)
                 if result.dtype.kind != "c":
-                    result[:, lines] = np.sqrt(n_square / _square(d))
-                n_square *= _square(other)
+                    result[:, lines] = np.sqrt(n_square / _squared_magnitude(d))
+                n_square *= _squared_magnitude(d_low)
                 n_square *= self._distance[lines]
                 np.minimum(smallest, n_square.min(axis=1), out=smallest)
-            error: NDArray[np.float64] = np.abs(self._kappa(known, high, low)) / np.sqrt(smallest)
+            error: NDArray[np.float64] = np.abs(self._kappa(exact, high, low)) / np.sqrt(smallest)
         return error
 
     def _kappa(
-        self, known: NDArray[np.complex128], high: NDArray[np.complex128], low: NDArray[np.complex128]
+        self, exact: NDArray[np.complex128], high: NDArray[np.complex128], low: NDArray[np.complex128]
     ) -> NDArray[np.complex128]:
         at_a = low * self._at_a
-        missed = known[:, self._high.support[self._a]] * at_a.sum(1) - (at_a * known[:, self._low.support]).sum(1)
-        kappa: NDArray[np.complex128] = self._span * high[:, self._a] * missed
+        difference = exact[:, self._high.support[self._a]] * at_a.sum(1) - (at_a * exact[:, self._low.support]).sum(1)
+        kappa: NDArray[np.complex128] = self._span * high[:, self._a] * difference
         return kappa
 
 
-def _square(parts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the squared magnitudes of numbers given by their real and imaginary parts, (2, ...), destroying these."""
-    parts *= parts
-    squared: NDArray[np.float64] = np.add(parts[0], parts[1], out=parts[0])
+def _squared_magnitude(halves: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the squared magnitudes of numbers from their real and imaginary parts (2, ...), which are overwritten."""
+    halves *= halves
+    squared: NDArray[np.float64] = np.add(halves[0], halves[1], out=halves[0])
     return squared

@@ -1,4 +1,4 @@
-"""What a joint's model answers, checked: matrices, dynamic stiffness, and the derivatives of both."""
+"""A joint model's matrices, its dynamic stiffness and the derivatives of both, each checked before it is used."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import PluginError
-from dovetail.interfaces import JointModel, StructuralMatrices, blamed_on
+from dovetail.interfaces import JointModel, StructuralMatrices, plugin_errors
 
 __all__ = [
     "Theta",
@@ -18,10 +18,16 @@ __all__ = [
     "joint_matrices",
     "joint_stiffness",
     "joint_stiffness_jacobian",
+    "sample_count",
 ]
 
 Theta = Mapping[str, NDArray[np.float64]]
 """All parameters of each joint, (n, n_params), by the joint's name."""
+
+
+def sample_count(theta: Theta) -> int:
+    """Return the number n of parameter vectors; one for an assembly without joints."""
+    return len(next(iter(theta.values()))) if theta else 1
 
 
 def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> StructuralMatrices:
@@ -33,7 +39,7 @@ def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
         The model fails, or returns something else than (n, d, d) matrices.
     """
     label = _label(name, model)
-    with blamed_on(model, label):
+    with plugin_errors(model, label):
         matrices = model.matrices(theta)
     _check_matrices(label, model, matrices, len(theta))
     return matrices
@@ -48,7 +54,7 @@ def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
         The model fails, or returns something else than one set of (n, d, d) matrices a parameter.
     """
     label = _label(name, model)
-    with blamed_on(model, label):
+    with plugin_errors(model, label):
         derivatives = tuple(model.matrices_jacobian(theta))
     if len(derivatives) != len(model.parameters):
         problem = f"{label} returns {len(derivatives)} derivatives of its matrices"
@@ -69,7 +75,7 @@ def joint_stiffness(
         The model fails, or returns something else than finite numbers of this shape.
     """
     label = _label(name, model)
-    with blamed_on(model, label):
+    with plugin_errors(model, label):
         stiffness = np.asarray(model.dynamic_stiffness(frequency, theta), dtype=np.complex128)
     _check_stiffness(label, model, stiffness, (len(theta), len(frequency)))
     return stiffness
@@ -86,14 +92,14 @@ def joint_stiffness_jacobian(
         The model fails, or gives something else than one array of finite numbers of this shape a parameter.
     """
     label, count, shape = _label(name, model), 0, (len(theta), len(frequency))
-    with blamed_on(model, label):
+    with plugin_errors(model, label):
         derivatives = iter(model.dynamic_stiffness_jacobian(frequency, theta))
     while True:
-        with blamed_on(model, label):
-            given = next(derivatives, None)
-            derivative = None if given is None else np.asarray(given, dtype=np.complex128)
-        if derivative is None:
-            break
+        with plugin_errors(model, label):
+            derivative = next(derivatives, None)
+            if derivative is None:
+                break
+            derivative = np.asarray(derivative, dtype=np.complex128)
         _check_stiffness(label, model, derivative, shape)
         count += 1
         yield derivative
@@ -129,6 +135,6 @@ def depends_on_frequency(model: JointModel) -> bool:
 
 def filled_entries(matrices: StructuralMatrices) -> NDArray[np.bool_]:
     """Return the entries of (n, d, d) matrices that any sample fills, (d, d)."""
-    filled = [(matrix != 0).any(axis=0) for matrix in (matrices.M, matrices.K, matrices.C, matrices.D)]
-    either: NDArray[np.bool_] = np.logical_or.reduce(filled)
-    return either
+    entries = (matrices.M != 0) | (matrices.K != 0) | (matrices.C != 0) | (matrices.D != 0)
+    filled: NDArray[np.bool_] = entries.any(axis=0)
+    return filled

@@ -1,7 +1,9 @@
-"""Natural frequencies of the undamped assembly."""
+"""Natural frequencies of the undamped assembly, from dense or from sparse matrices."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -12,10 +14,14 @@ from scipy.sparse.csgraph import connected_components
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices, StructuralMatrices
 
-__all__ = ["elastic_frequencies", "sparse_elastic_frequencies"]
+__all__ = ["elastic_frequencies"]
 
+_RIGID_BODY_MODES = 6
 _STRAIN_FLOOR = 1e-11
 """A mode whose strain energy is below this part of the largest its amplitudes allow is a rigid-body mode."""
+_SPARSE_STRAIN_FLOOR = 1e-13
+"""The same for a shape by Lanczos. Rounding leaves a hundredth of it; a beam of 2500 elements in its first bending mode
+has twice as much."""
 
 
 def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: int) -> NDArray[np.float64]:
@@ -24,7 +30,7 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
     Parameters
     ----------
     matrices : StructuralMatrices or SparseMatrices
-        (d, d); damping is left out.
+        (d, d); damping is ignored.
     count : int
 
     Returns
@@ -35,16 +41,16 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
     Raises
     ------
     DovetailError
-        The structure is not stable: a stiffness or a mass is negative.
+        The structure is not stable: a stiffness or a mass is negative. Or Lanczos does not converge.
 
     Notes
     -----
-    Solves M phi = mu (K + s M) phi, which takes massless DOFs and rigid-body modes without special cases.
+    Neither massless DOFs nor rigid-body modes are a special case. Dense matrices: M phi = mu (K + s M) phi. Sparse
+    ones: shift-invert Lanczos with a shift below zero.
     """
     if isinstance(matrices, SparseMatrices):
-        return sparse_elastic_frequencies(matrices, count)
-    _, group = connected_components((matrices.K != 0) | (matrices.M != 0), directed=False)
-    active = np.flatnonzero(np.isin(group, group[np.diag(matrices.M) > 0]))  # what has no inertia has no motion
+        return _sparse_elastic_frequencies(matrices, count)
+    active = _dofs_with_inertia((matrices.K != 0) | (matrices.M != 0), np.diag(matrices.M))
     K, M = matrices.K[np.ix_(active, active)], matrices.M[np.ix_(active, active)]
     inertia = np.diag(M) > 0
     if not inertia.any():
@@ -56,58 +62,21 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
         raise DovetailError(
             "there are no natural frequencies: with these parameters a stiffness or a mass is negative."
         ) from None
-    modes: list[float] = []
-    for value, shape in zip(mu[::-1], shapes.T[::-1], strict=True):
-        if len(modes) == count or value <= mu[-1] * 1e-14:
-            break
-        strain = shape @ K @ shape
-        if strain > _STRAIN_FLOOR * (abs(shape) @ abs(K) @ abs(shape)):
-            modes.append(np.sqrt(strain / (shape @ M @ shape)) / (2.0 * np.pi))
-    return np.array(modes)
+    finite = mu > mu[-1] * 1e-14
+    return np.array(list(islice(_elastic_modes(K, M, shapes[:, finite][:, ::-1], _STRAIN_FLOOR), count)))
 
 
-_RIGID_BODY_MODES = 6
-_STRAIN_FLOOR = 1e-13
-"""A mode whose strain energy is below this part of the largest its amplitudes allow is a rigid-body mode. Rounding
-leaves a hundredth of it; a beam of 2500 elements in its first bending mode has twice as much."""
-_START = 0
-
-
-def sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray[np.float64]:
-    """Return the lowest natural frequencies of the modes that deform the structure.
-
-    Parameters
-    ----------
-    matrices : SparseMatrices
-        Damping is left out.
-    count : int
-
-    Returns
-    -------
-    (<= count,) array
-        Hz, increasing.
-
-    Raises
-    ------
-    DovetailError
-        The structure is not stable, or the eigenvalues are not found.
-
-    Notes
-    -----
-    Shift-invert Lanczos below zero, which takes massless DOFs and rigid-body modes without special cases.
-    """
+def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray[np.float64]:
     from scipy.sparse.linalg import ArpackError, eigsh
 
-    _, group = connected_components(abs(matrices.K) + abs(matrices.M), directed=False)
-    massive = matrices.M.diagonal() > 0
-    active = np.flatnonzero(np.isin(group, group[massive]))  # what has no inertia has no motion
+    active = _dofs_with_inertia(abs(matrices.K) + abs(matrices.M), matrices.M.diagonal())
     K, M = matrices.K[active][:, active], matrices.M[active][:, active]
     if (matrices.M.diagonal() < 0).any():
         raise DovetailError("there are no natural frequencies: with these parameters a mass is negative.")
-    inertia = massive[active]
+    inertia = M.diagonal() > 0
     most = int(inertia.sum()) - 1
     wanted = min(count + _RIGID_BODY_MODES, most)
-    start = np.random.default_rng(_START).standard_normal(len(active))
+    start = np.random.default_rng(0).standard_normal(len(active))
     while wanted > 0:
         stiffest = float(np.median(K.diagonal()[inertia] / M.diagonal()[inertia])) or 1.0
         try:
@@ -116,18 +85,23 @@ def sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray[
             raise DovetailError(f"the natural frequencies of this large model are not found: {error}") from None
         if values.min() < -1e-6 * stiffest:
             raise DovetailError("there are no natural frequencies: with these parameters a stiffness is negative.")
-        found = _elastic(K, M, shapes[:, np.argsort(values)])
-        if len(found) >= count or wanted == most:
-            return found[:count]
+        modes = list(islice(_elastic_modes(K, M, shapes[:, np.argsort(values)], _SPARSE_STRAIN_FLOOR), count))
+        if len(modes) == count or wanted == most:
+            return np.array(modes)
         wanted = min(2 * wanted, most)
     return np.empty(0)
 
 
-def _elastic(K: Any, M: Any, shapes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the frequencies of those shapes that deform the structure [Hz]."""
-    modes = []
+def _dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the DOFs that are connected with a mass; the others have no motion."""
+    _, group = connected_components(pattern, directed=False)
+    return np.flatnonzero(np.isin(group, group[inertia > 0]))
+
+
+def _elastic_modes(K: Any, M: Any, shapes: NDArray[np.float64], strain_floor: float) -> Iterator[float]:
+    """Yield the frequencies [Hz] of those shapes that deform the structure."""
+    stiffness = abs(K)
     for shape in shapes.T:
         strain = shape @ (K @ shape)
-        if strain > _STRAIN_FLOOR * (abs(shape) @ (abs(K) @ abs(shape))):
-            modes.append(np.sqrt(strain / (shape @ (M @ shape))) / (2.0 * np.pi))
-    return np.array(modes)
+        if strain > strain_floor * (abs(shape) @ (stiffness @ abs(shape))):
+            yield np.sqrt(strain / (shape @ (M @ shape))) / (2.0 * np.pi)

@@ -1,4 +1,4 @@
-"""The coupled system solved with pivoting, line by line: where the elimination's pivots vanish, and between points."""
+"""Solution of the coupled system with pivoting: between any points, and where a pivot of the elimination vanishes."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from dovetail.synthesis.joint_evaluation import Theta, joint_stiffness_jacobian
 __all__ = ["PivotedSolver"]
 
 _DENSE_BYTES = 64e6
+"""Memory for the systems that are solved at once."""
 
 
 class PivotedSolver:
-    """Solves of one parameter vector by LAPACK.
+    """Solutions for one parameter vector at a time, by LAPACK.
 
     Parameters
     ----------
     system : CoupledSystem
-    sought : mapping of str to list of int
-        Parameters of each joint by which to differentiate, as columns of its theta.
+    jacobian_columns : mapping of str to list of int
+        Columns of each joint's theta by which to differentiate.
     """
 
-    def __init__(self, system: CoupledSystem, sought: Mapping[str, list[int]]) -> None:
+    def __init__(self, system: CoupledSystem, jacobian_columns: Mapping[str, list[int]]) -> None:
         self._system = system
-        self._sought = sought
+        self._jacobian_columns = jacobian_columns
 
     def receptance(
         self, theta: Theta, lines: NDArray[np.intp], outputs: Sequence[Point], inputs: Sequence[Point]
@@ -40,19 +41,16 @@ class PivotedSolver:
         DovetailError
             The system is singular: it resonates without damping at a line.
         """
-        rows = [self._system.place(point) for point in outputs]
-        columns = [self._system.place(point) for point in inputs]
+        rows = [self._system.index(point) for point in outputs]
+        columns = [self._system.index(point) for point in inputs]
         at_once = max(1, int(_DENSE_BYTES / (16 * len(self._system.active) ** 2)))
-        solved = [
-            self._motion(theta, lines[first : first + at_once], columns)[:, rows]
-            for first in range(0, len(lines), at_once)
-        ]
-        return np.concatenate(solved)
+        blocks = [lines[first : first + at_once] for first in range(0, len(lines), at_once)]
+        return np.concatenate([self._motion(theta, block, columns)[:, rows] for block in blocks])
 
-    def _motion(self, theta: Theta, lines: NDArray[np.intp], places: Sequence[int]) -> NDArray[np.complex128]:
-        """Return the motion (n_lines, d, n) under a unit force at each of n places."""
-        loads = np.zeros((len(self._system.active), len(places)))
-        loads[places, range(len(places))] = 1.0
+    def _motion(self, theta: Theta, lines: NDArray[np.intp], forces: Sequence[int]) -> NDArray[np.complex128]:
+        """Return the motion (n_lines, d, n) under a unit force at each of n active DOFs."""
+        loads = np.zeros((len(self._system.active), len(forces)))
+        loads[forces, range(len(forces))] = 1.0
         Z = self._system.dynamic_stiffness(theta, lines)
         try:
             return np.asarray(np.linalg.solve(Z, loads))
@@ -67,18 +65,18 @@ class PivotedSolver:
         return self.receptance(theta, lines, first, first)[:, 0, 0]
 
     def derivatives(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
-        """Return the derivatives (n_lines, n_sought) of the receptance at the first point, by the adjoint."""
-        x = self._motion(theta, lines, [self._system.place(self._system.points[0])])[:, :, 0]
+        """Return the derivatives (n_lines, n_jacobian) of the receptance at the first point, by the adjoint."""
+        x = self._motion(theta, lines, [self._system.index(self._system.points[0])])[:, :, 0]
         frequency = self._system.frequency[lines]
-        found: list[NDArray[np.complex128]] = []
-        for name, columns in self._sought.items():
+        derivatives: list[NDArray[np.complex128]] = []
+        for name, columns in self._jacobian_columns.items():
             if columns:
-                local, places = self._system.located(self._system.graph.joint_dofs(name))
-                model, own = self._system.graph.connections[name].model, x[:, places]
+                local, indices = self._system.locate(self._system.graph.joint_dofs(name))
+                model, x_joint = self._system.graph.connections[name].model, x[:, indices]
                 by_column = {
-                    column: -np.einsum("fi,fij,fj->f", own, dZ[0][:, local[:, None], local], own)
+                    column: -np.einsum("fi,fij,fj->f", x_joint, dZ[0][:, local[:, None], local], x_joint)
                     for column, dZ in enumerate(joint_stiffness_jacobian(name, model, frequency, theta[name]))
                     if column in columns
                 }
-                found.extend(by_column[column] for column in columns)
-        return np.stack(found, axis=-1) if found else np.empty((len(lines), 0), dtype=np.complex128)
+                derivatives.extend(by_column[column] for column in columns)
+        return np.stack(derivatives, axis=-1) if derivatives else np.empty((len(lines), 0), dtype=np.complex128)

@@ -1,8 +1,11 @@
-"""Sparse matrices of a substructure, parted into boundary and inner DOFs, and their exact condensation."""
+"""Condensation of sparse matrices: exactly, by a factorisation at each frequency, or on a reduced basis.
+
+The reduced basis holds the modes with the boundary fixed and the exact motion at a few frequencies. Its error is
+measured against exact condensations at further frequencies.
+"""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -15,49 +18,66 @@ from scipy.sparse.linalg import splu
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices
+from dovetail.parallel import cores
 
-__all__ = ["Partition", "ReducedCondensation", "condense_on_basis"]
-
-_FAVOUR_DIAGONAL = 0.01
-"""Part of a column's largest entry from which the diagonal serves as pivot, so that the order is kept."""
-_LARGEST_RESIDUAL = 1e-11
-"""Of the inner equations, over the size of their terms; beyond it the line is solved again with full pivoting."""
+__all__ = ["PartitionedMatrices", "ReducedCondensation", "condense_on_basis", "relative_difference"]
 
 
-class Partition:
-    """Inner and boundary blocks of sparse matrices; the order of elimination is found once for all frequencies.
+@dataclass(frozen=True)
+class Settings:
+    """How inner DOFs are eliminated, and how the reduced basis grows."""
+
+    diagonal_preference: float = 0.01
+    """Part of a column's largest entry from which the diagonal serves as pivot, which preserves the sparse order."""
+    residual: float = 1e-11
+    """Of the inner equations, over the size of their terms; beyond it the line is solved again with full pivoting."""
+    frequency_margin: float = 1.2
+    """Multiple of the highest frequency up to which modes are taken."""
+    agreements: int = 2
+    """Exact lines in a row that a basis must meet before it is accepted."""
+    independence: float = 1e-10
+    """Part of a vector that must be independent of the basis for the vector to join it."""
+    lines_at_once: int = 256
+    """Bounds the memory of the projected matrices."""
+
+
+SETTINGS = Settings()
+
+
+class PartitionedMatrices:
+    """Inner and boundary blocks of sparse matrices, the inner DOFs in an order of elimination for all frequencies.
 
     Parameters
     ----------
     matrices : SparseMatrices
     dofs : sequence of int
-        The n boundary DOFs. DOFs without any entry take no part.
+        The n boundary DOFs. DOFs without any entry are left out.
 
     Attributes
     ----------
     boundary, inner : SparseMatrices
         The blocks bb and ii.
     coupling : tuple of csc_array
-        The blocks ib of M, K, C and D. The inner DOFs stand in the order of their elimination.
+        The blocks ib of M, K, C and D.
     """
 
     def __init__(self, matrices: SparseMatrices, dofs: Sequence[int]) -> None:
-        parts = (matrices.M, matrices.K, matrices.C, matrices.D)
-        pattern = sum(abs(part) for part in parts).tocsc()
+        MKCD = (matrices.M, matrices.K, matrices.C, matrices.D)
+        pattern = sum(abs(matrix) for matrix in MKCD).tocsc()
         kept = np.asarray(dofs, dtype=np.intp)
         inner = np.setdiff1d(np.flatnonzero(pattern.sum(axis=0)), kept)
         if len(inner):
             inner = inner[_elimination_order(pattern[inner][:, inner])]
-        self.boundary = SparseMatrices(*(part[kept][:, kept] for part in parts))
-        self.coupling = tuple(csc_array(part[inner][:, kept]) for part in parts)
-        self.inner = SparseMatrices(*(part[inner][:, inner] for part in parts))
+        self.boundary = SparseMatrices(*(matrix[kept][:, kept] for matrix in MKCD))
+        self.coupling = tuple(csc_array(matrix[inner][:, kept]) for matrix in MKCD)
+        self.inner = SparseMatrices(*(matrix[inner][:, inner] for matrix in MKCD))
 
     @property
     def size(self) -> int:
         """Number of boundary DOFs."""
         return self.boundary.size
 
-    def load(self, frequency: float) -> NDArray[np.complex128]:
+    def coupling_stiffness(self, frequency: float) -> NDArray[np.complex128]:
         """Return Z_ib (n_inner, n) at one frequency [Hz]."""
         M, K, C, D = self.coupling
         omega = 2.0 * np.pi * frequency
@@ -81,24 +101,24 @@ class Partition:
         Raises
         ------
         DovetailError
-            The part has an undamped resonance, its boundary held, exactly there.
+            The substructure has an undamped resonance with its boundary held exactly there.
         """
         Z_bb = self.boundary.dynamic_stiffness(frequency).toarray()
-        load = self.load(frequency)
-        if not len(load):
-            return Z_bb, load
-        motion = _solved(self.inner.dynamic_stiffness(frequency).tocsc(), load)
+        Z_ib = self.coupling_stiffness(frequency)
+        if not len(Z_ib):
+            return Z_bb, Z_ib
+        motion = _solve(self.inner.dynamic_stiffness(frequency).tocsc(), Z_ib)
         if motion is None:
             raise DovetailError(
                 f"a substructure cannot be condensed at {frequency:g} Hz, where it resonates without damping while its "
                 "boundary is held. Give it damping, or move the frequencies."
             )
-        stiffness = Z_bb - load.T @ motion
+        stiffness = Z_bb - Z_ib.T @ motion
         return 0.5 * (stiffness + stiffness.T), motion
 
-    def condensed(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Condense exactly at every frequency (n_freq,) [Hz], a factorisation each: (n_freq, n, n)."""
-        with ThreadPoolExecutor(_cores()) as pool:
+    def condense(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Condense exactly at every frequency (n_freq,) [Hz], by a factorisation each, to (n_freq, n, n)."""
+        with ThreadPoolExecutor(cores()) as pool:
             lines = list(pool.map(lambda line: self.solve(line)[0], [float(line) for line in frequency]))
         return np.stack(lines)
 
@@ -110,10 +130,11 @@ def _elimination_order(pattern: csc_array) -> NDArray[np.intp]:
     return np.asarray(np.argsort(factors.perm_c), dtype=np.intp)
 
 
-def _solved(Z: csc_array, load: NDArray[np.complex128]) -> NDArray[np.complex128] | None:
-    """Solve by LU in the given order; with full pivoting where the order costs digits; None where Z is singular."""
+def _solve(Z: csc_array, load: NDArray[np.complex128]) -> NDArray[np.complex128] | None:
+    """Solve by LU in the order of the DOFs; with full pivoting where that costs digits; None where Z is singular."""
+    threshold = SETTINGS.diagonal_preference
     attempts: tuple[dict[str, Any], ...] = (
-        {"permc_spec": "NATURAL", "options": {"SymmetricMode": True}, "diag_pivot_thresh": _FAVOUR_DIAGONAL},
+        {"permc_spec": "NATURAL", "options": {"SymmetricMode": True}, "diag_pivot_thresh": threshold},
         {"permc_spec": "COLAMD", "diag_pivot_thresh": 1.0},
     )
     norm = abs(Z).max()
@@ -125,37 +146,22 @@ def _solved(Z: csc_array, load: NDArray[np.complex128]) -> NDArray[np.complex128
         motion: NDArray[np.complex128] = factors.solve(load)
         motion += factors.solve(load - Z @ motion)
         residual = np.abs(load - Z @ motion).max(initial=0.0)
-        if residual <= _LARGEST_RESIDUAL * (norm * np.abs(motion).max() + np.abs(load).max()):
+        if residual <= SETTINGS.residual * (norm * np.abs(motion).max() + np.abs(load).max()):
             return motion
     return None
 
 
-def _cores() -> int:
-    """Return how many cores this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
-
-
-_BEYOND = 1.2
-"""Modes are taken up to this multiple of the highest frequency."""
-_AGREEMENTS = 2
-"""Exact lines in a row that a basis must meet before it is trusted."""
-_DEPENDENT = 1e-10
-"""Part of a vector that must be new to the basis."""
-_LINES_AT_ONCE = 256
-
-
 @dataclass(frozen=True, eq=False)
 class ReducedCondensation:
-    """What the basis gives, and how far it was found to be off.
+    """The condensation on a reduced basis, and its measured error.
 
     Parameters
     ----------
     stiffness : (n_freq, n, n) complex array
         The boundary dynamic stiffness.
     error : float
-        Largest relative difference found in the last comparisons: with exact lines that the basis did not know, and
-        with the basis before at every line.
+        Largest relative difference in the last comparisons: from exact lines that were not in the basis, and from the
+        previous basis at every line.
     vectors : int
         Size of the basis.
     exact_lines : int
@@ -168,12 +174,14 @@ class ReducedCondensation:
     exact_lines: int
 
 
-def condense_on_basis(partition: Partition, frequency: NDArray[np.float64], tolerance: float) -> ReducedCondensation:
+def condense_on_basis(
+    matrices: PartitionedMatrices, frequency: NDArray[np.float64], tolerance: float
+) -> ReducedCondensation:
     """Condense at every frequency on one basis.
 
     Parameters
     ----------
-    partition : Partition
+    matrices : PartitionedMatrices
     frequency : (n_freq,) array
         Hz.
     tolerance : float
@@ -185,68 +193,68 @@ def condense_on_basis(partition: Partition, frequency: NDArray[np.float64], tole
 
     Notes
     -----
-    Galerkin projection of M, K, C and D on undamped modes with the boundary held, up to 1.2 times the highest
-    frequency, and on residual vectors for what these leave out: the exact motion at single frequencies under motion of
-    the boundary. The projection is symmetric, so that the error of the stiffness is the square of the error of the
-    motion. The next exact line is the one that the last vectors changed most; its exact stiffness shows the
-    error of the basis that did not know it. The end is when two such lines in a row, and the change at all
-    others, are within the tolerance.
+    Galerkin projection of M, K, C and D. The basis holds the undamped modes with the boundary held, up to 1.2 times the
+    highest frequency, and residual vectors for the higher modes: the exact motion at single frequencies under motion
+    of the boundary. The projection is symmetric, so that the error of the stiffness is the square of the error of the
+    motion. The next exact line is the one that the last vectors changed most. Its exact stiffness measures the error of
+    the basis before it. The basis is accepted when two such lines in a row, and the change at all others, are within
+    the tolerance.
     """
-    projection = _Projection(partition)
-    projection.add(_modes(partition, _BEYOND * float(frequency.max())))
-    known: list[int] = []
+    projection = _Projection(matrices)
+    projection.add(_fixed_boundary_modes(matrices, SETTINGS.frequency_margin * float(frequency.max())))
+    exact_lines: list[int] = []
     agreements, error = 0, np.inf
-    stiffness, change = projection.condensed(frequency), np.full(len(frequency), np.inf)
-    while agreements < _AGREEMENTS and len(known) < len(frequency):
-        line = _next_line(change, known)
-        exact, motion = partition.solve(float(frequency[line]))
+    stiffness, change = projection.condense(frequency), np.full(len(frequency), np.inf)
+    while agreements < SETTINGS.agreements and len(exact_lines) < len(frequency):
+        line = _next_line(change, exact_lines)
+        exact, motion = matrices.solve(float(frequency[line]))
         error = float(relative_difference(stiffness[line : line + 1], exact[None])[0])
         projection.add(np.concatenate([motion.real, motion.imag], axis=1))
-        before, stiffness = stiffness, projection.condensed(frequency)
+        before, stiffness = stiffness, projection.condense(frequency)
         change = relative_difference(before, stiffness)
-        known.append(line)
+        exact_lines.append(line)
         error = max(error, float(change.max()))
         agreements = agreements + 1 if error <= tolerance else 0
-    return ReducedCondensation(stiffness, error, projection.size, len(known))
+    return ReducedCondensation(stiffness, error, projection.size, len(exact_lines))
 
 
-def relative_difference(found: NDArray[np.complex128], truth: NDArray[np.complex128]) -> NDArray[np.float64]:
+def relative_difference(approximation: NDArray[np.complex128], truth: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Return the largest difference of two boundary stiffnesses (n_freq, n, n) at each frequency, (n_freq,).
 
-    Each entry is related to the geometric mean of the largest entries of its row and of its column.
+    Each entry is divided by the geometric mean of the largest entries of its row and of its column.
     """
     size = np.abs(truth).max(axis=2)
     scale = np.sqrt(size[:, :, None] * size[:, None, :])
-    ratio = np.abs(found - truth) / np.where(scale > 0, scale, 1.0)
+    ratio = np.abs(approximation - truth) / np.where(scale > 0, scale, 1.0)
     worst: NDArray[np.float64] = ratio.max(axis=(1, 2), initial=0.0)
     return worst
 
 
-def _next_line(change: NDArray[np.float64], known: list[int]) -> int:
-    """Return the unknown line that changed most; to begin with the highest, the lowest and the middle one."""
-    first = (len(change) - 1, 0, len(change) // 2)
-    if len(known) < len(first) and first[len(known)] not in known:
-        return first[len(known)]
-    open_lines = change.copy()
-    open_lines[known] = -1.0
-    return int(np.argmax(open_lines))
+def _next_line(change: NDArray[np.float64], exact_lines: list[int]) -> int:
+    """Return the inexact line that changed most; at first the highest, the lowest and the middle line."""
+    initial = (len(change) - 1, 0, len(change) // 2)
+    if len(exact_lines) < len(initial) and initial[len(exact_lines)] not in exact_lines:
+        return initial[len(exact_lines)]
+    inexact_change = change.copy()
+    inexact_change[exact_lines] = -1.0
+    return int(np.argmax(inexact_change))
 
 
 class _Projection:
     """The matrices in coordinates of a growing orthonormal basis of the inner DOFs."""
 
-    def __init__(self, partition: Partition) -> None:
-        self._partition = partition
-        diagonal = partition.inner.K.diagonal()
+    def __init__(self, matrices: PartitionedMatrices) -> None:
+        self._matrices = matrices
+        diagonal = matrices.inner.K.diagonal()
         self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=0.0) or 1.0))
-        self._basis = np.empty((partition.inner.size, 0))
+        self._basis = np.empty((matrices.inner.size, 0))
 
     @property
     def size(self) -> int:
         return int(self._basis.shape[1])
 
     def add(self, vectors: NDArray[np.float64]) -> None:
-        """Take in what is new in some vectors (n_inner, k)."""
+        """Extend the basis by the independent components of some vectors (n_inner, k)."""
         for vector in (vectors / self._scale[:, None]).T:
             length = float(np.linalg.norm(vector))
             if not length:
@@ -254,23 +262,23 @@ class _Projection:
             new = vector / length
             for _ in range(2):
                 new = new - self._basis @ (self._basis.T @ new)
-            remains = float(np.linalg.norm(new))
-            if remains > _DEPENDENT:
-                self._basis = np.column_stack([self._basis, new / remains])
+            norm = float(np.linalg.norm(new))
+            if norm > SETTINGS.independence:
+                self._basis = np.column_stack([self._basis, new / norm])
 
-    def condensed(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def condense(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the boundary dynamic stiffness on the basis, (n_freq, n, n)."""
-        parts = self._partition
         V = self._scale[:, None] * self._basis
-        inner = [V.T @ (part @ V) for part in (parts.inner.M, parts.inner.K, parts.inner.C, parts.inner.D)]
-        coupling = [V.T @ part.toarray() for part in parts.coupling]
-        own = parts.boundary
-        boundary = [part.toarray() for part in (own.M, own.K, own.C, own.D)]
-        blocks = [frequency[first : first + _LINES_AT_ONCE] for first in range(0, len(frequency), _LINES_AT_ONCE)]
-        return np.concatenate([_schur(boundary, coupling, inner, block) for block in blocks])
+        inner, outer = self._matrices.inner, self._matrices.boundary
+        projected = [V.T @ (matrix @ V) for matrix in (inner.M, inner.K, inner.C, inner.D)]
+        coupling = [V.T @ matrix.toarray() for matrix in self._matrices.coupling]
+        boundary = [matrix.toarray() for matrix in (outer.M, outer.K, outer.C, outer.D)]
+        size = SETTINGS.lines_at_once
+        blocks = [frequency[first : first + size] for first in range(0, len(frequency), size)]
+        return np.concatenate([_schur_complement(boundary, coupling, projected, block) for block in blocks])
 
 
-def _schur(
+def _schur_complement(
     boundary: list[NDArray[np.float64]],
     coupling: list[NDArray[np.float64]],
     inner: list[NDArray[np.float64]],
@@ -285,13 +293,13 @@ def _schur(
     return np.asarray(0.5 * (reduced + np.swapaxes(reduced, 1, 2)), dtype=np.complex128)
 
 
-def _modes(partition: Partition, highest: float) -> NDArray[np.float64]:
+def _fixed_boundary_modes(matrices: PartitionedMatrices, highest: float) -> NDArray[np.float64]:
     """Return the undamped modes (n_inner, k) up to a frequency [Hz], the boundary held."""
     from scipy.sparse.linalg import ArpackError, eigsh
 
-    M, K = partition.inner.M, partition.inner.K
+    M, K = matrices.inner.M, matrices.inner.K
     limit = (2.0 * np.pi * highest) ** 2
-    most = partition.inner.size - 2
+    most = matrices.inner.size - 2
     count = min(20, most)
     while count > 0:
         try:
@@ -301,4 +309,4 @@ def _modes(partition: Partition, highest: float) -> NDArray[np.float64]:
         if values.max() > limit or count == most:
             return np.asarray(shapes[:, values <= limit])
         count = min(2 * count, most)
-    return np.empty((partition.inner.size, 0))
+    return np.empty((matrices.inner.size, 0))

@@ -22,14 +22,14 @@ class MachineKernel:
     Parameters
     ----------
     source : str
-        LLVM IR of a function ``kernel`` of three integers and eleven arrays, the last one its scratch memory.
+        LLVM IR of a function ``kernel`` of three integers and eleven arrays, the last of which is its scratch memory.
     scratch : int
         Number of doubles in the scratch memory.
 
     Notes
     -----
-    Compiling takes about a tenth of a second: the code is straight-line vector code already, so that nothing has to be
-    inferred, vectorised or kept on disk.
+    Compiling takes about a tenth of a second, because the code consists of vector instructions already. Nothing has to
+    be inferred, vectorised or cached on disk.
     """
 
     def __init__(self, source: str, scratch: int = 0) -> None:
@@ -53,12 +53,12 @@ class MachineKernel:
 
 @lru_cache(maxsize=32)
 def compiled(source: str) -> MachineKernel:
-    """Return the kernel of an LLVM IR text; the same text, as on other frequencies, is compiled once."""
+    """Return the kernel of an LLVM IR text. The same text, as for other frequencies, is compiled once."""
     return MachineKernel(source)
 
 
 def _target_machine() -> Any:
-    """Describe this processor; each compiled module takes possession of a description of its own."""
+    """Describe this processor; each compiled module takes ownership of a description."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()

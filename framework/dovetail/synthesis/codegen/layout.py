@@ -1,34 +1,40 @@
-"""What the arrays hold that a kernel reads, column by column."""
+"""What the columns of the arrays mean that a kernel reads."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["Derivative", "GeneralDerivative", "Layout", "Term"]
+__all__ = ["MATRICES", "Derivative", "Layout", "SpectralDerivative", "Term"]
+
+MATRICES = "KDCM"
+"""The matrices of a joint's dynamic stiffness K + iD + i omega C - omega^2 M."""
 
 Term = tuple[int, str]
-"""A slot and which of K, D, C, M a joint adds there."""
+"""A slot, and the matrix with which a joint contributes to it."""
 Derivative = tuple[int, int, str]
-"""A parameter, a slot, and the part of it that depends on the parameter."""
-GeneralDerivative = tuple[int, int]
+"""A parameter, a slot, and the matrix whose derivative contributes to it."""
+SpectralDerivative = tuple[int, int]
 """A parameter of a joint that depends on frequency, and a slot."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """What the kernel's arrays hold, column by column.
+    """The columns of the kernel's arrays.
+
+    A joint with constant matrices contributes terms, one number each for all frequencies. A joint that depends on
+    frequency contributes spectral terms, a complex number for each frequency.
 
     Parameters
     ----------
     static : tuple of (int, int)
         Slot and part (0 real, 1 imaginary) of each row of the substructures' contributions.
     terms : tuple of Term
-        Of each column of the joints' contributions.
-    general : tuple of int
-        Slots to which joints that depend on frequency contribute.
+        Of each column of the joints' matrices.
+    spectral_terms : tuple of int
+        Slot of each complex row of the joints that depend on frequency.
     derivatives : tuple of Derivative
         Of each column of the derivatives; empty for the FRF alone.
-    general_derivatives : tuple of GeneralDerivative
+    spectral_derivatives : tuple of SpectralDerivative
         Of each complex row of the derivatives of joints that depend on frequency.
     parameters : int
         Number of parameters by which to differentiate.
@@ -36,7 +42,7 @@ class Layout:
 
     static: tuple[tuple[int, int], ...]
     terms: tuple[Term, ...]
-    general: tuple[int, ...] = ()
+    spectral_terms: tuple[int, ...] = ()
     derivatives: tuple[Derivative, ...] = ()
-    general_derivatives: tuple[GeneralDerivative, ...] = ()
+    spectral_derivatives: tuple[SpectralDerivative, ...] = ()
     parameters: int = 0

@@ -1,4 +1,4 @@
-"""Instructions on vectors of frequencies (LLVM IR), with real and imaginary parts apart."""
+"""Instructions on vectors of frequencies (LLVM IR), real and imaginary parts in separate vectors."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class VectorWriter:
         body : callable
             Takes the names of the index and of the carried values, and returns those that the next round takes.
         carried : sequence of (str, str)
-            Type and first value of what a round hands to the next.
+            Type and first value of each value that a round passes to the next.
 
         Returns
         -------
@@ -104,7 +104,7 @@ class VectorWriter:
         """
         self._count += 1
         number = self._count
-        names = [f"%carried{number}_{place}" for place in range(len(carried))]
+        names = [f"%carried{number}_{position}" for position in range(len(carried))]
         self.emit(f"br label %enter{number}")
         self.lines.append(f"enter{number}:")
         self.emit(f"br label %test{number}")

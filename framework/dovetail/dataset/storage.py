@@ -1,17 +1,26 @@
-"""FRFs on disk, read in a way that a damaged or missing chunk is told and never filled in."""
+"""The arrays of a dataset on disk. A missing or damaged chunk is an error, never a block of fill values."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DatasetError, Fault
 
-__all__ = ["StoredFrfs", "flags", "whole_array"]
+__all__ = ["ARRAYS", "Storage", "StoredFrfs", "read_array", "read_flags"]
+
+Storage = Literal["amplitude", "complex"]
+"""What is stored of each accelerance: its amplitude (float32), or amplitude and phase (complex64)."""
+
+ARRAYS: dict[Storage, tuple[str, str]] = {
+    "amplitude": ("amplitude", "float32"),
+    "complex": ("accelerance", "complex64"),
+}
+"""Name and type of the array that holds the FRFs."""
 
 _CHECKSUM_BYTES = 4
 _READING_ERRORS = (OSError, ValueError, RuntimeError, TypeError)
@@ -29,7 +38,7 @@ class StoredFrfs:
     written : (n_chunks,) bool array
         Which chunks the generation has finished.
     magnitude : bool
-        Give the magnitude of what is stored.
+        Return magnitudes where complex values are stored.
 
     Attributes
     ----------
@@ -51,7 +60,7 @@ class StoredFrfs:
         return self.shape[0]
 
     def __getitem__(self, rows: int | slice) -> NDArray[Any]:
-        """Return one FRF (n_freq,), or those of a slice (n, n_freq).
+        """Return the FRF of a row (n_freq,), or those of a slice (n, n_freq).
 
         Raises
         ------
@@ -62,26 +71,26 @@ class StoredFrfs:
             row = range(len(self))[rows]
             single: NDArray[Any] = self[row : row + 1][0]
             return single
-        chosen = range(len(self))[rows]
-        if chosen:
-            chunks = range(min(chosen) // self.chunks[0], max(chosen) // self.chunks[0] + 1)
-            self._require(chunks)
+        numbers = range(len(self))[rows]
+        if numbers:
+            chunks = range(min(numbers) // self.chunks[0], max(numbers) // self.chunks[0] + 1)
+            self._check(chunks)
         try:
             values = np.asarray(self._array[rows])
         except _READING_ERRORS:
-            self._blame(chunks)
+            self._raise_damage(chunks)
             raise
         return np.abs(values) if self._magnitude else values
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return np.asarray(self[:], dtype=dtype)
 
-    def sound(self) -> NDArray[np.bool_]:
-        """Return which chunks are written and there in full length, (n_chunks,)."""
+    def complete_chunks(self) -> NDArray[np.bool_]:
+        """Return which chunks are complete: marked as written, and present in full length, (n_chunks,)."""
         expected = self._chunk_bytes()
         files = [self._file(chunk) for chunk in range(len(self._written))]
-        there = [file.is_file() and file.stat().st_size == expected for file in files]
-        return self._written & np.array(there, dtype=np.bool_)
+        present = [file.is_file() and file.stat().st_size == expected for file in files]
+        return self._written & np.array(present, dtype=np.bool_)
 
     def _chunk_bytes(self) -> int:
         codecs: list[str] = [codec["name"] for codec in self._array.metadata.to_dict()["codecs"]]
@@ -91,11 +100,11 @@ class StoredFrfs:
     def _file(self, chunk: int) -> Path:
         return self._folder / str(self._array.basename) / "c" / str(chunk) / "0"
 
-    def require_sound(self) -> None:
-        """Raise DatasetError unless each chunk that was written is there in full length."""
-        self._require(np.flatnonzero(self._written).tolist())
+    def check_chunks(self) -> None:
+        """Raise DatasetError unless each chunk that is marked as written is present in full length."""
+        self._check(np.flatnonzero(self._written).tolist())
 
-    def _require(self, chunks: Iterable[int]) -> None:
+    def _check(self, chunks: Iterable[int]) -> None:
         expected = self._chunk_bytes()
         for chunk in chunks:
             file = self._file(chunk)
@@ -109,8 +118,8 @@ class StoredFrfs:
                 damage = f"it has {size} bytes instead of {expected}"
                 raise self._fault(chunk, damage, "Go on with --resume: it is computed anew.")
 
-    def _blame(self, chunks: range) -> None:
-        """Find the chunk that cannot be read and raise what is wrong with it."""
+    def _raise_damage(self, chunks: range) -> None:
+        """Raise an error that names the chunk which cannot be read."""
         for chunk in chunks:
             try:
                 self._array[chunk * self.chunks[0]]
@@ -120,12 +129,12 @@ class StoredFrfs:
 
     def _fault(self, chunk: int, damage: str, remedy: str) -> DatasetError:
         last = min((chunk + 1) * self.chunks[0], len(self)) - 1
-        held = f"samples {chunk * self.chunks[0]} to {last}"
-        return DatasetError(Fault(str(self._file(chunk)), f"this chunk holds {held}, and {damage}.", remedy=remedy))
+        samples = f"samples {chunk * self.chunks[0]} to {last}"
+        return DatasetError(Fault(str(self._file(chunk)), f"this chunk holds {samples}, and {damage}.", remedy=remedy))
 
 
-def whole_array(folder: Path, group: Any, name: str) -> NDArray[Any]:
-    """Read a small array of a dataset at once.
+def read_array(folder: Path, group: Any, name: str) -> NDArray[Any]:
+    """Read a small array of a dataset.
 
     Raises
     ------
@@ -133,19 +142,19 @@ def whole_array(folder: Path, group: Any, name: str) -> NDArray[Any]:
         A chunk of it is missing or damaged.
     """
     array = group[name]
-    place = str(folder / name)
+    where = str(folder / name)
     remedy = "Generate the dataset anew, or take it from a copy."
     if array.nchunks_initialized != array.nchunks:
         missing = array.nchunks - array.nchunks_initialized
-        raise DatasetError(Fault(place, f"{missing} of its {array.nchunks} chunks are missing.", remedy=remedy))
+        raise DatasetError(Fault(where, f"{missing} of its {array.nchunks} chunks are missing.", remedy=remedy))
     try:
         return np.asarray(array[:])
     except _READING_ERRORS as error:
-        raise DatasetError(Fault(place, f"it is damaged ({error}).", remedy=remedy)) from error
+        raise DatasetError(Fault(where, f"it is damaged ({error}).", remedy=remedy)) from error
 
 
-def flags(folder: Path, group: Any, name: str) -> NDArray[np.bool_]:
-    """Read which chunks are written; one without a flag is not.
+def read_flags(folder: Path, group: Any, name: str) -> NDArray[np.bool_]:
+    """Read which chunks are written; a chunk without a flag is not.
 
     Raises
     ------
@@ -153,8 +162,7 @@ def flags(folder: Path, group: Any, name: str) -> NDArray[np.bool_]:
         They cannot be read.
     """
     try:
-        written: NDArray[np.bool_] = np.asarray(group[name][:]) != 0
+        return np.asarray(group[name][:]) != 0
     except _READING_ERRORS as error:
         remedy = f"Delete {folder / name / 'c'} and go on with --resume."
         raise DatasetError(Fault(str(folder / name), f"it is damaged ({error}).", remedy=remedy)) from error
-    return written

@@ -1,0 +1,58 @@
+"""What can be counted of the house: no circles, few and short files, names that say something, and short trips."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import house
+import pytest
+
+LINES_OF_CODE_BEFORE = 19_721
+"""Of framework and plugins before the floor plan, without blank lines and docstrings."""
+
+
+def test_no_module_imports_itself_round_about():
+    assert house.circles() == []
+
+
+def test_the_identification_has_fewer_than_50_files():
+    assert sum("identification" in file.parts for file in house.source_files()) < 50
+
+
+def test_no_file_is_longer_than_400_lines():
+    lengths = {file.name: len(file.read_text(encoding="utf-8").splitlines()) for file in house.source_files()}
+    assert {name: length for name, length in lengths.items() if length > 400} == {}
+
+
+def test_there_is_less_code_than_before():
+    assert sum(map(house.code_lines, house.source_files())) < LINES_OF_CODE_BEFORE
+
+
+def test_no_name_lives_long_that_says_nothing_of_what_it_holds():
+    assert [use for file in house.source_files() for use in house.empty_names(file)] == []
+
+
+@pytest.fixture(scope="module")
+def trips() -> dict[str, list[str]]:
+    """Return the files that each trip enters."""
+    script = Path(__file__).with_name("trips.py")
+    printed = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True).stdout
+    trips = re.findall(r"^(\w+): \d+ files\n((?:  .+\n)+)", printed, flags=re.M)
+    return {name: files.split() for name, files in trips}
+
+
+@pytest.mark.parametrize(
+    ("trip", "first", "last", "most"),
+    [
+        ("identification", "dovetail/measurement/frf_files.py", "dovetail/report/report.py", 70),
+        ("synthesis", "dovetail/assembly/assembly.py", "dovetail/synthesis/codegen/compiler.py", 10),
+    ],
+)
+def test_a_trip_through_the_house_enters_few_files(trips, trip, first, last, most):
+    files = trips[trip]
+    assert files[0] == first
+    assert last in files
+    assert len(files) <= most, "\n".join(files)
