@@ -1,8 +1,9 @@
-"""One error family: where, what was found, what is accepted, what to do."""
+"""The errors of Dovetail: where the fault is, the problem, what is accepted, and what to do."""
 
 from __future__ import annotations
 
 import difflib
+import importlib.util
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -12,33 +13,35 @@ __all__ = [
     "DescriptionError",
     "DovetailError",
     "Fault",
+    "FileError",
     "MeasurementError",
     "ParameterError",
     "PluginError",
     "UnitError",
     "did_you_mean",
     "listing",
+    "require_package",
 ]
 
 _LEAST_ALIKE = 0.4
-"""Ratio of letters in common from which a spelling is suggested."""
+"""Ratio of common letters above which a spelling is suggested."""
 _LONGEST_WORD = 100
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong with what the user gave.
+    """One fault in the user's input.
 
     Parameters
     ----------
     where : str
-        The place, most often ``file:line:column  path.in.the.file``.
+        Its position, most often ``file:line:column  path.in.the.file``.
     problem : str
-        One sentence: what stands there and why it cannot be used.
+        One sentence: the value at this position, and why it cannot be used.
     accepted : str, optional
-        What may stand there instead.
+        The values that can be used instead.
     remedy : str, optional
-        What to do, as a sentence of its own.
+        What to do, as a separate sentence.
     """
 
     where: str
@@ -58,12 +61,12 @@ class Fault:
 
 
 class DovetailError(Exception):
-    """Base of every error that Dovetail explains; the command line prints it without a traceback.
+    """Base of all errors that Dovetail explains; the command line prints them without a traceback.
 
     Parameters
     ----------
     *faults : Fault or str
-        Everything that is wrong, in the order in which it stands. A string is a fault without a place.
+        All faults, in the order of the input. A string is a fault without a position.
     """
 
     def __init__(self, *faults: Fault | str) -> None:
@@ -83,8 +86,12 @@ class ParameterError(DovetailError):
     """Parameter values that the assembly cannot take."""
 
 
+class FileError(DovetailError):
+    """A file that is missing, empty, too large, no file, or that cannot be read or written."""
+
+
 class MeasurementError(DovetailError):
-    """A measured file that cannot be read, or that does not fit the assembly."""
+    """A measurement that cannot be read, or that does not fit the assembly."""
 
 
 class DatasetError(DovetailError):
@@ -96,23 +103,30 @@ class BundleError(DovetailError):
 
 
 class UnitError(DovetailError, ValueError):
-    """A quantity that has no unit of the wanted dimension."""
+    """A quantity without a unit of the required dimension."""
 
 
 def did_you_mean(word: str, accepted: Iterable[str]) -> str:
-    """Return ``"Did you mean 'x'?"`` for the accepted spelling nearest to `word`, or an empty string."""
-    given = word[:_LONGEST_WORD].lower()
+    """Return ``"Did you mean 'x'?"`` with the accepted spelling nearest to `word`, or an empty text."""
+    word = word[:_LONGEST_WORD].lower()
     nearest, highest = "", (_LEAST_ALIKE, 0)
     for candidate in accepted:
-        ratio = difflib.SequenceMatcher(None, given, candidate.lower()).ratio()
-        score = ratio, len(set(given) & set(candidate.lower()))
+        ratio = difflib.SequenceMatcher(None, word, candidate.lower()).ratio()
+        score = ratio, len(set(word) & set(candidate.lower()))
         if score > highest:
             nearest, highest = candidate, score
     return f"Did you mean '{nearest}'?" if nearest else ""
 
 
 def listing(names: Iterable[str], limit: int = 12) -> str:
-    """Join `names` with commas, the tail beyond `limit` as a count."""
+    """Join `names` with commas; those beyond `limit` are counted."""
     items = list(names)
-    shown = ", ".join(items[:limit])
-    return f"{shown}, and {len(items) - limit} more" if len(items) > limit else shown
+    text = ", ".join(items[:limit])
+    return f"{text}, and {len(items) - limit} more" if len(items) > limit else text
+
+
+def require_package(name: str, extra: str, where: str) -> None:
+    """Raise a DovetailError at `where` that says what to install if an optional package is missing."""
+    if importlib.util.find_spec(name) is None:
+        problem = f"this needs the package {name}, which is not installed."
+        raise DovetailError(Fault(where, problem, remedy=f'Install it by: pip install "dovetail-frf[{extra}]"'))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.coupling import coupled, decoupled, difference_receptance
-from dovetail.errors import DescriptionError, MeasurementError
+from dovetail.coupling import couple, decouple, difference_receptance
+from dovetail.errors import DescriptionError, FileError, MeasurementError
 from dovetail.measurement import add_accelerometer_mass
 
 STEEL = {"young": 2.05e11, "density": 7850.0, "poisson": 0.3, "loss_factor": 0.01}
@@ -54,15 +54,15 @@ def worst(found, exact):
 def test_two_beams_are_the_long_one(parts):
     stub, rest, whole = parts
     known = blocks(receptance(stub, *TIP, *END))
-    found = coupled(*known, receptance(rest, *TIP))
+    found = couple(*known, receptance(rest, *TIP))
     assert worst(found, receptance(whole, *TIP)) < 1e-8
 
 
 def test_decoupling_undoes_coupling(parts):
     stub, rest, whole = parts
     known = blocks(receptance(stub, *TIP, *END))
-    assert worst(decoupled(receptance(whole, *TIP), *known), receptance(rest, *TIP)) < 1e-6
-    assert worst(decoupled(coupled(*known, receptance(rest, *TIP)), *known), receptance(rest, *TIP)) < 1e-8
+    assert worst(decouple(receptance(whole, *TIP), *known), receptance(rest, *TIP)) < 1e-6
+    assert worst(decouple(couple(*known, receptance(rest, *TIP)), *known), receptance(rest, *TIP)) < 1e-8
 
 
 def struck(whole, mass=0.0, a=0.0, b=0.024):
@@ -134,13 +134,16 @@ def test_the_file_gives_back_every_digit(flange_file, parts):
         read.at(np.array([50.0, 6000.0]))
 
 
-@pytest.mark.parametrize("content", [b"", b"not an archive", b"PK\x05\x06" + bytes(18)])
+@pytest.mark.parametrize("content", [b"not an archive", b"PK\x05\x06" + bytes(18)])
 def test_what_is_no_receptance_matrix_is_refused(content, tmp_path):
     file = tmp_path / "x.npz"
     file.write_bytes(content)
     with pytest.raises(MeasurementError, match="this is no receptance matrix"):
         dovetail.read_receptance(file)
-    with pytest.raises(MeasurementError, match="there is no such file"):
+    file.write_bytes(b"")
+    with pytest.raises(FileError, match="the file is empty"):
+        dovetail.read_receptance(file)
+    with pytest.raises(FileError, match="there is no such file"):
         dovetail.read_receptance(tmp_path / "none.npz")
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dovetail.measurement import complex_noise, data_noise
+from dovetail.frf import Frf
+from dovetail.measurement import complex_noise, data_noise, noisy_frf
 
 
 def test_complex_noise_is_circular_and_in_proportion_to_each_line() -> None:
@@ -16,6 +17,17 @@ def test_complex_noise_is_circular_and_in_proportion_to_each_line() -> None:
         np.testing.assert_allclose([line.real.std(), line.imag.std()], 0.01 * size / np.sqrt(2), rtol=0.02)
         assert abs(np.mean(line**2)) <= 0.02 * (0.01 * size) ** 2
         assert abs(line.mean()) <= 0.02 * 0.01 * size
+
+
+def test_uniform_noise_is_the_same_on_all_lines_and_its_variance_is_known() -> None:
+    frf = Frf(np.arange(1.0, 40_001.0), np.linspace(1, 1000, 40_000) * 1j, "mobility")
+    noisy = noisy_frf(frf, 0.01, 0)
+    deviation = 0.01 * frf.values.std()
+    np.testing.assert_array_equal(noisy.values, complex_noise(frf.values, 0.01, 0, kind="uniform"))
+    np.testing.assert_allclose(noisy.variance, deviation**2)
+    for lines in (slice(0, 20_000), slice(20_000, None)):
+        np.testing.assert_allclose(np.abs(noisy.values - frf.values)[lines].std(), 0.463 * deviation, rtol=0.02)
+    np.testing.assert_allclose(noisy_frf(frf, 0.1, 0, kind="proportional").variance, (0.1 * frf.amplitude) ** 2)
 
 
 def test_data_noise_has_the_deviation_of_all_the_data() -> None:

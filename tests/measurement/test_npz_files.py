@@ -47,7 +47,7 @@ class Marker:
     opened = False
 
     def __reduce__(self) -> tuple:
-        return (setattr, (Marker, "opened", True))
+        return (setattr, (Marker, "open_hdf5", True))
 
 
 @pytest.mark.parametrize(

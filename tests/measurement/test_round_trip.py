@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dovetail import atomic_files
-from dovetail.errors import MeasurementError
+from dovetail.errors import FileError, MeasurementError
 from dovetail.frf import QUANTITIES, Frf
 from dovetail.measurement import read_frf, write_frf
 
@@ -97,7 +97,7 @@ def test_overwriting_has_to_be_said(tmp_path: Path, measured: Frf) -> None:
     for options in ({}, {"binary": True}):
         path = tmp_path / "a.uff"
         write_frf(measured, path, overwrite=True)
-        with pytest.raises(MeasurementError, match=r"a\.uff\n  the file is there already\.\n  Choose another name"):
+        with pytest.raises(FileError, match=r"a\.uff\n  the file is there already\.\n  Choose another name"):
             write_frf(measured.to("mobility"), path, **options)
         assert read_frf(path).quantity == "accelerance"
         write_frf(measured.to("mobility"), path, overwrite=True, **options)
@@ -130,14 +130,14 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, measured: Frf, m
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(atomic_files.os, "replace", broken)
-    with pytest.raises(MeasurementError, match="the file cannot be written: No space left on device"):
+    with pytest.raises(FileError, match="the file cannot be written: No space left on device"):
         write_frf(measured.to("mobility"), path, overwrite=True)
     assert os.listdir(tmp_path) == ["a.csv"]
     assert read_frf(path).quantity == "accelerance"
 
 
 def test_a_missing_folder_is_said(tmp_path: Path, measured: Frf) -> None:
-    with pytest.raises(MeasurementError, match="the file cannot be written: No such file or directory"):
+    with pytest.raises(FileError, match="the file cannot be written: No such file or directory"):
         write_frf(measured, tmp_path / "missing" / "a.csv")
 
 

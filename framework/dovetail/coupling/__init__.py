@@ -1,13 +1,13 @@
 """Receptance coupling of parts that are known by their FRFs: inverse and forward, and the spindle's flange."""
 
-from dovetail.coupling.receptance import coupled, decoupled
+from dovetail.coupling.receptance import couple, decouple
 from dovetail.coupling.receptance_matrix import ReceptanceMatrix, read_receptance, write_receptance
 from dovetail.coupling.spindle import difference_receptance, spindle_flange
 
 __all__ = [
     "ReceptanceMatrix",
-    "coupled",
-    "decoupled",
+    "couple",
+    "decouple",
     "difference_receptance",
     "read_receptance",
     "spindle_flange",

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["coupled", "decoupled"]
+__all__ = ["couple", "decouple"]
 
 Receptance = NDArray[np.complex128]
 
 
-def coupled(tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance, other: Receptance) -> Receptance:
-    """Receptance of a part at its points t once another part hangs rigidly on its interface i (forward RCSA, Eq. 20).
+def couple(tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance, other: Receptance) -> Receptance:
+    """Return the receptance of a part at its points t once another part is rigidly coupled to its interface i.
+
+    This is forward RCSA, Eq. 20 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
 
     Parameters
     ----------
@@ -28,15 +30,17 @@ def coupled(tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance, othe
     return tt - ti @ np.linalg.solve(ii + other, it)
 
 
-def decoupled(whole: Receptance, tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance) -> Receptance:
-    """Receptance of the other part at the interface, from the whole and the part that is known (inverse RCSA, Eq. 18).
+def decouple(whole: Receptance, tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance) -> Receptance:
+    """Return the receptance of the other part at the interface from that of the whole and of the known part.
+
+    This is inverse RCSA, Eq. 18 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
 
     Parameters
     ----------
     whole : (n_freq, n_t, n_t) complex array
         The whole at the points t of the known part.
     tt, ti, it, ii : complex arrays
-        The known part alone, as in `coupled`; n_t must be n_i.
+        The known part alone, as in `couple`; n_t must be n_i.
 
     Returns
     -------

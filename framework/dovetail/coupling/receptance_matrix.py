@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import io
 import os
-import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.atomic_files import read_bounded, write_whole
 from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats import npz
 
 __all__ = ["ReceptanceMatrix", "read_receptance", "write_receptance"]
-
-_LARGEST_FILE = 100_000_000
-_NAMES = ("frequency", "receptance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,20 +76,12 @@ def write_receptance(matrix: ReceptanceMatrix, path: str | os.PathLike[str]) -> 
 
     Raises
     ------
-    MeasurementError
+    FileError
         The file cannot be written.
     """
-    target = Path(path)
     buffer = io.BytesIO()
     np.savez(buffer, frequency=matrix.frequency, receptance=matrix.values, note=np.array(matrix.note))
-    temporary = target.with_name(f".{target.name}.part")
-    try:
-        temporary.write_bytes(buffer.getvalue())
-        os.replace(temporary, target)
-    except OSError as error:
-        raise MeasurementError(Fault(str(target), f"the file cannot be written: {error.strerror}.")) from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(Path(path), buffer.getvalue(), overwrite=True)
 
 
 def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
@@ -99,23 +89,21 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
 
     Raises
     ------
+    FileError
+        The file is missing, too large, or cannot be read.
     MeasurementError
-        The file is missing, too large, or holds no such receptance matrix.
+        It holds no such receptance matrix.
     """
     file = Path(path)
+    content = read_bounded(file)
     try:
-        if file.stat().st_size > _LARGEST_FILE:
-            raise MeasurementError(Fault(str(file), "the file is far larger than a receptance matrix."))
-        with np.load(file, allow_pickle=False) as archive:
-            frequency, values = (archive[name] for name in _NAMES)
-            note = str(archive["note"]) if "note" in archive else ""
-        frequency, values = frequency.astype(np.float64, casting="safe"), values.astype(np.complex128, casting="safe")
-    except FileNotFoundError:
-        raise MeasurementError(Fault(str(file), "there is no such file.")) from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
-        raise MeasurementError(
-            Fault(str(file), "this is no receptance matrix.", "an archive (.npz) as 'dovetail spindle' writes it")
-        ) from None
+        entries = npz.open_archive(file, content).entries
+        frequency = entries["frequency"].load().astype(np.float64, casting="safe")
+        values = entries["receptance"].load().astype(np.complex128, casting="safe")
+        note = str(entries["note"].load()) if "note" in entries else ""
+    except (MeasurementError, KeyError, TypeError):
+        accepted = "an archive (.npz) as 'dovetail spindle' writes it"
+        raise MeasurementError(Fault(str(file), "this is no receptance matrix.", accepted)) from None
     try:
         matrix = ReceptanceMatrix(frequency, values, note or file.name)
     except MeasurementError as error:

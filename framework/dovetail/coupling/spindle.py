@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.coupling.receptance import decoupled
+from dovetail.coupling.receptance import decouple
 from dovetail.coupling.receptance_matrix import ReceptanceMatrix
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
@@ -60,10 +60,10 @@ def spindle_flange(
 
     References
     ----------
-    Eqs. 16 to 18 of the reference method; with ``"model"`` the same decoupling over two translations in place of a
-    translation and a rotation.
+    Processes 14 (2026) 1875, doi:10.3390/pr14121875, Eqs. 16 to 18; with ``"model"`` the same decoupling over two
+    translations in place of a translation and a rotation.
     """
-    aa, ab, bb = _bare(tests, holder.frequency, accelerometer_mass)
+    aa, ab, bb = _without_accelerometer(tests, holder.frequency, accelerometer_mass)
     part = holder.description.response.substructure
     ends = [(part, flange, "x"), (part, flange, "rz")]
     if rotations == "model":
@@ -74,7 +74,7 @@ def spindle_flange(
         chosen = [(part, points[0], "x"), (part, points[0], "rz")]
     known = holder.receptance(None, [*chosen, *ends], [*chosen, *ends])
     tt, ti, it, ii = known[:, :2, :2], known[:, :2, 2:], known[:, 2:, :2], known[:, 2:, 2:]
-    flange_receptance = decoupled(measured, tt, ti, it, ii)
+    flange_receptance = decouple(measured, tt, ti, it, ii)
     symmetric = (flange_receptance + flange_receptance.swapaxes(1, 2)) / 2.0
     return ReceptanceMatrix(holder.frequency, symmetric, note=tests[0].note)
 
@@ -82,7 +82,7 @@ def spindle_flange(
 def difference_receptance(
     aa: NDArray[np.complex128], ab: NDArray[np.complex128], bb: NDArray[np.complex128], distance: float
 ) -> NDArray[np.complex128]:
-    """Receptance over x and rz at a from translations at a and b (Eq. 16).
+    """Return the receptance over x and rz at a from translations at a and b (Eq. 16, as in `spindle_flange`).
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def difference_receptance(
     return np.stack([np.stack([aa, mixed], -1), np.stack([mixed, turning], -1)], -2)
 
 
-def _bare(
+def _without_accelerometer(
     tests: tuple[Frf, Frf, Frf], frequency: NDArray[np.float64], mass: float
 ) -> tuple[NDArray[np.complex128], ...]:
     """Return the three receptances without the accelerometer."""

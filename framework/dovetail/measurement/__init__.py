@@ -3,7 +3,7 @@
 from dovetail.measurement.accelerometer import add_accelerometer_mass, remove_accelerometer_mass
 from dovetail.measurement.frf_files import read_frf, write_frf
 from dovetail.measurement.impact_test.frf_estimation import EstimatedFrf, frf_from_signals, without_window_damping
-from dovetail.measurement.noise import complex_noise, data_noise
+from dovetail.measurement.noise import complex_noise, data_noise, noisy_frf
 from dovetail.measurement.resampling import on_grid
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "complex_noise",
     "data_noise",
     "frf_from_signals",
+    "noisy_frf",
     "on_grid",
     "read_frf",
     "remove_accelerometer_mass",

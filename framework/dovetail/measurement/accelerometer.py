@@ -45,8 +45,8 @@ def remove_accelerometer_mass(
     Returns
     -------
     Frf
-        In the quantity of `frf`. What is known of its variance is carried along as `variance`, without the errors of
-        the other FRFs.
+        In the quantity of `frf`. Its `variance` is that of `frf`, where it is known, without the errors of the other
+        FRFs.
 
     Raises
     ------
@@ -101,42 +101,43 @@ def _with_mass(
         raise MeasurementError(Fault(frf.label, f"the accelerometer's mass is {mass!r} kg.", "zero or more kg"))
     if mass == 0:
         return frf
-    for one in (frf, drive, to_response, from_force):
-        if one is not None:
-            _check(one, frf)
-    accelerance = frf.to("accelerance")
-    own = accelerance.values
+    for other in (frf, drive, to_response, from_force):
+        if other is not None:
+            _check(other, frf)
+    measured = frf.to("accelerance")
+    values = measured.values
     if drive is None:
         if to_response is not None or from_force is not None:
             raise MeasurementError(Fault(frf.label, "the drive-point FRF at the accelerometer is missing."))
-        loaded = 1.0 + sign * mass * own
-        return _changed(accelerance, own / loaded, 1.0 / loaded**2).to(frf.quantity)
-    loaded = 1.0 + sign * mass * drive.to("accelerance").values
+        denominator = 1.0 + sign * mass * values
+        return _replace_values(measured, values / denominator, 1.0 / denominator**2).to(frf.quantity)
+    denominator = 1.0 + sign * mass * drive.to("accelerance").values
     if to_response is None and from_force is None:
-        return _changed(accelerance, own / loaded, 1.0 / loaded).to(frf.quantity)
+        return _replace_values(measured, values / denominator, 1.0 / denominator).to(frf.quantity)
     if to_response is None or from_force is None:
         problem = "an accelerometer at a third point needs the FRF to the response and the FRF from the force."
         raise MeasurementError(Fault(frf.label, problem))
-    path = to_response.to("accelerance").values * from_force.to("accelerance").values
-    return _changed(accelerance, own - sign * mass * path / loaded, np.ones_like(own)).to(frf.quantity)
+    detour = to_response.to("accelerance").values * from_force.to("accelerance").values
+    return _replace_values(measured, values - sign * mass * detour / denominator, np.ones_like(values)).to(frf.quantity)
 
 
-def _check(one: Frf, frf: Frf) -> None:
-    if one.rotation:
-        raise MeasurementError(f"{one.label}: a mass at the drive point changes no rotation per moment.")
-    if not one.has_phase:
+def _check(other: Frf, frf: Frf) -> None:
+    lines, wanted = other.frequency, frf.frequency
+    if other.rotation:
+        raise MeasurementError(f"{other.label}: a mass at the drive point changes no rotation per moment.")
+    if not other.has_phase:
         raise MeasurementError(
             Fault(
-                one.label,
+                other.label,
                 "the accelerometer's mass acts on amplitude and phase, and this is an amplitude alone.",
                 remedy="Export the FRF as real and imaginary part, or leave the mass at 0.",
             )
         )
-    if one.frequency.shape != frf.frequency.shape or not np.allclose(one.frequency, frf.frequency, rtol=1e-9, atol=0):
-        raise MeasurementError(Fault(one.label, f"its lines are not those of {frf.label}."))
+    if lines.shape != wanted.shape or not np.allclose(lines, wanted, rtol=1e-9, atol=0):
+        raise MeasurementError(Fault(other.label, f"its lines are not those of {frf.label}."))
 
 
-def _changed(frf: Frf, values: NDArray[np.complex128], derivative: NDArray[np.complex128]) -> Frf:
+def _replace_values(frf: Frf, values: NDArray[np.complex128], derivative: NDArray[np.complex128]) -> Frf:
     """Return the FRF with other values, and with its variance through their derivative with respect to the old."""
     variance = frf.random_variance
     if variance is not None and np.all(np.isfinite(variance)):

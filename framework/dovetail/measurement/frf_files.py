@@ -12,7 +12,7 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.accelerometer import remove_accelerometer_mass
 from dovetail.measurement.formats import cutpro, hdf5, matlab, npz, tables, uff_reader, uff_writer
-from dovetail.measurement.recording import Recording, Selection, Written, known_quantity, prepared
+from dovetail.measurement.recording import FrfToWrite, ReadOptions, Recording, parse_quantity, prepare_for_writing
 
 __all__ = ["read_frf", "write_frf"]
 
@@ -20,8 +20,8 @@ __all__ = ["read_frf", "write_frf"]
 class Format(NamedTuple):
     """How files with one suffix are read and written; `encode` is None where they are only read."""
 
-    decode: Callable[[Path, bytes, Selection], Recording]
-    encode: Callable[[Written, Path, bool | None], bytes] | None = None
+    decode: Callable[[Path, bytes, ReadOptions], Recording]
+    encode: Callable[[FrfToWrite, Path, bool | None], bytes] | None = None
 
 
 _UFF = Format(uff_reader.decode, uff_writer.encode)
@@ -64,11 +64,11 @@ def read_frf(
         ``.uff`` or ``.unv`` (set 58, ASCII or binary), ``.csv``, ``.tsv`` or ``.txt`` (a header such as
         ``frequency_Hz,real,imag``, ``Frequency [Hz],Magnitude [um/N],Phase [deg]``, or a row of units below it),
         ``.npz``, ``.mat`` (version 5 or 7.3), ``.h5`` or ``.hdf5`` (arrays ``frequency`` and ``values``, or others
-        that `names` tells), ``.frf`` (CutPro).
+        that `names` gives), ``.frf`` (CutPro).
     quantity : {"receptance", "mobility", "accelerance"}, optional
         What the file holds. Needed when the file does not say it; must not contradict the file when it does.
     unit : str, optional
-        The unit of the values, such as ``"um/N"`` or ``"g/N"``; it tells the quantity too. SI without it. Must not
+        The unit of the values, such as ``"um/N"`` or ``"g/N"``; it says the quantity too. SI without it. Must not
         contradict the file.
     accelerometer_mass : float
         kg at the drive point, removed from the FRF: A / (1 - m A).
@@ -78,26 +78,30 @@ def read_frf(
         DOFs of the FRF that is wanted from a file with several: ``"5+x"``, ``"tool:5+x"`` or ``"5"`` in UFF, numbers
         from 1 along the axes of an array.
     names : mapping of str to str, optional
-        What the file calls the parts of the FRF, such as ``{"frequency": "f", "values": "data/H1"}``. Parts:
+        What the file calls the fields of the FRF, such as ``{"frequency": "f", "values": "data/H1"}``. Fields:
         frequency, values, real, imag, amplitude, phase_deg, phase_rad, coherence, variance, averages, quantity, unit.
 
     Returns
     -------
     Frf
-        `label` is the file's name, `note` what the file says of it in words (the first id line of a UFF set).
+        `label` is the file's name, `note` what the file says about it in words (the first id line of a UFF set).
 
     Raises
     ------
+    FileError
+        The file is missing, empty, no file, larger than 100 MB, or cannot be read.
     MeasurementError
-        The file cannot be read or does not hold one valid FRF; the fault names the line, the set or the array, and
+        It does not hold one valid FRF; the fault names the line, the set or the array, and
         lists what a file with several FRFs or unknown names holds.
+    DovetailError
+        HDF5 and MATLAB 7.3 need h5py, which is not installed.
     """
     source = Path(path)
-    chosen = _format_of(source)
+    file_format = _format_of(source)
     if quantity is not None:
-        known_quantity(quantity, "the argument quantity")
-    selection = Selection(index, response, force, dict(names or {}))
-    frf = chosen.decode(source, read_bounded(source), selection).to_frf(quantity, unit)
+        parse_quantity(quantity, "the argument quantity")
+    options = ReadOptions(index, response, force, dict(names or {}))
+    frf = file_format.decode(source, read_bounded(source), options).to_frf(quantity, unit)
     if accelerometer_mass:
         _check_drive_point(frf)
     return remove_accelerometer_mass(frf, accelerometer_mass)
@@ -139,18 +143,20 @@ def write_frf(
 
     Raises
     ------
+    FileError
+        The file is there, its folder is missing, or it cannot be written.
     MeasurementError
-        An unknown suffix, a file that is there, a folder that is missing, or an FRF that the format cannot hold.
+        An unknown suffix, or an FRF that the format cannot hold.
     """
     target = Path(path)
-    chosen = _format_of(target)
-    if chosen.encode is None:
-        accepted = ", ".join(suffix for suffix, one in _FORMATS.items() if one.encode is not None)
+    file_format = _format_of(target)
+    if file_format.encode is None:
+        accepted = ", ".join(suffix for suffix, file_format in _FORMATS.items() if file_format.encode is not None)
         raise MeasurementError(Fault(str(target), f"{target.suffix} files are read, not written.", accepted))
-    if binary is not None and chosen is not _UFF:
+    if binary is not None and file_format is not _UFF:
         raise MeasurementError(Fault(str(target), f"binary={binary} is for UFF files, not for {target.suffix}."))
-    written = prepared(frf, target, unit)
-    write_whole(target, chosen.encode(written, target, binary), overwrite=overwrite)
+    content = prepare_for_writing(frf, target, unit)
+    write_whole(target, file_format.encode(content, target, binary), overwrite=overwrite)
 
 
 def _format_of(path: Path) -> Format:

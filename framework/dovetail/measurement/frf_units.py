@@ -9,7 +9,7 @@ from dovetail.errors import Fault, MeasurementError, UnitError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
 from dovetail.units import to_si
 
-__all__ = ["UnitMeaning", "converted", "meaning_of_unit", "motion_unit", "spelled"]
+__all__ = ["UnitMeaning", "conversion_factor", "meaning_of_unit", "motion_unit", "pint_spelling"]
 
 _SQUARE = re.compile(r"(?<=[a-z])2(?![\d.])|²")
 _GRAVITY = re.compile(r"^\(?[gG]\)?(?=\s*/|$)")
@@ -56,11 +56,11 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
     if _DECIBEL.search(label[:_SHOWN]):
         problem = f"the unit '{label[:_SHOWN]}' is in decibels, which are not read."
         raise MeasurementError(Fault(where, problem, remedy="Export the amplitude itself, not its logarithm."))
-    text = spelled(label)
+    text = pint_spelling(label)
     kinds = [(quantity, rotation) for rotation in (False, True) for quantity in QUANTITIES]
-    own = [kind for kind in kinds if unit_of(kind[0], rotation=kind[1]) == text]
-    for quantity, rotation in own or kinds:  # the spelling of Dovetail's own files needs no pint
-        factor = converted(text, unit_of(quantity, rotation=rotation))
+    spelled_so = [kind for kind in kinds if unit_of(kind[0], rotation=kind[1]) == text]
+    for quantity, rotation in spelled_so or kinds:  # the spelling of Dovetail's own files needs no pint
+        factor = conversion_factor(text, unit_of(quantity, rotation=rotation))
         if factor is not None:
             return UnitMeaning(quantity, factor, rotation)
     accepted = "a motion per force or moment, such as um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"
@@ -72,7 +72,7 @@ def motion_unit(quantity: Quantity, *, rotation: bool) -> str:
     return _MOTION[quantity, rotation]
 
 
-def spelled(label: str) -> str:
+def pint_spelling(label: str) -> str:
     """Return a unit label in pint's spelling, or an empty string where there is none."""
     text = label.strip()
     if text.lower() in _NO_LABEL:
@@ -80,7 +80,7 @@ def spelled(label: str) -> str:
     return _GRAVITY.sub("standard_gravity", _SQUARE.sub("^2", text.replace("**", "^")))
 
 
-def converted(label: str, unit: str) -> float | None:
+def conversion_factor(label: str, unit: str) -> float | None:
     """Return the factor from a spelled label to a unit, or None where it is not one of that dimension."""
     if label == unit:
         return 1.0

@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["complex_noise", "data_noise"]
+from dovetail.frf import Frf
+
+__all__ = ["NoiseKind", "complex_noise", "data_noise", "noisy_frf"]
+
+NoiseKind = Literal["proportional", "uniform"]
 
 
-def complex_noise(values: ArrayLike, relative: float, seed: int | np.random.Generator) -> NDArray[np.complex128]:
-    """Return complex values with circular Gaussian noise in proportion to each line's own magnitude.
+def complex_noise(
+    values: ArrayLike, relative: float, seed: int | np.random.Generator, *, kind: NoiseKind = "proportional"
+) -> NDArray[np.complex128]:
+    """Return complex values with circular Gaussian noise.
 
     Parameters
     ----------
     values : (..., n_freq) complex array
         An FRF, in any quantity.
     relative : float
-        Standard deviation of the complex noise over the magnitude of the line: 0.01 is one per cent. Real and
-        imaginary part have 1/sqrt(2) of it each.
+        Standard deviation of the complex noise over what `kind` says: 0.01 is one per cent. Real and imaginary part
+        have 1/sqrt(2) of it each.
     seed : int or numpy.random.Generator
         The same seed gives the same noise.
+    kind : {"proportional", "uniform"}
+        In proportion to the magnitude of each line, or the same on all lines: in proportion to the standard deviation
+        of the FRF over its lines.
 
     Returns
     -------
@@ -33,7 +45,37 @@ def complex_noise(values: ArrayLike, relative: float, seed: int | np.random.Gene
     clean = np.asarray(values, dtype=np.complex128)
     generator = np.random.default_rng(seed)
     normal = generator.standard_normal(clean.shape) + 1j * generator.standard_normal(clean.shape)
-    return np.asarray(clean + _checked(relative) * np.abs(clean) * normal / np.sqrt(2.0), dtype=np.complex128)
+    noise = _standard_deviation(clean, _check_level(relative), kind) * normal / np.sqrt(2.0)
+    return np.asarray(clean + noise, dtype=np.complex128)
+
+
+def noisy_frf(frf: Frf, relative: float, seed: int | np.random.Generator, *, kind: NoiseKind = "uniform") -> Frf:
+    """Return an FRF with the noise of `complex_noise`, and with the variance of that noise.
+
+    Parameters
+    ----------
+    frf : Frf
+        Without noise, with phase.
+    relative, seed, kind
+        As in `complex_noise`.
+
+    Returns
+    -------
+    Frf
+
+    Raises
+    ------
+    ValueError
+        `relative` is negative or not finite.
+    """
+    values = complex_noise(frf.values, relative, seed, kind=kind)
+    variance = np.broadcast_to(_standard_deviation(frf.values, relative, kind) ** 2, frf.frequency.shape)
+    return replace(frf, values=values, variance=variance)
+
+
+def _standard_deviation(values: NDArray[np.complex128], relative: float, kind: NoiseKind) -> NDArray[np.float64]:
+    size = np.abs(values) if kind == "proportional" else values.std(axis=-1, keepdims=True)
+    return np.asarray(relative * size, dtype=np.float64)
 
 
 def data_noise(values: ArrayLike, level: float, seed: int | np.random.Generator) -> NDArray[np.float64]:
@@ -59,14 +101,14 @@ def data_noise(values: ArrayLike, level: float, seed: int | np.random.Generator)
 
     References
     ----------
-    Section 3 of the reference method. Amplitudes may become negative, as they do there.
+    Processes 14 (2026) 1875, doi:10.3390/pr14121875, section 3. Amplitudes may become negative, as they do there.
     """
     clean = np.asarray(values, dtype=np.float64)
     normal = np.random.default_rng(seed).standard_normal(clean.shape)
-    return np.asarray(clean + _checked(level) * np.std(clean) * normal, dtype=np.float64)
+    return np.asarray(clean + _check_level(level) * np.std(clean) * normal, dtype=np.float64)
 
 
-def _checked(level: float) -> float:
+def _check_level(level: float) -> float:
     if not (np.isfinite(level) and level >= 0):
         raise ValueError(f"a noise level is finite and not negative, not {level!r}.")
     return level

@@ -1,4 +1,8 @@
-"""What a measured file holds, and the checks that make an FRF of it."""
+"""What readers return, what they are asked for, and what writers get.
+
+A reader gets `ReadOptions` and returns a `Recording`, whose `to_frf` checks everything and makes an FRF of it. A writer
+gets an `FrfToWrite`, made by `prepare_for_writing`.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ from dovetail.errors import Fault, MeasurementError, did_you_mean
 from dovetail.frf import QUANTITIES, Frf, Quantity, unit_of
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 
-__all__ = ["MOST_LINES", "Recording", "Selection", "Written", "known_quantity", "prepared"]
+__all__ = ["MOST_LINES", "FrfToWrite", "ReadOptions", "Recording", "parse_quantity", "prepare_for_writing"]
 
 MOST_LINES = 1_000_000
 """Longest FRF that is read."""
@@ -26,7 +30,7 @@ _COHERENCE_ROUNDING = 1e-4
 
 @dataclass(frozen=True)
 class Recording:
-    """One FRF as a reader found it, not yet checked.
+    """One FRF as it stands in the file, not yet checked.
 
     Parameters
     ----------
@@ -43,15 +47,15 @@ class Recording:
     quantity : Quantity or None
         What the file says it is.
     is_stated : bool
-        False where the file leaves something open, so that the caller has to confirm `quantity`, or to give it.
+        False where the file is ambiguous, so that the caller has to confirm `quantity` or to give it.
     coherence : (n_freq,) array or None
         Ordinary coherence.
-    place : callable
-        From the index of a line to its place in the file.
+    locate : callable
+        Returns the place in the file of the line with an index, for messages.
     how_to_state_quantity : str
         How a file of this format says its quantity.
     note : str
-        What the file says of it in words.
+        What the file says about it in words.
     factor : float
         Makes the values SI; negative where response and force point in directions of opposite sense.
     unit : str
@@ -73,7 +77,7 @@ class Recording:
     quantity: Quantity | None
     is_stated: bool
     coherence: NDArray[np.float64] | None
-    place: Callable[[int], str] = field(repr=False)
+    locate: Callable[[int], str] = field(repr=False)
     how_to_state_quantity: str
     note: str = ""
     factor: float = 1.0
@@ -99,7 +103,7 @@ class Recording:
         """
         if unit is not None:
             return self._with_unit(unit).to_frf(quantity)
-        agreed = self._agreed_quantity(quantity)
+        agreed = self._resolve_quantity(quantity)
         first = 1 if self.frequency[0] == 0 else 0
         if self.frequency.size == first:
             raise MeasurementError(Fault(self.where, "there is no line but the one at 0 Hz."))
@@ -111,7 +115,7 @@ class Recording:
             frequency=self.frequency[first:],
             values=np.asarray(self.values[first:] * factor, dtype=np.complex128),
             quantity=agreed,
-            coherence=self._clipped_coherence(first),
+            coherence=self._checked_coherence(first),
             has_phase=self.has_phase,
             label=self.label,
             note=self.note,
@@ -124,35 +128,35 @@ class Recording:
 
     def _with_unit(self, label: str) -> Recording:
         """Return the recording with the unit that the caller gives; a file that states another is refused."""
-        given = meaning_of_unit(label, "the argument unit")
+        meaning = meaning_of_unit(label, "the argument unit")
         if not self.unit:
             return replace(
-                self._checked_against(given),
-                quantity=given.quantity,
+                self._check_against(meaning),
+                quantity=meaning.quantity,
                 is_stated=True,
-                factor=self.factor * given.factor,
-                rotation=given.rotation,
+                factor=self.factor * meaning.factor,
+                rotation=meaning.rotation,
                 unit=label,
             )
-        if not math.isclose(abs(self.factor), given.factor, rel_tol=1e-6):
-            raise self._contradicted(f"unit {self.unit}", label)
-        return self._checked_against(given)
+        if not math.isclose(abs(self.factor), meaning.factor, rel_tol=1e-6):
+            raise self._contradiction(f"unit {self.unit}", label)
+        return self._check_against(meaning)
 
-    def _checked_against(self, given: UnitMeaning) -> Recording:
-        if self.quantity is not None and self.quantity != given.quantity:
-            raise self._contradicted(self.quantity, f"a unit of {given.quantity}")
-        if self.unit and self.rotation != given.rotation:
-            raise self._contradicted(f"unit {self.unit}", unit_of(given.quantity, rotation=given.rotation))
+    def _check_against(self, meaning: UnitMeaning) -> Recording:
+        if self.quantity is not None and self.quantity != meaning.quantity:
+            raise self._contradiction(self.quantity, f"a unit of {meaning.quantity}")
+        if self.unit and self.rotation != meaning.rotation:
+            raise self._contradiction(f"unit {self.unit}", unit_of(meaning.quantity, rotation=meaning.rotation))
         return self
 
-    def _contradicted(self, stated: str, given: str) -> MeasurementError:
-        problem = f"the file says that it holds {stated}, the argument says {given}."
+    def _contradiction(self, stated: str, argument: str) -> MeasurementError:
+        problem = f"the file says that it holds {stated}, the argument says {argument}."
         return MeasurementError(Fault(self.where, problem, remedy="Leave the argument out, or correct the file."))
 
-    def _agreed_quantity(self, given: str | None) -> Quantity:
-        wanted = None if given is None else known_quantity(given, "the argument quantity")
+    def _resolve_quantity(self, argument: str | None) -> Quantity:
+        wanted = None if argument is None else parse_quantity(argument, "the argument quantity")
         if wanted is not None and self.quantity is not None and wanted != self.quantity:
-            raise self._contradicted(self.quantity, wanted)
+            raise self._contradiction(self.quantity, wanted)
         agreed = wanted or (self.quantity if self.is_stated else None)
         if agreed is None:
             hint = "" if self.quantity is None else f" (perhaps {self.quantity}: it does not say over what)"
@@ -179,13 +183,13 @@ class Recording:
             if bad.size:
                 more = f" ({bad.size} such lines)" if bad.size > 1 else ""
                 raise MeasurementError(
-                    Fault(self.place(int(bad[0])), f"the {name} is {array[bad[0]]}, which is not finite{more}.")
+                    Fault(self.locate(int(bad[0])), f"the {name} is {array[bad[0]]}, which is not finite{more}.")
                 )
 
     def _check_axis(self, first: int) -> None:
         if self.frequency[first] < 0:
             raise MeasurementError(
-                Fault(self.place(first), f"the frequency {self.frequency[first]:.10g} Hz is negative.")
+                Fault(self.locate(first), f"the frequency {self.frequency[first]:.10g} Hz is negative.")
             )
         still = np.flatnonzero(np.diff(self.frequency) <= 0)
         if still.size:
@@ -193,7 +197,7 @@ class Recording:
             fault = "is repeated" if before == after else f"comes after {before:.10g} Hz"
             raise MeasurementError(
                 Fault(
-                    self.place(int(still[0]) + 1),
+                    self.locate(int(still[0]) + 1),
                     f"the frequency {after:.10g} Hz {fault}.",
                     "frequencies that increase from line to line",
                 )
@@ -206,13 +210,13 @@ class Recording:
         if negative.size:
             raise MeasurementError(
                 Fault(
-                    self.place(int(negative[0])),
+                    self.locate(int(negative[0])),
                     f"the amplitude {self.values[negative[0]]:.6g} is negative.",
                     "an amplitude of zero or more, or real and imaginary part",
                 )
             )
 
-    def _clipped_coherence(self, first: int) -> NDArray[np.float64] | None:
+    def _checked_coherence(self, first: int) -> NDArray[np.float64] | None:
         if self.coherence is None:
             return None
         coherence = self.coherence[first:]
@@ -220,14 +224,14 @@ class Recording:
         if outside.size:
             raise MeasurementError(
                 Fault(
-                    self.place(int(outside[0]) + first),
+                    self.locate(int(outside[0]) + first),
                     f"the coherence {coherence[outside[0]]:.6g} is not between 0 and 1.",
                 )
             )
         return np.clip(coherence, 0.0, 1.0)
 
 
-def known_quantity(word: str, where: str) -> Quantity:
+def parse_quantity(word: str, where: str) -> Quantity:
     """Return `word` as a quantity, or raise a MeasurementError at `where` with the nearest spelling."""
     for quantity in QUANTITIES:
         if word == quantity:
@@ -238,8 +242,8 @@ def known_quantity(word: str, where: str) -> Quantity:
 
 
 @dataclass(frozen=True)
-class Selection:
-    """What the caller says about a file's content.
+class ReadOptions:
+    """Which FRF of a file is wanted, and what the file calls its fields.
 
     Parameters
     ----------
@@ -248,7 +252,7 @@ class Selection:
     response, force : str or None
         Names of the DOFs.
     names : mapping of str to str
-        From a part of the FRF (``frequency``, ``values``, ``coherence``, ...) to its name in the file.
+        From a field of the FRF (``frequency``, ``values``, ``coherence``, ...) to its name in the file.
     """
 
     index: int | None = None
@@ -266,8 +270,8 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class Written:
-    """What every writer needs.
+class FrfToWrite:
+    """An FRF in the quantity and the unit of the file to be written.
 
     Parameters
     ----------
@@ -294,8 +298,8 @@ class Written:
         return None if self.frf.variance is None else self.frf.variance / self.factor**2
 
 
-def prepared(frf: Frf, path: Path, unit: str | None) -> Written:
-    """Return what is written for an FRF, in a unit or in SI.
+def prepare_for_writing(frf: Frf, path: Path, unit: str | None) -> FrfToWrite:
+    """Return an FRF for writing, in a unit or in SI.
 
     Raises
     ------
@@ -305,9 +309,9 @@ def prepared(frf: Frf, path: Path, unit: str | None) -> Written:
     if frf.coherence is not None and not np.all(np.isfinite(frf.coherence)):
         raise MeasurementError(Fault(str(path), f"the coherence of {frf.label} is not finite: nothing is written."))
     if unit is None:
-        return Written(frf, frf.unit, 1.0)
+        return FrfToWrite(frf, frf.unit, 1.0)
     meaning = meaning_of_unit(unit, "the argument unit")
     if meaning.rotation != frf.rotation:
         kind = "a rotation per moment" if frf.rotation else "a displacement per force"
         raise MeasurementError(Fault("the argument unit", f"{frf.label} is {kind}, and '{unit}' is no unit of that."))
-    return Written(frf.to(meaning.quantity), unit, meaning.factor)
+    return FrfToWrite(frf.to(meaning.quantity), unit, meaning.factor)

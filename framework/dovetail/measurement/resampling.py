@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,30 +13,49 @@ from dovetail.frf import Frf
 
 __all__ = ["on_grid"]
 
-_COVER_TOLERANCE = 1e-9
-"""How far, relatively, a grid may reach beyond the measurement."""
-_WINDOW = 4
-"""Measured lines in one interpolating polynomial."""
-_ON_A_LINE = 1e-6
-"""Of the measured spacing: a grid that is nowhere further from a line asks for no interpolation."""
-_FEWEST_LINES = 16
-"""From which it can be told whether the lines are close enough."""
-_LARGEST_MISS = 0.6
-"""Of the FRF's norm: how far every other line may miss the lines between them. Noise of half the FRF stays below."""
-_CLEARLY_SMOOTHER = 0.1
-"""The reciprocal is used only where its curvature is this small a part of the FRF's own: in noise it never is."""
+
+@dataclass(frozen=True)
+class Settings:
+    """How a measurement is interpolated, and when it is refused.
+
+    Parameters
+    ----------
+    window : int
+        Measured lines in one interpolating polynomial: four make a cubic.
+    clearly_smoother : float
+        The reciprocal is used only where its curvature is this small a part of the FRF's: in noise it never is.
+    cover_tolerance : float
+        Relative; how far a grid may reach beyond the measurement, for rounding.
+    on_a_line : float
+        Of the measured spacing: a grid that is nowhere further from a line needs no interpolation.
+    fewest_lines : int
+        From which on it is checked whether the lines are close enough.
+    largest_miss : float
+        Of the FRF's norm: how far the interpolation from every other line may miss the lines between them. Noise of
+        half the FRF stays below.
+    """
+
+    window: int = 4
+    clearly_smoother: float = 0.1
+    cover_tolerance: float = 1e-9
+    on_a_line: float = 1e-6
+    fewest_lines: int = 16
+    largest_miss: float = 0.6
+
+
+_SETTINGS = Settings()
 
 
 def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
     """Interpolate a measured FRF to other frequencies.
 
-    A cubic through the four nearest lines is drawn through H, or through 1/H where that is clearly the smoother of the
-    two. Near a resonance 1/H, a dynamic stiffness, is close to a parabola, however sharp the resonance; near an
-    antiresonance H is smooth itself. For an amplitude alone the same is done with its square.
+    A cubic goes through the four nearest lines of H, or of 1/H where that is clearly the smoother of the two. Near a
+    resonance 1/H, a dynamic stiffness, is close to a parabola, however sharp the resonance; near an antiresonance H is
+    smooth itself. For an amplitude alone the same is done with its square.
 
     Measured at 1.5625 Hz and wanted at 2 Hz, loss factor 0.003, modes from 1 to 8 kHz, the error is below 1e-7 of each
     line's own value (linear interpolation: 0.1; cubic spline: 0.07); of an amplitude alone below 1e-4. Two modes that
-    are only four lines apart: 0.07. Noise of the lines is not amplified: 0.9 of its standard deviation is left.
+    are only four lines apart: 0.07. Noise of the lines is not amplified: 0.9 of its standard deviation remains.
 
     Parameters
     ----------
@@ -50,14 +69,14 @@ def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
     Frf
         On `frequency`; coherence is interpolated linearly. Where the variance is known, also from coherence and
         averages, `variance` is that of the interpolated values: between lines it is lower than on them, and
-        neighbouring lines of a fine grid have errors in common.
+        neighbouring lines of a fine grid share errors.
 
     Raises
     ------
     MeasurementError
         The measurement does not cover the grid, the grid does not increase, or the measured lines are so far apart that
-        they do not tell the FRF between them (its impulse response is longer than their spacing allows, and aliased):
-        interpolated from every other line, the lines between are missed by more than 0.6 of their norm.
+        they do not determine the FRF between them (its impulse response is longer than their spacing allows, and
+        aliased): interpolated from every other line, the lines between are missed by more than 0.6 of their norm.
     """
     grid = np.asarray(frequency, dtype=np.float64)
     if grid.ndim != 1 or grid.size == 0 or not np.all(np.isfinite(grid)):
@@ -68,38 +87,38 @@ def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
     known = frf.random_variance
     variance = known if known is not None and np.all(np.isfinite(known)) else None
     if frf.has_phase:
-        values, variance = _interpolated(frf.frequency, frf.values, inside, variance)
+        values, variance = _interpolate(frf.frequency, frf.values, inside, variance)
     else:
         of_square = None if variance is None else 4.0 * frf.amplitude**2 * variance
-        squares, of_square = _interpolated(frf.frequency, frf.amplitude**2, inside, of_square)
+        squares, of_square = _interpolate(frf.frequency, frf.amplitude**2, inside, of_square)
         values = np.sqrt(np.maximum(squares.real, 0.0)).astype(np.complex128)
-        variance = None if of_square is None else _over(of_square, 4.0 * values.real**2)
+        variance = None if of_square is None else _divide(of_square, 4.0 * values.real**2)
     coherence = None if frf.coherence is None else np.interp(inside, frf.frequency, frf.coherence)
     return replace(frf, frequency=grid, values=values, coherence=coherence, variance=variance)
 
 
-def _over(numerator: NDArray[np.float64], denominator: NDArray[np.float64]) -> NDArray[np.float64]:
+def _divide(numerator: NDArray[np.float64], denominator: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator > 0)
 
 
 def _check_spacing(frf: Frf, grid: NDArray[np.float64]) -> None:
-    """Refuse lines that do not tell the FRF between them."""
+    """Refuse lines that are too far apart to determine the FRF between them."""
     measured = frf.frequency
     spacing = np.median(np.diff(measured)) if measured.size > 1 else 0.0
     nearest = np.clip(np.searchsorted(measured, grid), 1, max(measured.size - 1, 1))
     beside = measured[np.minimum(np.stack([nearest - 1, nearest]), measured.size - 1)]
-    if np.abs(beside - grid).min(axis=0).max() <= _ON_A_LINE * spacing:
+    if np.abs(beside - grid).min(axis=0).max() <= _SETTINGS.on_a_line * spacing:
         return
     first, last = np.searchsorted(measured, [grid.min(), grid.max()])
-    within = slice(max(first - _WINDOW, 0), last + _WINDOW)
+    within = slice(max(first - _SETTINGS.window, 0), last + _SETTINGS.window)
     lines, values = measured[within], frf.values[within] if frf.has_phase else frf.amplitude[within] ** 2
-    if lines.size < _FEWEST_LINES:
+    if lines.size < _SETTINGS.fewest_lines:
         return
     between = slice(1, lines.size - (lines.size + 1) % 2, 2)
-    drawn, _ = _interpolated(lines[::2], values[::2], lines[between], None)
+    interpolated, _ = _interpolate(lines[::2], values[::2], lines[between], None)
     size = np.linalg.norm(values[between])
-    miss = np.linalg.norm(drawn - values[between]) / size if size > 0 else 0.0
-    if miss > _LARGEST_MISS:
+    miss = np.linalg.norm(interpolated - values[between]) / size if size > 0 else 0.0
+    if miss > _SETTINGS.largest_miss:
         problem = (
             f"the measured lines are {spacing:.4g} Hz apart, too far to tell the FRF between them "
             f"(drawn from every other line, it misses the others by {100 * miss:.0f} %)."
@@ -110,7 +129,7 @@ def _check_spacing(frf: Frf, grid: NDArray[np.float64]) -> None:
 def _check_cover(frf: Frf, grid: NDArray[np.float64]) -> None:
     first, last = frf.frequency[0], frf.frequency[-1]
     lowest, highest = grid.min(), grid.max()
-    if lowest >= first * (1 - _COVER_TOLERANCE) and highest <= last * (1 + _COVER_TOLERANCE):
+    if lowest >= first * (1 - _SETTINGS.cover_tolerance) and highest <= last * (1 + _SETTINGS.cover_tolerance):
         return
     raise MeasurementError(
         Fault(
@@ -122,24 +141,24 @@ def _check_cover(frf: Frf, grid: NDArray[np.float64]) -> None:
     )
 
 
-def _interpolated(
+def _interpolate(
     measured: NDArray[np.float64], values: NDArray[Any], grid: NDArray[np.float64], variance: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64] | None]:
     """Return values on the grid, and their variance where that of the measured lines is known."""
-    width = min(_WINDOW, measured.size)
+    width = min(_SETTINGS.window, measured.size)
     start = np.searchsorted(measured, grid, side="right") - width // 2
     window = np.clip(start, 0, measured.size - width)[:, np.newaxis] + np.arange(width)
     weights = _lagrange_weights(measured[window], grid)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         direct, reciprocal = values[window], 1.0 / values[window]
-        smoother = _roughness(reciprocal) < _CLEARLY_SMOOTHER * _roughness(direct)
+        smoother = _roughness(reciprocal) < _SETTINGS.clearly_smoother * _roughness(direct)
         inverse = 1.0 / np.sum(weights * reciprocal, axis=1)
-        drawn = np.where(smoother, inverse, np.sum(weights * direct, axis=1))
+        interpolated = np.where(smoother, inverse, np.sum(weights * direct, axis=1))
         if variance is None:
-            return np.asarray(drawn, dtype=np.complex128), None
+            return np.asarray(interpolated, dtype=np.complex128), None
         share = np.where(smoother[:, np.newaxis], np.abs(inverse[:, np.newaxis] * reciprocal) ** 2, 1.0)
         scatter = np.sum((weights * share) ** 2 * variance[window], axis=1)
-    return np.asarray(drawn, dtype=np.complex128), scatter
+    return np.asarray(interpolated, dtype=np.complex128), scatter
 
 
 def _lagrange_weights(nodes: NDArray[np.float64], grid: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""The parts of an FRF by the names that people give them in tables, archives and workspaces."""
+"""The fields of an FRF by the names that people give them in tables, archives and workspaces."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import Quantity
 
-__all__ = ["NUMBERS", "PARTS", "chosen_names", "combined", "plain_name", "quantity_of_name"]
+__all__ = ["FIELD_NAMES", "NUMERIC_FIELDS", "assign_fields", "combine_values", "plain_name", "quantity_of_name"]
 
 _QUANTITY_NAMES: dict[str, Quantity] = {
     "receptance": "receptance",
@@ -21,7 +21,7 @@ _QUANTITY_NAMES: dict[str, Quantity] = {
     "accelerance": "accelerance",
     "inertance": "accelerance",
 }
-PARTS: dict[str, tuple[str, ...]] = {
+FIELD_NAMES: dict[str, tuple[str, ...]] = {
     "frequency": ("frequency", "frequency_hz", "frequencies", "freq", "freq_hz", "f", "f_hz"),
     "values": ("values", "value", "frf", "h", "h1", "h2", "hv", *_QUANTITY_NAMES),
     "real": ("real", "re", "real_part"),
@@ -38,9 +38,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     "response": ("response", "response_dof"),
     "force": ("force", "force_dof"),
 }
-"""Parts of an FRF, and the names under which each is found without being told; capitals do not matter."""
-NUMBERS = ("frequency", "values", "real", "imag", "amplitude", "phase_deg", "phase_rad", "coherence", "variance")
-"""The parts that have a number for each line."""
+"""The fields of an FRF, and the names by which each is recognised; capitals do not matter."""
+NUMERIC_FIELDS = ("frequency", "values", "real", "imag", "amplitude", "phase_deg", "phase_rad", "coherence", "variance")
+"""The fields that have a number for each line."""
 _VALUES = (("values",), ("real", "imag"), ("amplitude", "phase_deg"), ("amplitude", "phase_rad"), ("amplitude",))
 _PHASE = ("phase", "angle", "arg")
 _ACCEPTED = "values (complex) | real, imag | amplitude, phase_deg (or phase_rad) | amplitude"
@@ -52,114 +52,119 @@ def plain_name(name: str) -> str:
 
 
 def quantity_of_name(name: str) -> Quantity | None:
-    """Return the quantity that a variable's own name tells, such as ``compliance``."""
+    """Return the quantity that the name of a variable says, such as ``compliance``."""
     return _QUANTITY_NAMES.get(plain_name(name))
 
 
-def chosen_names(where: str, held: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
-    """Decide which name of a file is which part of the FRF.
+def assign_fields(where: str, contents: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+    """Decide which name of a file is which field of the FRF.
 
     Parameters
     ----------
     where : str
-    held : mapping of str to str
+    contents : mapping of str to str
         The names in the file, and what each holds in words.
-    given : mapping of str to str
-        From parts to names, as the caller says.
+    names : mapping of str to str
+        From fields to names, as the caller says.
 
     Returns
     -------
     dict of str to str
-        From parts to names: a frequency, and one way to give the values.
+        From fields to names: a frequency, and one way to give the values.
 
     Raises
     ------
     MeasurementError
-        A part or a name that is not there, two names for one part, no frequency, no values or two kinds of them.
+        A field or a name that does not exist, two names for one field, no frequency, no values or two kinds of them.
     """
-    chosen = _given(where, held, given)
-    taken = set(chosen.values())
-    for part, spellings in PARTS.items():
-        if part in chosen or _is_replaced(part, given):
+    assigned = _check_names(where, contents, names)
+    taken = set(assigned.values())
+    for field, spellings in FIELD_NAMES.items():
+        if field in assigned or _is_overridden(field, names):
             continue
-        found = [name for name in held if plain_name(name) in spellings and name not in taken]
-        if len(found) > 1:
-            what = f"{listing(repr(name) for name in found)} may each be the {part}; the file holds:{_table(held)}"
-            raise MeasurementError(Fault(where, what, remedy=f"Say which, for example {part}={found[0]}."))
-        if found:
-            chosen[part] = found[0]
-    _check_phase(where, held, chosen)
-    _check_complete(where, held, chosen)
-    return chosen
+        candidates = [name for name in contents if plain_name(name) in spellings and name not in taken]
+        if len(candidates) > 1:
+            shown = listing(repr(name) for name in candidates)
+            problem = f"{shown} may each be the {field}; the file holds:{_inventory(contents)}"
+            raise MeasurementError(Fault(where, problem, remedy=f"Say which, for example {field}={candidates[0]}."))
+        if candidates:
+            assigned[field] = candidates[0]
+    _check_phase(where, contents, assigned)
+    _check_complete(where, contents, assigned)
+    return assigned
 
 
-def _given(where: str, held: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
-    for part, name in given.items():
-        if part not in PARTS:
-            hint = did_you_mean(part, PARTS)
+def _check_names(where: str, contents: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+    for field, name in names.items():
+        if field not in FIELD_NAMES:
+            hint = did_you_mean(field, FIELD_NAMES)
             raise MeasurementError(
-                Fault("the argument names", f"'{part}' is no part of an FRF.", ", ".join(PARTS), hint)
+                Fault("the argument names", f"'{field}' is no part of an FRF.", ", ".join(FIELD_NAMES), hint)
             )
-        if name not in held:
-            hint = did_you_mean(name, held)
-            raise MeasurementError(Fault(where, f"there is no '{name}' in the file; it holds:{_table(held)}", "", hint))
-    return dict(given)
+        if name not in contents:
+            hint = did_you_mean(name, contents)
+            problem = f"there is no '{name}' in the file; it holds:{_inventory(contents)}"
+            raise MeasurementError(Fault(where, problem, remedy=hint))
+    return dict(names)
 
 
-def _is_replaced(part: str, given: Mapping[str, str]) -> bool:
-    """Whether the caller gives the values in another way, so that this part is not looked for."""
-    of_values = {name for kind in _VALUES for name in kind}
-    return part in of_values and any(name in of_values for name in given)
+def _is_overridden(field: str, names: Mapping[str, str]) -> bool:
+    """Whether the caller gives the values in another way, so that this field is not looked for."""
+    value_fields = {name for kind in _VALUES for name in kind}
+    return field in value_fields and any(name in value_fields for name in names)
 
 
-def _check_phase(where: str, held: Mapping[str, str], chosen: Mapping[str, str]) -> None:
+def _check_phase(where: str, contents: Mapping[str, str], assigned: Mapping[str, str]) -> None:
     """Refuse a phase that may be in degrees or in radians."""
-    unclear = [name for name in held if plain_name(name) in _PHASE and name not in chosen.values()]
-    if "amplitude" in chosen and unclear and not {"phase_deg", "phase_rad"} & set(chosen):
-        problem = f"'{unclear[0]}' may be in degrees or in radians; the file holds:{_table(held)}"
+    unclear = [name for name in contents if plain_name(name) in _PHASE and name not in assigned.values()]
+    if "amplitude" in assigned and unclear and not {"phase_deg", "phase_rad"} & set(assigned):
+        problem = f"'{unclear[0]}' may be in degrees or in radians; the file holds:{_inventory(contents)}"
         remedy = f"Say phase_deg={unclear[0]} or phase_rad={unclear[0]}."
         raise MeasurementError(Fault(where, problem, remedy=remedy))
 
 
-def _check_complete(where: str, held: Mapping[str, str], chosen: Mapping[str, str]) -> None:
-    if "frequency" not in chosen:
-        problem = f"the frequency is not to be found by its name; the file holds:{_table(held)}"
-        raise MeasurementError(Fault(where, problem, ", ".join(PARTS["frequency"]), "Say which it is: frequency=NAME."))
-    parts = {name for kind in _VALUES for name in kind if name in chosen}
-    if parts in [set(kind) for kind in _VALUES]:
+def _check_complete(where: str, contents: Mapping[str, str], assigned: Mapping[str, str]) -> None:
+    if "frequency" not in assigned:
+        problem = f"the frequency is not to be found by its name; the file holds:{_inventory(contents)}"
+        raise MeasurementError(
+            Fault(where, problem, ", ".join(FIELD_NAMES["frequency"]), "Say which it is: frequency=NAME.")
+        )
+    fields = {name for kind in _VALUES for name in kind if name in assigned}
+    if fields in [set(kind) for kind in _VALUES]:
         return
-    what = "the file gives the values in two ways" if len(parts) > 1 else "the values are not to be found by their name"
-    problem = f"{what}; the file holds:{_table(held)}"
+    several = len(fields) > 1
+    reason = "the file gives the values in two ways" if several else "the values are not to be found by their name"
+    problem = f"{reason}; the file holds:{_inventory(contents)}"
     raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say which they are, for example values=NAME."))
 
 
-def _table(held: Mapping[str, str], most: int = 20) -> str:
-    rows = [f"\n    {name[:60]}{': ' if what else ''}{what}" for name, what in list(held.items())[:most]]
-    hidden = len(held) - most
+def _inventory(contents: Mapping[str, str], limit: int = 20) -> str:
+    rows = [f"\n    {name[:60]}{': ' if what else ''}{what}" for name, what in list(contents.items())[:limit]]
+    hidden = len(contents) - limit
     return ("".join(rows) or " nothing") + (f"\n    and {hidden} more" if hidden > 0 else "")
 
 
-def combined(parts: Mapping[str, NDArray[Any]], place: Callable[[int], str]) -> tuple[NDArray[Any], bool]:
-    """Return the values of an FRF from its parts, and whether they have a phase.
+def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], str]) -> tuple[NDArray[Any], bool]:
+    """Return the values of an FRF from its fields, and whether they have a phase.
 
     Raises
     ------
     MeasurementError
-        A negative amplitude, at its `place`.
+        A negative amplitude; `locate` gives its place in the file.
     """
-    negative = np.flatnonzero(parts["amplitude"] < 0) if "amplitude" in parts else np.zeros(0, dtype=np.intp)
+    negative = np.flatnonzero(fields["amplitude"] < 0) if "amplitude" in fields else np.zeros(0, dtype=np.intp)
     if negative.size:
-        problem = f"the amplitude {parts['amplitude'][negative[0]]:.6g} is negative (decibels are not read)."
-        raise MeasurementError(Fault(place(int(negative[0])), problem, "an amplitude of zero or more"))
-    if "values" in parts:
-        return parts["values"], True
-    if "amplitude" in parts and not {"phase_deg", "phase_rad"} & set(parts):
-        return parts["amplitude"], False
-    values = np.empty(parts["frequency"].size, dtype=np.complex128)
-    if "real" in parts:
-        values.real, values.imag = parts["real"], parts["imag"]
+        problem = f"the amplitude {fields['amplitude'][negative[0]]:.6g} is negative (decibels are not read)."
+        raise MeasurementError(Fault(locate(int(negative[0])), problem, "an amplitude of zero or more"))
+    if "values" in fields:
+        return fields["values"], True
+    if "amplitude" in fields and not {"phase_deg", "phase_rad"} & set(fields):
+        return fields["amplitude"], False
+    values = np.empty(fields["frequency"].size, dtype=np.complex128)
+    if "real" in fields:
+        values.real, values.imag = fields["real"], fields["imag"]
         return values, True
-    phase = np.deg2rad(parts["phase_deg"]) if "phase_deg" in parts else parts["phase_rad"]
+    phase = np.deg2rad(fields["phase_deg"]) if "phase_deg" in fields else fields["phase_rad"]
     with np.errstate(invalid="ignore"):  # an infinite phase becomes NaN, and the recording refuses it
-        values.real, values.imag = parts["amplitude"] * np.cos(phase), parts["amplitude"] * np.sin(phase)
+        values.real, values.imag = fields["amplitude"] * np.cos(phase), fields["amplitude"] * np.sin(phase)
     return values, True

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.measurement.formats.tables import text_lines
+from dovetail.measurement.formats.tables import split_lines
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
-from dovetail.measurement.recording import Recording, Selection
+from dovetail.measurement.recording import ReadOptions, Recording
 
 __all__ = ["decode"]
 
@@ -24,7 +24,7 @@ _LONGEST = 500
 _NOT_READ = re.compile(r"\b(magnitude|mag|phase|amplitude|db)\b", re.IGNORECASE)
 
 
-def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     """Return what a CutPro file holds.
 
     Raises
@@ -32,16 +32,16 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
     MeasurementError
         Not text, a row without three numbers, labels of another kind than real and imaginary part, units that differ.
     """
-    if selection.chooses or selection.names:
-        option = selection.chooses or f"names={dict(selection.names)}"
+    if options.chooses or options.names:
+        option = options.chooses or f"names={dict(options.names)}"
         raise MeasurementError(Fault(str(path), f"{option} is not for {path.suffix} files, which hold one FRF."))
-    lines = text_lines(path, content)
+    lines = split_lines(path, content)
     numbers, rows, labels = [], [], ""
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         words = _GAP.split(line.strip()[:_LONGEST])
-        rows.append(_three(words, f"{path}:{number}"))
+        rows.append(_parse_row(words, f"{path}:{number}"))
         numbers.append(number)
         if len(rows) == 1:
             labels = " ".join(word.strip('"') for word in words[_COLUMNS:])
@@ -60,14 +60,14 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
         quantity=None if meaning is None else meaning.quantity,
         is_stated=meaning is not None,
         coherence=None,
-        place=lambda index: f"{path}:{numbers[index]}",
+        locate=lambda index: f"{path}:{numbers[index]}",
         how_to_state_quantity="the unit in the first row, such as m/N",
         factor=1.0 if meaning is None else meaning.factor,
         unit=unit,
     )
 
 
-def _three(words: list[str], where: str) -> list[float]:
+def _parse_row(words: list[str], where: str) -> list[float]:
     try:
         row = [float(word) for word in words[:_COLUMNS]]
     except ValueError:

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.measurement.formats.guarded_process import read_apart
+from dovetail.measurement.formats.guarded_process import Form, read_guarded
 from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
-from dovetail.measurement.recording import Recording, Selection
+from dovetail.measurement.recording import ReadOptions, Recording
 
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["SIGNATURE", "decode", "opened"]
+__all__ = ["SIGNATURE", "decode", "form_of", "open_hdf5"]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _STARTS = (0, *(512 << power for power in range(18)))
@@ -30,22 +30,35 @@ _LONGEST_TEXT = 4000
 _COMPLEX = (("r", "i"), ("real", "imag"), ("re", "im"))
 
 
-def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     """Return what an HDF5 file holds.
 
     Raises
     ------
     MeasurementError
         Not HDF5, damaged, or its names do not say which FRF it holds.
+    DovetailError
+        h5py is not installed.
+    """
+    return read_guarded(path, content, options, form_of(path, content))
+
+
+def form_of(path: Path, content: bytes) -> Form:
+    """Return ``"HDF5"``.
+
+    Raises
+    ------
+    MeasurementError
+        Not HDF5.
     """
     if not any(content.startswith(SIGNATURE, start) for start in _STARTS):
         raise MeasurementError(Fault(str(path), "this is no HDF5 file."))
-    return read_apart(path, selection, matlab=False)
+    return "HDF5"
 
 
 @contextmanager
-def opened(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
-    """Open an HDF5 file; `matlab` turns MATLAB's order of axes and its texts to numpy's.
+def open_hdf5(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
+    """Open an HDF5 file, in the guarded process only; `matlab` turns MATLAB's order of axes and its texts to numpy's.
 
     Nothing outside the file is read: links to other files, external storage and virtual datasets are left out.
 
@@ -58,7 +71,7 @@ def opened(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
 
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            yield Archive(path, dict(_entries(path, file, "", 0, [0], matlab)), _texts(file))
+            yield Archive(path, dict(_entries(path, file, "", 0, [0], matlab)), _text_attributes(file))
     except MeasurementError:
         raise
     except Exception as error:  # the library raises OSError, RuntimeError, KeyError and others for damaged files
@@ -82,7 +95,7 @@ def _entries(
             yield from _entries(path, item, f"{prefix}{name}/", depth + 1, count, matlab)
         elif isinstance(item, h5py.Dataset) and not item.is_virtual and not item.external:
             what = f"{item.shape} {item.dtype}"
-            yield f"{prefix}{name}", Entry(what, partial(_array, path, item, matlab), _texts(item))
+            yield f"{prefix}{name}", Entry(what, partial(_array, path, item, matlab), _text_attributes(item))
 
 
 def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
@@ -94,11 +107,11 @@ def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
         accepted = f"at most {LARGEST_ARRAY // 1_000_000} MB"
         raise MeasurementError(Fault(str(path), f"'{dataset.name[1:]}' unpacks to {size / 1e6:.0f} MB.", accepted))
     if h5py.check_string_dtype(dataset.dtype) is not None:
-        return np.array(_decoded(dataset[()] if dataset.shape == () else dataset[:1].reshape(-1)[0]))
+        return np.array(_decode_text(dataset[()] if dataset.shape == () else dataset[:1].reshape(-1)[0]))
     if dataset.dtype.hasobject or dataset.shape is None:
         raise MeasurementError(Fault(str(path), f"'{dataset.name[1:]}' holds references, not numbers or text."))
     array = np.asarray(dataset[()])
-    if matlab and _texts(dataset).get("MATLAB_class") == "char":
+    if matlab and _text_attributes(dataset).get("MATLAB_class") == "char":
         return np.array("".join(map(chr, array.T.ravel()[:_LONGEST_TEXT].tolist())))
     if array.dtype.names in _COMPLEX:
         real, imaginary = array.dtype.names
@@ -106,19 +119,19 @@ def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
     return array.T if matlab else array
 
 
-def _texts(item: h5py.Group | h5py.Dataset) -> Mapping[str, str]:
+def _text_attributes(item: h5py.Group | h5py.Dataset) -> Mapping[str, str]:
     """Return the attributes that are texts."""
-    found = {}
+    texts = {}
     for name in list(item.attrs)[:50]:
         try:
             value = item.attrs[name]
         except Exception:  # an attribute of a type that cannot be read says nothing
             continue
         if isinstance(value, str | bytes):
-            found[str(name)] = _decoded(value)
-    return found
+            texts[str(name)] = _decode_text(value)
+    return texts
 
 
-def _decoded(value: object) -> str:
+def _decode_text(value: object) -> str:
     text = value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
     return text[:_LONGEST_TEXT]

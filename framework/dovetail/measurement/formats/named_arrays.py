@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Quantity
-from dovetail.measurement.formats.column_names import NUMBERS, chosen_names, combined, quantity_of_name
+from dovetail.measurement.formats.column_names import NUMERIC_FIELDS, assign_fields, combine_values, quantity_of_name
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
-from dovetail.measurement.recording import MOST_LINES, Recording, Selection, known_quantity
+from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording, parse_quantity
 
-__all__ = ["LARGEST_ARRAY", "Archive", "Entry", "recording_of"]
+__all__ = ["LARGEST_ARRAY", "Archive", "Entry", "read_recording"]
 
 LARGEST_ARRAY = 40_000_000
 """Bytes of one unpacked array."""
@@ -61,75 +61,78 @@ class Archive:
     attributes: Mapping[str, str] = field(default_factory=dict)
 
 
-def recording_of(archive: Archive, selection: Selection) -> Recording:
+def read_recording(archive: Archive, options: ReadOptions) -> Recording:
     """Return the FRF that an archive holds.
 
     Raises
     ------
     MeasurementError
-        Parts that are missing or ambiguous, with a list of what the file holds; shapes and types that do not fit.
+        Fields that are missing or ambiguous, with a list of what the file holds; shapes and types that do not fit.
     """
     where = str(archive.path)
-    names = chosen_names(where, {name: entry.what for name, entry in archive.entries.items()}, selection.names)
-    parts = _parts(archive, names, selection)
+    names = assign_fields(where, {name: entry.what for name, entry in archive.entries.items()}, options.names)
+    fields = _load_fields(archive, names, options)
 
-    def place(index: int) -> str:
+    def locate(index: int) -> str:
         return f"{where}  line {index + 1} of the arrays"
 
-    values, has_phase = combined(parts, place)
-    meaning = _unit(archive, names)
-    quantity = _quantity(archive, names, meaning)
+    values, has_phase = combine_values(fields, locate)
+    meaning = _read_unit(archive, names)
+    quantity = _read_quantity(archive, names, meaning)
     return Recording(
         where=where,
         label=archive.path.name,
-        frequency=parts["frequency"] * _hertz(archive, names["frequency"]),
+        frequency=fields["frequency"] * _hertz_per_unit(archive, names["frequency"]),
         values=values,
         has_phase=has_phase,
         quantity=quantity,
         is_stated=quantity is not None,
-        coherence=parts.get("coherence"),
-        place=place,
+        coherence=fields.get("coherence"),
+        locate=locate,
         how_to_state_quantity="a text 'quantity' or 'unit' in the file",
-        note=_text(archive, names, "note"),
+        note=_read_text(archive, names, "note"),
         factor=1.0 if meaning is None else meaning.factor,
-        unit=_text(archive, names, "unit"),
-        averages=_averages(archive, names),
-        variance=parts.get("variance"),
+        unit=_read_text(archive, names, "unit"),
+        averages=_read_averages(archive, names),
+        variance=fields.get("variance"),
         rotation=meaning is not None and meaning.rotation,
-        response=_text(archive, names, "response"),
-        force=_text(archive, names, "force"),
+        response=_read_text(archive, names, "response"),
+        force=_read_text(archive, names, "force"),
     )
 
 
-def _parts(archive: Archive, names: Mapping[str, str], selection: Selection) -> dict[str, NDArray[Any]]:
+def _load_fields(archive: Archive, names: Mapping[str, str], options: ReadOptions) -> dict[str, NDArray[Any]]:
     """Return the arrays that have a number for each line, each of shape (n_freq,)."""
-    frequency = _numbers(archive, names["frequency"], "frequency", "real")
+    frequency = _load_numbers(archive, names["frequency"], "frequency", "real")
     if frequency.size != max(frequency.shape, default=0) or frequency.size == 0:
-        raise _misshapen(archive, names["frequency"], frequency, "(n_freq,) real numbers")
-    parts = {"frequency": frequency.ravel()}
+        raise _shape_error(archive, names["frequency"], frequency, "(n_freq,) real numbers")
+    fields = {"frequency": frequency.ravel()}
     lines = frequency.size
     several = False
-    for part in NUMBERS[1:]:
-        if part in names:
-            array = _numbers(archive, names[part], part, "complex" if part == "values" else "real")
+    for field_name in NUMERIC_FIELDS[1:]:
+        if field_name in names:
+            array = _load_numbers(
+                archive, names[field_name], field_name, "complex" if field_name == "values" else "real"
+            )
             several |= array.size > lines
-            parts[part] = _one_of_several(archive, names[part], array, lines, selection)
-    if selection.chooses and not several:
-        problem = f"{selection.chooses} chooses one of several FRFs, and the file holds one."
+            fields[field_name] = _select_frf(archive, names[field_name], array, lines, options)
+    if options.chooses and not several:
+        problem = f"{options.chooses} chooses one of several FRFs, and the file holds one."
         raise MeasurementError(Fault(str(archive.path), problem))
-    return parts
+    return fields
 
 
-def _numbers(archive: Archive, name: str, part: str, kind: str) -> NDArray[Any]:
+def _load_numbers(archive: Archive, name: str, field_name: str, kind: str) -> NDArray[Any]:
     array = archive.entries[name].load()
     accepted = {"real": "fiu", "complex": "c"}[kind]
     if array.dtype.kind not in accepted:
-        amplitude = "; an amplitude alone is called amplitude" if part == "values" and array.dtype.kind in "fiu" else ""
-        raise _misshapen(archive, name, array, f"(n_freq,) {kind} numbers{amplitude}")
+        is_real = field_name == "values" and array.dtype.kind in "fiu"
+        amplitude = "; an amplitude alone is called amplitude" if is_real else ""
+        raise _shape_error(archive, name, array, f"(n_freq,) {kind} numbers{amplitude}")
     return array.astype(np.complex128 if kind == "complex" else np.float64)
 
 
-def _one_of_several(archive: Archive, name: str, array: NDArray[Any], lines: int, selection: Selection) -> NDArray[Any]:
+def _select_frf(archive: Archive, name: str, array: NDArray[Any], lines: int, options: ReadOptions) -> NDArray[Any]:
     """Return the (n_freq,) numbers of the FRF that is wanted from an array with an axis of frequencies."""
     if array.size == max(array.shape, default=0) != lines:
         raise MeasurementError(Fault(str(archive.path), f"'{name}' has {array.size} lines, the frequency has {lines}."))
@@ -142,17 +145,17 @@ def _one_of_several(archive: Archive, name: str, array: NDArray[Any], lines: int
     others = np.moveaxis(array, axes[0], 0)
     wide = [length for length in others.shape[1:] if length > 1]
     table = others.reshape(lines, *wide)
-    chosen: NDArray[Any] = table.reshape(lines, -1)[:, _position(archive, name, tuple(wide), selection)]
-    return chosen
+    frf: NDArray[Any] = table.reshape(lines, -1)[:, _select_column(archive, name, tuple(wide), options)]
+    return frf
 
 
-def _position(archive: Archive, name: str, shape: tuple[int, ...], selection: Selection) -> int:
+def _select_column(archive: Archive, name: str, shape: tuple[int, ...], options: ReadOptions) -> int:
     """Return the position, from 0, of the wanted FRF among those of an array in C order."""
-    options: tuple[str, ...] = ("response", "force") if len(shape) > 1 else ("index", "response", "force")
-    wanted = [value for option in options if (value := getattr(selection, option)) is not None]
-    numbers = tuple(int(one) if re.fullmatch(r"\d{1,6}", str(one)) else 0 for one in wanted)
+    selectors: tuple[str, ...] = ("response", "force") if len(shape) > 1 else ("index", "response", "force")
+    wanted = [value for selector in selectors if (value := getattr(options, selector)) is not None]
+    numbers = tuple(int(wish) if re.fullmatch(r"\d{1,6}", str(wish)) else 0 for wish in wanted)
     if len(numbers) != len(shape) or any(not 1 <= n <= length for n, length in zip(numbers, shape, strict=True)):
-        say = " and ".join(options) if len(shape) > 1 else "one of " + ", ".join(options)
+        say = " and ".join(selectors) if len(shape) > 1 else "one of " + ", ".join(selectors)
         ranges = ", ".join(f"1 to {length}" for length in shape)
         problem = f"'{name}' holds {' x '.join(map(str, shape))} FRFs, and one is wanted."
         raise MeasurementError(
@@ -161,59 +164,59 @@ def _position(archive: Archive, name: str, shape: tuple[int, ...], selection: Se
     return int(np.ravel_multi_index([number - 1 for number in numbers], shape))
 
 
-def _misshapen(archive: Archive, name: str, array: NDArray[Any], accepted: str) -> MeasurementError:
+def _shape_error(archive: Archive, name: str, array: NDArray[Any], accepted: str) -> MeasurementError:
     problem = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
     return MeasurementError(Fault(str(archive.path), problem, accepted))
 
 
-def _text(archive: Archive, names: Mapping[str, str], part: str) -> str:
-    """Return a text of its own, of the values, or of the file; empty where there is none."""
-    if part in names:
-        array = archive.entries[names[part]].load()
+def _read_text(archive: Archive, names: Mapping[str, str], field_name: str) -> str:
+    """Return a text of the file by its name, else from the attributes of the values or of the file; or nothing."""
+    if field_name in names:
+        array = archive.entries[names[field_name]].load()
         if array.size != 1 or array.dtype.kind not in "US":
-            raise MeasurementError(Fault(f"{archive.path}  {names[part]}", "the array is not one word."))
+            raise MeasurementError(Fault(f"{archive.path}  {names[field_name]}", "the array is not one word."))
         word = array.reshape(())[()]
         text = word.decode("utf-8", errors="replace") if isinstance(word, bytes) else str(word)
         return text.strip()[:_LONGEST_TEXT]
     of_values = next(names[kind] for kind in ("values", "real", "amplitude") if kind in names)
     for attributes in (archive.entries[of_values].attributes, archive.attributes):
-        for key in (part, f"{part}s"):
+        for key in (field_name, f"{field_name}s"):
             if key in attributes:
                 return attributes[key].strip()[:_LONGEST_TEXT]
     return ""
 
 
-def _unit(archive: Archive, names: Mapping[str, str]) -> UnitMeaning | None:
-    label = _text(archive, names, "unit")
+def _read_unit(archive: Archive, names: Mapping[str, str]) -> UnitMeaning | None:
+    label = _read_text(archive, names, "unit")
     return meaning_of_unit(label, f"{archive.path}  unit") if label else None
 
 
-def _quantity(archive: Archive, names: Mapping[str, str], meaning: UnitMeaning | None) -> Quantity | None:
+def _read_quantity(archive: Archive, names: Mapping[str, str], meaning: UnitMeaning | None) -> Quantity | None:
     """Return what the file says in words, by its unit or by the name of the values; all must agree."""
-    word = _text(archive, names, "quantity")
-    stated = {
-        "its word": known_quantity(word, f"{archive.path}  quantity") if word else None,
+    word = _read_text(archive, names, "quantity")
+    statements = {
+        "its word": parse_quantity(word, f"{archive.path}  quantity") if word else None,
         "its unit": None if meaning is None else meaning.quantity,
         "the name of the values": quantity_of_name(names.get("values", "")),
     }
-    said = {source: quantity for source, quantity in stated.items() if quantity is not None}
-    if len(set(said.values())) > 1:
-        each = ", ".join(f"{quantity} by {source}" for source, quantity in said.items())
+    stated = {source: quantity for source, quantity in statements.items() if quantity is not None}
+    if len(set(stated.values())) > 1:
+        each = ", ".join(f"{quantity} by {source}" for source, quantity in stated.items())
         raise MeasurementError(Fault(str(archive.path), f"the file contradicts itself: {each}."))
-    return next(iter(said.values()), None)
+    return next(iter(stated.values()), None)
 
 
-def _averages(archive: Archive, names: Mapping[str, str]) -> int | None:
+def _read_averages(archive: Archive, names: Mapping[str, str]) -> int | None:
     if "averages" not in names:
         return None
     array = archive.entries[names["averages"]].load()
     number = array.reshape(-1)[0] if array.size == 1 and array.dtype.kind in "fiu" else np.nan
     if not (1 <= number <= MOST_LINES and number == int(number)):
-        raise _misshapen(archive, names["averages"], array, "a number of averages of 1 or more")
+        raise _shape_error(archive, names["averages"], array, "a number of averages of 1 or more")
     return int(number)
 
 
-def _hertz(archive: Archive, name: str) -> float:
+def _hertz_per_unit(archive: Archive, name: str) -> float:
     """Return Hz for each unit of the frequency, by its attribute."""
     attributes = archive.entries[name].attributes
     label = attributes.get("unit", attributes.get("units", "")).strip()

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry, recording_of
-from dovetail.measurement.recording import MOST_LINES, Recording, Selection, Written
+from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry, read_recording
+from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, Recording
 
-__all__ = ["archive_of", "decode", "encode"]
+__all__ = ["decode", "encode", "open_archive"]
 
 _LARGEST_DIRECTORY = 65536
 """Bytes of the archive's directory: room for hundreds of arrays, not for millions of empty ones."""
@@ -27,7 +27,7 @@ _WIDEST_ITEM = 4000
 _MOST_AXES = 3
 
 
-def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     """Return what an NPZ file holds.
 
     Raises
@@ -35,11 +35,11 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
     MeasurementError
         Not an archive, missing or misshapen arrays, Python objects.
     """
-    with _damage_told(path):
-        return recording_of(archive_of(path, content), selection)
+    with _report_damage(path):
+        return read_recording(open_archive(path, content), options)
 
 
-def archive_of(path: Path, content: bytes) -> Archive:
+def open_archive(path: Path, content: bytes) -> Archive:
     """Return the arrays of an NPZ file, none of them loaded.
 
     Raises
@@ -49,14 +49,14 @@ def archive_of(path: Path, content: bytes) -> Archive:
     """
     if _directory_size(content) > _LARGEST_DIRECTORY:
         raise MeasurementError(Fault(str(path), "the archive's directory is larger than that of any FRF."))
-    with _damage_told(path):
+    with _report_damage(path):
         archive = zipfile.ZipFile(io.BytesIO(content))
         held = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
         return Archive(path, {name: Entry("", partial(_array, path, archive, name)) for name in held})
 
 
 @contextmanager
-def _damage_told(path: Path) -> Iterator[None]:
+def _report_damage(path: Path) -> Iterator[None]:
     """Turn what a damaged archive raises into one fault; zipfile, decompressors and numpy each raise their own."""
     try:
         yield
@@ -68,13 +68,13 @@ def _damage_told(path: Path) -> Iterator[None]:
         raise MeasurementError(Fault(str(path), problem, "a file of np.savez")) from None
 
 
-def encode(written: Written, _path: Path, _binary: bool | None) -> bytes:
+def encode(content: FrfToWrite, _path: Path, _binary: bool | None) -> bytes:
     """Return an NPZ file."""
-    frf = written.frf
+    frf = content.frf
     arrays: dict[str, NDArray[Any]] = {"frequency": frf.frequency, "quantity": np.array(frf.quantity)}
-    arrays |= {"values": written.values} if frf.has_phase else {"amplitude": np.abs(written.values)}
-    arrays["unit"] = np.array(written.unit)
-    for name, array in (("coherence", frf.coherence), ("variance", written.variance)):
+    arrays |= {"values": content.values} if frf.has_phase else {"amplitude": np.abs(content.values)}
+    arrays["unit"] = np.array(content.unit)
+    for name, array in (("coherence", frf.coherence), ("variance", content.variance)):
         if array is not None:
             arrays[name] = array
     if frf.averages is not None:
@@ -97,7 +97,7 @@ def _directory_size(content: bytes) -> int:
 
 def _array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
     """Return one array after its header has shown that it is small and holds plain values."""
-    with _damage_told(path):
+    with _report_damage(path):
         return _checked_array(path, archive, name)
 
 

@@ -1,4 +1,9 @@
-"""FRFs in tables of text: comma, semicolon or tab between the columns."""
+"""FRFs in tables of text, with comma, semicolon or tab between the columns.
+
+A table has comments (``# quantity: mobility``), a header with the names of the columns, perhaps a row of units, and the
+rows of numbers. `read_header` finds out which column holds which field of the FRF, `decode` reads the numbers, and
+`encode` writes CSV.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +17,33 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Quantity
-from dovetail.measurement.formats.column_names import NUMBERS, chosen_names, combined, plain_name, quantity_of_name
+from dovetail.measurement.formats.column_names import (
+    NUMERIC_FIELDS,
+    assign_fields,
+    combine_values,
+    plain_name,
+    quantity_of_name,
+)
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
-from dovetail.measurement.recording import MOST_LINES, Recording, Selection, Written, known_quantity
+from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, Recording, parse_quantity
 
-__all__ = ["Header", "cells_of", "decode", "encode", "read_header", "text_lines"]
+__all__ = ["Header", "decode", "encode", "read_header", "split_cells", "split_lines"]
 
 _MOST_COMMENTS = 1000
+_COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
+_BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
+_SEPARATORS = ("\t", ";", ",")
+_ANGLES = {"deg": "phase_deg", "degree": "phase_deg", "degrees": "phase_deg", "°": "phase_deg", "rad": "phase_rad"}
+_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
+_PURE = ("", "-", "1", "none")
+_HEADERS = (
+    "frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
+    "each with or without a last column coherence"
+)
+_LONGEST = 1000
 
 
-def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     """Return what a table holds.
 
     Raises
@@ -29,111 +51,59 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
     MeasurementError
         Not text, a header that is not understood, or a line that does not fit it.
     """
-    if selection.chooses:
-        problem = f"{selection.chooses} chooses one of several FRFs; a {path.suffix} file holds one FRF."
+    if options.chooses:
+        problem = f"{options.chooses} chooses one of several FRFs; a {path.suffix} file holds one FRF."
         raise MeasurementError(Fault(str(path), problem))
-    lines = text_lines(path, content)
-    header = read_header(str(path), lines, selection.names)
+    lines = split_lines(path, content)
+    header = read_header(str(path), lines, options.names)
     numbers, table = _table(path, lines, header)
-    parts = {part: table[column] if part == "values" else table[column].real for part, column in header.columns.items()}
-    parts["frequency"] = parts["frequency"] * header.hertz
+    fields = {
+        field: table[column] if field == "values" else table[column].real for field, column in header.columns.items()
+    }
+    fields["frequency"] = fields["frequency"] * header.hertz
 
-    def place(index: int) -> str:
+    def locate(index: int) -> str:
         return f"{path}:{numbers[index]}"
 
-    values, has_phase = combined(parts, place)
+    values, has_phase = combine_values(fields, locate)
     meaning = meaning_of_unit(header.unit, str(path)) if header.unit else None
     quantity = _quantity(path, header)
     return Recording(
         where=str(path),
         label=path.name,
-        frequency=parts["frequency"],
+        frequency=fields["frequency"],
         values=values,
         has_phase=has_phase,
         quantity=quantity,
         is_stated=quantity is not None,
-        coherence=parts.get("coherence"),
-        place=place,
+        coherence=fields.get("coherence"),
+        locate=locate,
         how_to_state_quantity="a line '# quantity: accelerance' before the header",
         note=header.comments.get("note", ""),
         factor=1.0 if meaning is None else meaning.factor,
         unit=header.unit,
         averages=_averages(header.comments),
-        variance=parts.get("variance"),
+        variance=fields.get("variance"),
         rotation=meaning is not None and meaning.rotation,
         response=header.comments.get("response", ""),
         force=header.comments.get("force", ""),
     )
 
 
-def encode(written: Written, path: Path, _binary: bool | None) -> bytes:
-    """Return a CSV file with what is known of the FRF in comments and every digit of the numbers.
-
-    Raises
-    ------
-    MeasurementError
-        A number that is not finite.
-    """
-    frf = written.frf
-    columns = {"frequency_Hz": frf.frequency}
-    if frf.has_phase:
-        columns |= {"real": written.values.real, "imag": written.values.imag}
-    else:
-        columns |= {"amplitude": np.abs(written.values)}
-    for name, array in (("coherence", frf.coherence), ("variance", written.variance)):
-        if array is not None:
-            columns[name] = array
-    table = np.column_stack(list(columns.values()))
-    if not np.all(np.isfinite(table)):
-        raise MeasurementError(Fault(str(path), f"{frf.label} holds numbers that are not finite: nothing is written."))
-    rows = "\n".join(",".join(map(repr, row)) for row in table.tolist())
-    return f"{_comments(written)}{','.join(columns)}\n{rows}\n".encode()
-
-
-def _comments(written: Written) -> str:
-    frf = written.frf
-    said: dict[str, str] = {"quantity": frf.quantity}
-    if frf.rotation or written.factor != 1.0:
-        said["unit"] = written.unit
-    if frf.averages is not None:
-        said["averages"] = str(frf.averages)
-    said |= {name: " ".join(text.split()) for name in ("note", "response", "force") if (text := getattr(frf, name))}
-    return "".join(f"# {name}: {text}\n" for name, text in said.items())
-
-
-def text_lines(path: Path, content: bytes) -> list[str]:
-    """Return the lines of a text file, whatever ends them.
-
-    Raises
-    ------
-    MeasurementError
-        Too many lines, or bytes that are not UTF-8.
-    """
-    if max(content.count(b"\n"), content.count(b"\r")) > MOST_LINES + _MOST_COMMENTS:
-        raise MeasurementError(Fault(str(path), "the file has too many lines.", f"at most {MOST_LINES:,} lines"))
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise MeasurementError(
-            Fault(str(path), f"the file is not text: byte {error.start + 1} is not UTF-8.", "comma-separated text")
-        ) from None
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
 def _quantity(path: Path, header: Header) -> Quantity | None:
     """Return what a comment, the unit or the name of the values says; all must agree."""
     word = header.comments.get("quantity", "")
     meaning = meaning_of_unit(header.unit, str(path)) if header.unit else None
-    stated: tuple[Quantity | None, ...] = (
-        known_quantity(word.lower(), header.comments["quantity stands in"]) if word else None,
+    statements: tuple[Quantity | None, ...] = (
+        parse_quantity(word.lower(), header.comments["quantity stands in"]) if word else None,
         None if meaning is None else meaning.quantity,
         quantity_of_name(header.names[header.columns["values"]]) if "values" in header.columns else None,
     )
-    said: list[Quantity] = [one for one in stated if one is not None]
-    if len(set(said)) > 1:
-        problem = f"the file contradicts itself: {' and '.join(said)}."
+    stated: list[Quantity] = [quantity for quantity in statements if quantity is not None]
+    if len(set(stated)) > 1:
+        problem = f"the file contradicts itself: {' and '.join(stated)}."
         raise MeasurementError(Fault(str(path), problem))
-    return said[0] if said else None
+    return stated[0] if stated else None
 
 
 def _averages(comments: Mapping[str, str]) -> int | None:
@@ -182,17 +152,23 @@ def _number(cell: str, header: Header, column: int, where: str, is_complex: bool
         raise MeasurementError(Fault(where, f"{text[:40]!r} in column {name} is not a number.")) from None
 
 
-_COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
-_BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
-_SEPARATORS = ("\t", ";", ",")
-_ANGLES = {"deg": "phase_deg", "degree": "phase_deg", "degrees": "phase_deg", "°": "phase_deg", "rad": "phase_rad"}
-_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
-_PURE = ("", "-", "1", "none")
-_HEADERS = (
-    "frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
-    "each with or without a last column coherence"
-)
-_LONGEST = 1000
+def split_lines(path: Path, content: bytes) -> list[str]:
+    """Return the lines of a text file, whatever ends them.
+
+    Raises
+    ------
+    MeasurementError
+        Too many lines, or bytes that are not UTF-8.
+    """
+    if max(content.count(b"\n"), content.count(b"\r")) > MOST_LINES + _MOST_COMMENTS:
+        raise MeasurementError(Fault(str(path), "the file has too many lines.", f"at most {MOST_LINES:,} lines"))
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise MeasurementError(
+            Fault(str(path), f"the file is not text: byte {error.start + 1} is not UTF-8.", "comma-separated text")
+        ) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 class Header(NamedTuple):
@@ -206,7 +182,7 @@ class Header(NamedTuple):
     width : int
         Columns of each line.
     columns : mapping of str to int
-        From parts of the FRF to columns.
+        From the fields of the FRF to columns.
     names : tuple of str
         Of the columns.
     hertz : float
@@ -227,15 +203,15 @@ class Header(NamedTuple):
     comments: Mapping[str, str]
 
 
-def read_header(path: str, lines: Sequence[str], given: Mapping[str, str]) -> Header:
+def read_header(path: str, lines: Sequence[str], chosen: Mapping[str, str]) -> Header:
     """Read comments, header and row of units.
 
     Parameters
     ----------
     path : str
     lines : sequence of str
-    given : mapping of str to str
-        Names of the columns, by the parts of the FRF.
+    chosen : mapping of str to str
+        From fields of the FRF to names of columns, as the caller says.
 
     Raises
     ------
@@ -244,14 +220,14 @@ def read_header(path: str, lines: Sequence[str], given: Mapping[str, str]) -> He
     """
     number, comments = _preamble(path, lines)
     line = lines[number][:_LONGEST]
-    separator = next((one for one in _SEPARATORS if one in line), ",")
-    names, units = _names_and_units(cells_of(line, separator))
-    below = cells_of(lines[number + 1][:_LONGEST], separator) if number + 1 < len(lines) else []
+    separator = next((candidate for candidate in _SEPARATORS if candidate in line), ",")
+    names, units = _names_and_units(split_cells(line, separator))
+    below = split_cells(lines[number + 1][:_LONGEST], separator) if number + 1 < len(lines) else []
     has_units = len(below) == len(names) and not any(units) and not any(_is_number(cell) for cell in below)
     if has_units and any(below):
         units = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in below]
     where = f"{path}:{number + 1}"
-    columns = _columns(where, line, names, units, given)
+    columns = _columns(where, line, names, units, chosen)
     return Header(
         first=number + 1 + (has_units and any(below)),
         separator=separator,
@@ -264,7 +240,7 @@ def read_header(path: str, lines: Sequence[str], given: Mapping[str, str]) -> He
     )
 
 
-def cells_of(line: str, separator: str) -> list[str]:
+def split_cells(line: str, separator: str) -> list[str]:
     """Return the cells of a line without quotes and blanks around them."""
     return [cell.strip().strip('"').strip() for cell in line.split(separator)]
 
@@ -290,28 +266,28 @@ def _names_and_units(cells: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _columns(
-    where: str, line: str, names: Sequence[str], units: Sequence[str], given: Mapping[str, str]
+    where: str, line: str, names: Sequence[str], units: Sequence[str], chosen: Mapping[str, str]
 ) -> dict[str, int]:
-    """Return the column of each part of the FRF; a column that is none of them is refused unless names are given."""
-    called = [
-        _ANGLES[unit.lower()] if _is_angle(name) and unit.lower() in _ANGLES and name not in given.values() else name
+    """Return the column of each field of the FRF; any other column is refused unless the caller names the columns."""
+    labels = [
+        _ANGLES[unit.lower()] if _is_angle(name) and unit.lower() in _ANGLES and name not in chosen.values() else name
         for name, unit in zip(names, units, strict=True)
     ]
-    held = {name: unit for name, unit in zip(called, units, strict=True) if name}
+    contents = {name: unit for name, unit in zip(labels, units, strict=True) if name}
     shown = line if len(line) <= 60 else f"{line[:60]}..."
     unclear = MeasurementError(Fault(where, f"the header {shown!r} is not understood.", _HEADERS))
-    if len(held) < sum(1 for name in called if name):
+    if len(contents) < sum(1 for name in labels if name):
         raise MeasurementError(Fault(where, f"the header {shown!r} has a name twice.", _HEADERS))
     try:
-        chosen = chosen_names(where, held, given)
+        assigned = assign_fields(where, contents, chosen)
     except MeasurementError:
-        if given:
+        if chosen:
             raise
         raise unclear from None
-    parts = {part: name for part, name in chosen.items() if part in NUMBERS}
-    if not given and set(held) != set(parts.values()):
+    fields = {field: name for field, name in assigned.items() if field in NUMERIC_FIELDS}
+    if not chosen and set(contents) != set(fields.values()):
         raise unclear
-    return {part: called.index(name) for part, name in parts.items()}
+    return {field: labels.index(name) for field, name in fields.items()}
 
 
 def _is_angle(name: str) -> bool:
@@ -341,3 +317,38 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return bool(cell)
+
+
+def encode(content: FrfToWrite, path: Path, _binary: bool | None) -> bytes:
+    """Return a CSV file with what is known of the FRF in comments and every digit of the numbers.
+
+    Raises
+    ------
+    MeasurementError
+        A number that is not finite.
+    """
+    frf = content.frf
+    columns = {"frequency_Hz": frf.frequency}
+    if frf.has_phase:
+        columns |= {"real": content.values.real, "imag": content.values.imag}
+    else:
+        columns |= {"amplitude": np.abs(content.values)}
+    for name, array in (("coherence", frf.coherence), ("variance", content.variance)):
+        if array is not None:
+            columns[name] = array
+    table = np.column_stack(list(columns.values()))
+    if not np.all(np.isfinite(table)):
+        raise MeasurementError(Fault(str(path), f"{frf.label} holds numbers that are not finite: nothing is written."))
+    rows = "\n".join(",".join(map(repr, row)) for row in table.tolist())
+    return f"{_comments(content)}{','.join(columns)}\n{rows}\n".encode()
+
+
+def _comments(content: FrfToWrite) -> str:
+    frf = content.frf
+    comments: dict[str, str] = {"quantity": frf.quantity}
+    if frf.rotation or content.factor != 1.0:
+        comments["unit"] = content.unit
+    if frf.averages is not None:
+        comments["averages"] = str(frf.averages)
+    comments |= {name: " ".join(text.split()) for name in ("note", "response", "force") if (text := getattr(frf, name))}
+    return "".join(f"# {name}: {text}\n" for name, text in comments.items())

@@ -9,6 +9,7 @@ an empty file.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +26,14 @@ from dovetail.measurement.formats.uff_sets import (
     TIME,
     UffSet,
     check_unit_system,
-    chosen_set,
     clean_header,
     meaning_of,
-    parsed_set,
-    scanned_sets,
+    parse_set,
+    scan_sets,
+    select_set,
 )
 from dovetail.measurement.formats.uff_writer import VARIANCE
-from dovetail.measurement.recording import MOST_LINES, Recording, Selection
+from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
 
 __all__ = ["decode", "time_records"]
 
@@ -43,24 +44,24 @@ _LONGEST_ROW = 60
 _NOT_NUMERIC = re.compile(rb"[^0-9eE+\-.\s]\S*")
 
 
-def decode(path: Path, content: bytes, selection: Selection) -> Recording:
+def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     """Return what a universal file holds: its only FRF, or the one that is chosen by number or DOFs.
 
-    A coherence of the same points and frequencies comes along when there is exactly one; so does the variance that
-    Dovetail writes, and a number of averages that an id line gives as ``averages: 10``.
+    The coherence is read too when exactly one set holds it for the same points and frequencies; so are the variance
+    that Dovetail writes and a number of averages that an id line states as ``averages: 10``.
 
     Raises
     ------
     MeasurementError
         Not a universal file, damaged or truncated sets, no FRF or several, units that are not understood.
     """
-    if selection.names:
+    if options.names:
         raise MeasurementError(Fault(str(path), "names are for files of named arrays or columns, not for sets."))
-    sets = scanned_sets(path, content)
-    chosen = chosen_set(path, sets, selection)
+    sets = scan_sets(path, content)
+    chosen = select_set(path, sets, options)
     check_unit_system(content, sets)
     meaning = meaning_of(chosen)
-    frequency, values = _data(content, chosen)
+    frequency, values = _read_data(content, chosen)
     return Recording(
         where=chosen.where,
         label=path.name,
@@ -69,17 +70,17 @@ def decode(path: Path, content: bytes, selection: Selection) -> Recording:
         has_phase=np.iscomplexobj(values),
         quantity=meaning.quantity,
         is_stated=meaning.quantity is not None and meaning.over_force,
-        coherence=_partner(content, chosen, [one for one in sets if one.function == COHERENCE], frequency),
-        place=lambda line: f"{chosen.where}, line {line + 1} of its data",
+        coherence=_matching_data(content, chosen, filter(_is_coherence, sets), frequency),
+        locate=lambda line: f"{chosen.where}, line {line + 1} of its data",
         how_to_state_quantity="data types 8, 11 or 12 over 13 in the set's header",
         note="" if chosen.fields["id1"].strip() == "NONE" else chosen.fields["id1"].strip(),
         factor=meaning.factor,
         unit=meaning.unit,
         averages=_averages(chosen),
-        variance=_partner(content, chosen, [one for one in sets if _is_variance(one)], frequency),
+        variance=_matching_data(content, chosen, filter(_is_variance, sets), frequency),
         rotation=chosen.is_rotation,
-        response=_said(chosen, "response") or chosen.response,
-        force=_said(chosen, "force") or chosen.force,
+        response=_id_line_value(chosen, "response") or chosen.response,
+        force=_id_line_value(chosen, "force") or chosen.force,
     )
 
 
@@ -91,90 +92,98 @@ def time_records(path: Path, content: bytes) -> tuple[NDArray[np.float64], NDArr
     MeasurementError
         No time responses, or not in pairs of a force and a motion with the same times.
     """
-    sets = [one for one in scanned_sets(path, content) if one.function == TIME]
-    forces, motions = ([one for one in sets if _is_force(one) == wanted] for wanted in (True, False))
+    sets = [uff_set for uff_set in scan_sets(path, content) if uff_set.function == TIME]
+    forces = [uff_set for uff_set in sets if _is_force(uff_set)]
+    motions = [uff_set for uff_set in sets if not _is_force(uff_set)]
     if not forces or len(forces) != len(motions):
         problem = f"the file holds {len(forces)} time records of a force and {len(motions)} of a motion."
-        raise MeasurementError(
-            Fault(str(path), problem, "a pair for each impact (function type 1, data type 13 a force)")
-        )
-    records, axes = [], []
-    for one in (*forces, *motions):
-        axis, values = _data(content, one)
-        if np.iscomplexobj(values):
-            raise MeasurementError(Fault(one.where, "a time record is complex."))
-        axes.append(axis)
-        records.append(values)
-    if any(axis.shape != axes[0].shape or not np.allclose(np.diff(axis), np.diff(axes[0])) for axis in axes):
+        accepted = "a pair for each impact (function type 1, data type 13 a force)"
+        raise MeasurementError(Fault(str(path), problem, accepted))
+    times, records = zip(*(_read_data(content, uff_set) for uff_set in (*forces, *motions)), strict=True)
+    for uff_set, record in zip((*forces, *motions), records, strict=True):
+        if np.iscomplexobj(record):
+            raise MeasurementError(Fault(uff_set.where, "a time record is complex."))
+    rate = _sampling_rate(path, times)
+    units = _time_unit(path, forces), _time_unit(path, motions)
+    return np.array(records[: len(forces)]), np.array(records[len(forces) :]), rate, units
+
+
+def _sampling_rate(path: Path, times: Sequence[NDArray[np.float64]]) -> float:
+    first = times[0]
+    if any(time.shape != first.shape or not np.allclose(np.diff(time), np.diff(first)) for time in times):
         raise MeasurementError(Fault(str(path), "the time records have different lengths or steps."))
-    step = (axes[0][-1] - axes[0][0]) / max(axes[0].size - 1, 1)
-    if not (step > 0 and np.allclose(np.diff(axes[0]), step, rtol=1e-3)):
+    step = float(first[-1] - first[0]) / max(first.size - 1, 1)
+    if not (step > 0 and np.allclose(np.diff(first), step, rtol=1e-3)):
         raise MeasurementError(Fault(str(path), "the time does not increase in even steps."))
-    labels = {
-        kind: {one.fields["ordinate_axis_units_lab"].strip() for one in some}
-        for kind, some in (("force", forces), ("motion", motions))
-    }
-    units = [("" if label.lower() == "none" else label) for label in (min(labels["force"]), min(labels["motion"]))]
-    if any(len(some) > 1 for some in labels.values()):
+    return 1.0 / step
+
+
+def _time_unit(path: Path, sets: Sequence[UffSet]) -> str:
+    labels = {uff_set.fields["ordinate_axis_units_lab"].strip() for uff_set in sets}
+    if len(labels) > 1:
         raise MeasurementError(Fault(str(path), "the time records are in different units."))
-    count = len(forces)
-    return np.array(records[:count]), np.array(records[count:]), 1.0 / step, (units[0], units[1])
+    label: str = labels.pop()
+    return "" if label.lower() == "none" else label
 
 
-def _is_force(one: UffSet) -> bool:
-    return bool(one.fields["ordinate_spec_data_type"] == FORCE)
+def _is_force(uff_set: UffSet) -> bool:
+    return bool(uff_set.fields["ordinate_spec_data_type"] == FORCE)
 
 
-def _partner(
-    content: bytes, chosen: UffSet, candidates: list[UffSet], frequency: NDArray[np.float64]
+def _matching_data(
+    content: bytes, chosen: UffSet, candidates: Iterable[UffSet], frequency: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Return the real data that belong to the chosen set: same points, same frequencies, and only one such set."""
-    partners = [one for one in candidates if one.points == chosen.points]
-    if len(partners) != 1:
+    """Return the real data for the points and frequencies of the chosen set, if exactly one set has them."""
+    matching = [candidate for candidate in candidates if candidate.points == chosen.points]
+    if len(matching) != 1:
         return None
-    axis, data = _data(content, partners[0])
+    axis, data = _read_data(content, matching[0])
     if np.iscomplexobj(data) or not np.array_equal(axis, frequency):
         return None
     return data
 
 
-def _is_variance(one: UffSet) -> bool:
-    return one.function == GENERAL and str(one.fields["id1"]).startswith(VARIANCE)
+def _is_coherence(uff_set: UffSet) -> bool:
+    return uff_set.function == COHERENCE
 
 
-def _averages(one: UffSet) -> int | None:
+def _is_variance(uff_set: UffSet) -> bool:
+    return uff_set.function == GENERAL and str(uff_set.fields["id1"]).startswith(VARIANCE)
+
+
+def _averages(uff_set: UffSet) -> int | None:
     """Return the number of averages that an id line gives, or None."""
-    number = _said(one, r"averages", r"0*([1-9]\d{0,5})\b")
+    number = _id_line_value(uff_set, r"averages", r"0*([1-9]\d{0,5})\b")
     return int(number) if number else None
 
 
-def _said(one: UffSet, key: str, value: str = r"(.+?)\s*$") -> str:
-    """Return what an id line behind the first says of a key, as in ``averages: 10``."""
+def _id_line_value(uff_set: UffSet, key: str, value: str = r"(.+?)\s*$") -> str:
+    """Return the value that an id line after the first gives to a key, as in ``averages: 10``, or nothing."""
     for line in ("id2", "id3", "id4", "id5"):
-        if match := re.search(rf"\b{key}\s*[:=]\s*{value}", str(one.fields[line]), re.IGNORECASE):
+        if match := re.search(rf"\b{key}\s*[:=]\s*{value}", str(uff_set.fields[line]), re.IGNORECASE):
             return match[1]
     return ""
 
 
-def _data(content: bytes, one: UffSet) -> tuple[NDArray[np.float64], NDArray[Any]]:
+def _read_data(content: bytes, uff_set: UffSet) -> tuple[NDArray[np.float64], NDArray[Any]]:
     """Return the frequencies and the values of a set whose header can be read."""
-    _check_form(one)
-    fields = one.fields
-    payload = content[one.header_end : one.end]
+    _check_form(uff_set)
+    fields = uff_set.fields
+    payload = content[uff_set.header_end : uff_set.end]
     if fields["binary"]:
-        _check_size(one, payload)
+        _check_size(uff_set, payload)
     else:
-        payload = _ascii_data(one, content, payload)
-    parsed = parsed_set(clean_header(content[one.start : one.header_end]) + payload + END)
+        payload = _ascii_data(uff_set, content, payload)
+    parsed = parse_set(clean_header(content[uff_set.start : uff_set.header_end]) + payload + END)
     if not parsed:
         raise MeasurementError(
-            Fault(one.where, "the data are damaged: they do not stand in the columns of their form.")
+            Fault(uff_set.where, "the data are damaged: they do not stand in the columns of their form.")
         )
     frequency, values = np.asarray(parsed["x"]), np.asarray(parsed["data"])
     if values.size != fields["num_pts"] or frequency.size != values.size:
         raise MeasurementError(
             Fault(
-                one.where,
+                uff_set.where,
                 f"the header announces {fields['num_pts']} lines, and there are {values.size}.",
                 remedy="The file is truncated or damaged: export it again.",
             )
@@ -182,38 +191,38 @@ def _data(content: bytes, one: UffSet) -> tuple[NDArray[np.float64], NDArray[Any
     return frequency, values
 
 
-def _check_form(one: UffSet) -> None:
-    fields = one.fields
+def _check_form(uff_set: UffSet) -> None:
+    fields = uff_set.fields
     if fields["ord_data_type"] not in (*_REAL, *_COMPLEX) or fields["abscissa_spacing"] not in (0, 1):
         raise MeasurementError(
             Fault(
-                one.where,
+                uff_set.where,
                 f"the data form {fields['ord_data_type']} with spacing {fields['abscissa_spacing']} is not known.",
                 "forms 2, 4, 5, 6 with spacing 0 or 1",
             )
         )
     if not 1 <= fields["num_pts"] <= MOST_LINES:
         raise MeasurementError(
-            Fault(one.where, f"the header announces {fields['num_pts']} lines.", f"1 to {MOST_LINES:,} lines")
+            Fault(uff_set.where, f"the header announces {fields['num_pts']} lines.", f"1 to {MOST_LINES:,} lines")
         )
     kind = fields["abscissa_spec_data_type"]
-    if kind not in ((0, 1, 17) if one.function == TIME else ABSCISSA_TYPES):
-        accepted = "17 (time)" if one.function == TIME else "18 (frequency)"
-        raise MeasurementError(Fault(one.where, f"the abscissa has the data type {kind}.", accepted))
+    if kind not in ((0, 1, 17) if uff_set.function == TIME else ABSCISSA_TYPES):
+        accepted = "17 (time)" if uff_set.function == TIME else "18 (frequency)"
+        raise MeasurementError(Fault(uff_set.where, f"the abscissa has the data type {kind}.", accepted))
     if fields["binary"] and fields["fp_format"] != 2:
         raise MeasurementError(
-            Fault(one.where, f"the floating-point format {fields['fp_format']} is not read.", "2 (IEEE 754)")
+            Fault(uff_set.where, f"the floating-point format {fields['fp_format']} is not read.", "2 (IEEE 754)")
         )
 
 
-def _check_size(one: UffSet, payload: bytes) -> None:
-    fields = one.fields
+def _check_size(uff_set: UffSet, payload: bytes) -> None:
+    fields = uff_set.fields
     numbers = (1 if fields["ord_data_type"] in _REAL else 2) + (fields["abscissa_spacing"] == 0)
     expected = fields["num_pts"] * numbers * (8 if fields["ord_data_type"] in _DOUBLE else 4)
     if not expected <= len(payload) <= expected + 2:  # a line end may stand before the end tag
         raise MeasurementError(
             Fault(
-                one.where,
+                uff_set.where,
                 f"the header announces {fields['num_pts']} lines, which take {expected} bytes, "
                 f"and there are {len(payload)}.",
                 remedy="The file is truncated or damaged: export it again.",
@@ -221,15 +230,18 @@ def _check_size(one: UffSet, payload: bytes) -> None:
         )
 
 
-def _ascii_data(one: UffSet, content: bytes, payload: bytes) -> bytes:
+def _ascii_data(uff_set: UffSet, content: bytes, payload: bytes) -> bytes:
     """Return the data lines without the blanks and empty lines at their ends, which pyuff does not take."""
     rows = max(payload.count(b"\n"), payload.count(b"\r"))
-    if len(payload) > (one.fields["num_pts"] + 2) * _LONGEST_ROW or rows > one.fields["num_pts"] + 2:
+    if len(payload) > (uff_set.fields["num_pts"] + 2) * _LONGEST_ROW or rows > uff_set.fields["num_pts"] + 2:
         raise MeasurementError(
-            Fault(one.where, f"there are more data than the {one.fields['num_pts']} lines that the header announces.")
+            Fault(
+                uff_set.where,
+                f"there are more data than the {uff_set.fields['num_pts']} lines that the header announces.",
+            )
         )
     if odd := _NOT_NUMERIC.search(payload):
-        line = content.count(b"\n", 0, one.header_end + odd.start()) + 1
+        line = content.count(b"\n", 0, uff_set.header_end + odd.start()) + 1
         word = odd[0][:40].decode("ascii", errors="replace")
-        raise MeasurementError(Fault(f"{one.where}, line {line} of the file", f"{word!r} is not a number."))
+        raise MeasurementError(Fault(f"{uff_set.where}, line {line} of the file", f"{word!r} is not a number."))
     return b"".join(line.rstrip() + b"\n" for line in payload.splitlines() if line.strip())

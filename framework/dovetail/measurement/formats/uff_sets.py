@@ -1,4 +1,8 @@
-"""The sets of a universal file: where each stands and what its header says."""
+"""The sets of a universal file.
+
+`scan_sets` tells where each set stands and reads its header, `select_set` takes the one that the caller wants, and
+`meaning_of` says what its values are: quantity, unit and sign.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +16,8 @@ import numpy as np
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
-from dovetail.measurement.frf_units import converted, motion_unit, spelled
-from dovetail.measurement.recording import Selection
+from dovetail.measurement.frf_units import conversion_factor, motion_unit, pint_spelling
+from dovetail.measurement.recording import ReadOptions
 
 __all__ = [
     "ABSCISSA_TYPES",
@@ -28,11 +32,11 @@ __all__ = [
     "Meaning",
     "UffSet",
     "check_unit_system",
-    "chosen_set",
     "clean_header",
     "meaning_of",
-    "parsed_set",
-    "scanned_sets",
+    "parse_set",
+    "scan_sets",
+    "select_set",
 ]
 
 GENERAL, TIME, FRF, COHERENCE = 0, 1, 4, 6
@@ -58,6 +62,19 @@ _HEADER = re.compile(rb"(?:[^\r\n]{0,200}(?:\r\n|\r|\n)){13}")
 _NOT_PRINTED = dict.fromkeys((*range(10), 11, 12, *range(14, 32), 0x7F, 0x85, 0x2028, 0x2029), " ")
 """Characters at which Python, but no universal file, ends a line; and other control characters."""
 END = b"    -1\n"
+ORDINATE: dict[Quantity, tuple[int, str, str]] = {
+    "receptance": (8, "Displacement", "m"),
+    "mobility": (11, "Velocity", "m/s"),
+    "accelerance": (12, "Acceleration", "m/s^2"),
+}
+"""Data type of the ordinate's numerator, its name and its SI unit."""
+FORCE = 13
+ABSCISSA_TYPES = (0, 1, 18)
+"""Unknown, general, frequency."""
+_UNKNOWN = (0, 1)
+_QUANTITY_OF: dict[int, Quantity] = {number: quantity for quantity, (number, _, _) in ORDINATE.items()}
+_NO_LABEL = ("", "none")
+_SI_SYSTEM = 1
 
 
 @dataclass(frozen=True)
@@ -141,7 +158,7 @@ def _direction(code: int) -> str:
     return f"{_sign(code)}{_DIRECTIONS.get(abs(code), code)}"
 
 
-def scanned_sets(path: Path, content: bytes) -> list[UffSet]:
+def scan_sets(path: Path, content: bytes) -> list[UffSet]:
     """Return the sets of a file, in its order, without reading any data.
 
     Raises
@@ -161,14 +178,14 @@ def scanned_sets(path: Path, content: bytes) -> list[UffSet]:
             Fault(f"{path}: set {len(tags) // 2 + 1}", "the set has no end line '    -1': the file is truncated.")
         )
     spans = zip(tags[::2], tags[1::2], strict=True)
-    return [_scanned(path, content, number, *span) for number, span in enumerate(spans, start=1)]
+    return [_scan_set(path, content, number, *span) for number, span in enumerate(spans, start=1)]
 
 
-def _scanned(path: Path, content: bytes, number: int, start: int, end: int) -> UffSet:
+def _scan_set(path: Path, content: bytes, number: int, start: int, end: int) -> UffSet:
     kind = re.compile(rb"[^\r\n]{0,200}(?:\r\n|\r|\n) *(\d{1,6})").match(content, start, end)
     header = _HEADER.match(content, start, end)
     code = int(kind[1]) if kind else 0
-    fields = parsed_set(clean_header(header[0]) + END, header_only=True) if header and code == 58 else {}
+    fields = parse_set(clean_header(header[0]) + END, header_only=True) if header and code == 58 else {}
     return UffSet(f"{path}: set {number}", number, code, start, end, header.end() if header else end, fields)
 
 
@@ -182,7 +199,7 @@ def clean_header(header: bytes) -> bytes:
     return "\n".join(line.translate(_NOT_PRINTED) for line in lines).encode()
 
 
-def parsed_set(content: bytes, *, header_only: bool = False) -> dict[str, Any]:
+def parse_set(content: bytes, *, header_only: bool = False) -> dict[str, Any]:
     """Return what pyuff reads in a file of one set; empty when it cannot read it."""
     import pyuff
 
@@ -197,72 +214,56 @@ def parsed_set(content: bytes, *, header_only: bool = False) -> dict[str, Any]:
     return parsed if isinstance(parsed, dict) else {}  # one set comes back bare, none as an empty list
 
 
-def _table(sets: list[UffSet]) -> str:
+def _inventory(sets: list[UffSet]) -> str:
     hidden = len(sets) - _SETS_SHOWN
-    return "".join(f"\n    {one}" for one in sets[:_SETS_SHOWN]) + (f"\n    and {hidden} more" if hidden > 0 else "")
+    rows = "".join(f"\n    {shown}" for shown in sets[:_SETS_SHOWN])
+    return f"{rows}\n    and {hidden} more" if hidden > 0 else rows
 
 
-def chosen_set(path: Path, sets: list[UffSet], selection: Selection) -> UffSet:
-    """Return the FRF that the selection chooses by number or by the names of its DOFs, or the only one.
+def select_set(path: Path, sets: list[UffSet], options: ReadOptions) -> UffSet:
+    """Return the FRF that the options choose by number or by the names of its DOFs, or the only one.
 
     Raises
     ------
     MeasurementError
         No such set, no FRF, or several that fit; the fault lists the sets.
     """
-    table = _table(sets)
-    if selection.index is not None:
-        named = [one for one in sets if one.number == selection.index]
-        if not named or named[0].function != FRF:
-            what = "is no FRF" if named else "is not in the file"
-            raise MeasurementError(Fault(str(path), f"set {selection.index} {what}; it holds:{table}"))
-        return named[0]
-    functions = [one for one in sets if one.function == FRF]
+    inventory = _inventory(sets)
+    if options.index is not None:
+        numbered = [uff_set for uff_set in sets if uff_set.number == options.index]
+        if not numbered or numbered[0].function != FRF:
+            what = "is no FRF" if numbered else "is not in the file"
+            raise MeasurementError(Fault(str(path), f"set {options.index} {what}; it holds:{inventory}"))
+        return numbered[0]
+    functions = [uff_set for uff_set in sets if uff_set.function == FRF]
     if not functions:
-        raise MeasurementError(Fault(str(path), f"the file holds no FRF; it holds:{table}"))
+        raise MeasurementError(Fault(str(path), f"the file holds no FRF; it holds:{inventory}"))
     fitting = [
-        one for one in functions if _is_dof(one.response, selection.response) and _is_dof(one.force, selection.force)
+        uff_set
+        for uff_set in functions
+        if _is_dof(uff_set.response, options.response) and _is_dof(uff_set.force, options.force)
     ]
     if len(fitting) == 1:
         return fitting[0]
     if not fitting:
-        wanted = f"from {selection.force or 'any force'} to {selection.response or 'any response'}"
-        raise MeasurementError(Fault(str(path), f"no FRF {wanted} is in the file; it holds:{table}"))
-    first = fitting[0].number
-    raise MeasurementError(
-        Fault(
-            str(path),
-            f"the file holds {len(fitting)} FRFs{' that fit' if selection.chooses else ''}, and one is wanted:{table}",
-            remedy=f"Choose one by its DOFs (response, force) or its number, for example index={first}.",
-        )
-    )
+        wanted = f"from {options.force or 'any force'} to {options.response or 'any response'}"
+        raise MeasurementError(Fault(str(path), f"no FRF {wanted} is in the file; it holds:{inventory}"))
+    which = " that fit" if options.chooses else ""
+    problem = f"the file holds {len(fitting)} FRFs{which}, and one is wanted:{inventory}"
+    remedy = f"Choose one by its DOFs (response, force) or its number, for example index={fitting[0].number}."
+    raise MeasurementError(Fault(str(path), problem, remedy=remedy))
 
 
 def _is_dof(name: str, wanted: str | None) -> bool:
-    """Whether a DOF is the one that is wanted; part, sign and direction may be left out."""
+    """Whether the caller means this DOF; component, sign and direction may be left out."""
     if wanted is None:
         return True
-    given = re.sub(r"[\s:]", "", wanted.lower())
     entity, _, rest = name.lower().rpartition(":")
     node = re.match(r"\d*", rest)
     number = node[0] if node else rest
     forms = {rest, rest.replace("+", "").replace("-", ""), number}
-    return given in {re.sub(r"[\s:]", "", start + form) for form in forms for start in ("", entity)}
-
-
-ORDINATE: dict[Quantity, tuple[int, str, str]] = {
-    "receptance": (8, "Displacement", "m"),
-    "mobility": (11, "Velocity", "m/s"),
-    "accelerance": (12, "Acceleration", "m/s^2"),
-}
-"""Data type of the ordinate's numerator, its name and its SI unit."""
-FORCE = 13
-ABSCISSA_TYPES = (0, 1, 18)
-"""Unknown, general, frequency."""
-_UNKNOWN = (0, 1)
-_QUANTITY_OF: dict[int, Quantity] = {number: quantity for quantity, (number, _, _) in ORDINATE.items()}
-_NO_LABEL = ("", "none")
-_SI_SYSTEM = 1
+    spellings = {re.sub(r"[\s:]", "", start + form) for form in forms for start in ("", entity)}
+    return re.sub(r"[\s:]", "", wanted.lower()) in spellings
 
 
 class Meaning(NamedTuple):
@@ -286,7 +287,7 @@ class Meaning(NamedTuple):
     unit: str = ""
 
 
-def meaning_of(one: UffSet) -> Meaning:
+def meaning_of(uff_set: UffSet) -> Meaning:
     """Return what the header of a set says about its values.
 
     Raises
@@ -294,61 +295,66 @@ def meaning_of(one: UffSet) -> Meaning:
     MeasurementError
         Not a motion over a force, half a rotation, or a unit label that is not understood.
     """
-    _check_types(one)
-    fields = one.fields
+    _check_types(uff_set)
+    fields = uff_set.fields
     sign = -1.0 if fields["rsp_dir"] * fields["ref_dir"] < 0 else 1.0
     stated = _QUANTITY_OF.get(fields["ordinate_spec_data_type"])
-    above, below = _spelled(one, "ordinate_axis_units_lab"), _spelled(one, "orddenom_axis_units_lab")
+    above, below = _unit_label(uff_set, "ordinate_axis_units_lab"), _unit_label(uff_set, "orddenom_axis_units_lab")
     over_force = fields["orddenom_spec_data_type"] == FORCE or bool(below)
     if not above:
-        return Meaning(stated, over_force, sign / _force(one, below))
+        return Meaning(stated, over_force, sign / _force(uff_set, below))
     candidates = QUANTITIES if stated is None else (stated,)
-    units = [(q, unit_of(q, rotation=one.is_rotation), motion_unit(q, rotation=one.is_rotation)) for q in candidates]
+    units = [
+        (q, unit_of(q, rotation=uff_set.is_rotation), motion_unit(q, rotation=uff_set.is_rotation)) for q in candidates
+    ]
     for quantity, frf, motion in units:
-        if (whole := converted(above, frf)) is not None:
+        if (whole := conversion_factor(above, frf)) is not None:
             return Meaning(quantity, True, sign * whole, above)
-        if (alone := converted(above, motion)) is not None:
-            return Meaning(quantity, over_force, sign * alone / _force(one, below), f"{above} over {below or 'N'}")
+        if (alone := conversion_factor(above, motion)) is not None:
+            return Meaning(quantity, over_force, sign * alone / _force(uff_set, below), f"{above} over {below or 'N'}")
     accepted = " or ".join(f"{motion}, {frf}" for _, frf, motion in units)
-    raise _not_understood(one, above, accepted)
+    raise _unknown_unit(uff_set, above, accepted)
 
 
-def _check_types(one: UffSet) -> None:
-    fields = one.fields
+def _check_types(uff_set: UffSet) -> None:
+    fields = uff_set.fields
     numerator, denominator = fields["ordinate_spec_data_type"], fields["orddenom_spec_data_type"]
     if numerator not in (*_UNKNOWN, *_QUANTITY_OF) or denominator not in (*_UNKNOWN, FORCE):
         raise MeasurementError(
             Fault(
-                one.where,
+                uff_set.where,
                 f"the data are of type {numerator} over type {denominator}.",
                 "displacement (8), velocity (11) or acceleration (12) over excitation force (13)",
             )
         )
     if (abs(fields["rsp_dir"]) > 3) != (abs(fields["ref_dir"]) > 3):
         accepted = "a translation over a force, or a rotation over a moment"
-        raise MeasurementError(Fault(one.where, "either the response or the reference is a rotation.", accepted))
+        raise MeasurementError(Fault(uff_set.where, "either the response or the reference is a rotation.", accepted))
     label = fields["abscissa_axis_units_lab"].strip().lower()
     if label not in (*_NO_LABEL, "hz"):
-        raise MeasurementError(Fault(one.where, f"the frequencies are in {label!r}.", "Hz"))
+        raise MeasurementError(Fault(uff_set.where, f"the frequencies are in {label!r}.", "Hz"))
 
 
-def _force(one: UffSet, label: str) -> float:
+def _force(uff_set: UffSet, label: str) -> float:
     """Return newtons, or newton metres, per labelled unit of the denominator; 1 where there is no label."""
-    unit = "N m" if one.is_rotation else "N"
-    si = converted(label, unit) if label else 1.0
+    unit = "N m" if uff_set.is_rotation else "N"
+    si = conversion_factor(label, unit) if label else 1.0
     if si is None:
-        raise _not_understood(one, label, unit)
+        raise _unknown_unit(uff_set, label, unit)
     return si
 
 
-def _spelled(one: UffSet, field: str) -> str:
-    return spelled(one.fields[field])
+def _unit_label(uff_set: UffSet, field: str) -> str:
+    return pint_spelling(uff_set.fields[field])
 
 
-def _not_understood(one: UffSet, label: str, accepted: str) -> MeasurementError:
+def _unknown_unit(uff_set: UffSet, label: str, accepted: str) -> MeasurementError:
     return MeasurementError(
         Fault(
-            one.where, f"the unit label '{label}' is not understood.", f"a unit of {accepted}", "Export it in SI units."
+            uff_set.where,
+            f"the unit label '{label}' is not understood.",
+            f"a unit of {accepted}",
+            "Export it in SI units.",
         )
     )
 
@@ -361,13 +367,18 @@ def check_unit_system(content: bytes, sets: list[UffSet]) -> None:
     MeasurementError
         Units code other than 1.
     """
-    for one in sets:
-        if one.kind != 164:
+    for uff_set in sets:
+        if uff_set.kind != 164:
             continue
-        record = content[one.start : one.end][:500].splitlines()[2:3]
+        record = content[uff_set.start : uff_set.end][:500].splitlines()[2:3]
         code = record[0][:10].strip() if record else b""
         if code != b"%d" % _SI_SYSTEM:
             shown = code.decode("ascii", errors="replace")
             raise MeasurementError(
-                Fault(one.where, f"the file is in the system of units {shown!r}.", "1 (m, N)", "Export it in SI units.")
+                Fault(
+                    uff_set.where,
+                    f"the file is in the system of units {shown!r}.",
+                    "1 (m, N)",
+                    "Export it in SI units.",
+                )
             )

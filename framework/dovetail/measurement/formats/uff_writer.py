@@ -15,7 +15,7 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.formats.uff_sets import COHERENCE, DIRECTIONS, FORCE, FRF, GENERAL, ORDINATE
 from dovetail.measurement.frf_units import motion_unit
-from dovetail.measurement.recording import Written
+from dovetail.measurement.recording import FrfToWrite
 
 __all__ = ["VARIANCE", "encode"]
 
@@ -27,7 +27,7 @@ _DOF = re.compile(r"(?:([^\s:]{1,10}):)?(\d{1,9})([+-]?)(x|y|z|rx|ry|rz)")
 _CODES = {name: code for code, name in DIRECTIONS.items() if name}
 
 
-def encode(written: Written, path: Path, binary: bool | None) -> bytes:
+def encode(content: FrfToWrite, path: Path, binary: bool | None) -> bytes:
     """Return a universal file: the FRF, then its coherence and its variance as sets of the same points.
 
     A DOF that is not known is +X of node 1, or its rotation about Z; one that is not called like ``5+x`` or
@@ -38,7 +38,7 @@ def encode(written: Written, path: Path, binary: bool | None) -> bytes:
     MeasurementError
         One line only, or `binary` false and frequencies that six digits cannot hold.
     """
-    frf = written.frf
+    frf = content.frf
     if frf.frequency.size < 2:
         raise MeasurementError(Fault(str(path), "a universal file needs two lines or more.", ".csv, .npz"))
     spacing = _spacing(frf.frequency)
@@ -62,27 +62,27 @@ def encode(written: Written, path: Path, binary: bool | None) -> bytes:
         "abscissa_axis_units_lab": "Hz",
     }
     real = {"orddenom_spec_data_type": 0}
-    file = _written(common | _response(written))
+    file = _encode_set(common | _response(content))
     if frf.coherence is not None:
-        file += _written(common | {"func_type": COHERENCE, "data": frf.coherence, **real})
-    if written.variance is not None:
-        file += _written(common | {"func_type": GENERAL, "id1": VARIANCE, "data": written.variance, **real})
+        file += _encode_set(common | {"func_type": COHERENCE, "data": frf.coherence, **real})
+    if content.variance is not None:
+        file += _encode_set(common | {"func_type": GENERAL, "id1": VARIANCE, "data": content.variance, **real})
     return file
 
 
-def _response(written: Written) -> dict[str, Any]:
-    frf = written.frf
+def _response(content: FrfToWrite) -> dict[str, Any]:
+    frf = content.frf
     number, name, _ = ORDINATE[frf.quantity]
     units = motion_unit(frf.quantity, rotation=frf.rotation), "N m" if frf.rotation else "N"
     response = {
         "func_type": FRF,
-        "data": written.values if frf.has_phase else np.abs(written.values),
+        "data": content.values if frf.has_phase else np.abs(content.values),
         "ordinate_spec_data_type": number,
         "ordinate_axis_lab": name,
-        "ordinate_axis_units_lab": units[0] if written.factor == 1.0 else _id_line(written.unit),
+        "ordinate_axis_units_lab": units[0] if content.factor == 1.0 else _id_line(content.unit),
         "orddenom_spec_data_type": FORCE,
         "orddenom_axis_lab": "Moment" if frf.rotation else "Force",
-        "orddenom_axis_units_lab": units[1] if written.factor == 1.0 else "NONE",
+        "orddenom_axis_units_lab": units[1] if content.factor == 1.0 else "NONE",
     }
     return response if frf.averages is None else response | {"id2": f"averages: {frf.averages}"}
 
@@ -117,7 +117,7 @@ def _id_line(label: str) -> str:
     return printable.strip()[:80] or "NONE"
 
 
-def _written(dataset: dict[str, Any]) -> bytes:
+def _encode_set(dataset: dict[str, Any]) -> bytes:
     """Return the bytes of one set: pyuff adds it to an empty file, and the byte count is corrected."""
     import pyuff
 

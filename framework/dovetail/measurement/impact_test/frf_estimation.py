@@ -9,10 +9,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, MeasurementError, require_package
 from dovetail.frf import Frf, Quantity
-from dovetail.measurement.impact_test.signal_quality import complaints
-from dovetail.measurement.recording import known_quantity
+from dovetail.measurement.impact_test.signal_quality import check_signals
+from dovetail.measurement.recording import parse_quantity
 
 __all__ = ["ESTIMATORS", "EstimatedFrf", "Estimator", "frf_from_signals", "without_window_damping"]
 
@@ -100,25 +100,28 @@ def frf_from_signals(
     MeasurementError
         Shapes that do not fit, records that are not finite or without a force, a window that cuts the pulse, or no
         impact left.
+    DovetailError
+        pyFRF is not installed.
 
     References
     ----------
     Bendat and Piersol, Random Data, 4th ed., chapters 6 and 9. Fladung and Rost, Application and correction of the
     exponential window for frequency response functions, Mechanical Systems and Signal Processing 11 (1997).
     """
-    pulses, signals = _records(force, response, rate, label)
-    chosen = known_quantity(quantity, "the argument quantity")
+    require_package("pyFRF", "impact", label)
+    pulses, signals = _check_records(force, response, rate, label)
+    chosen = parse_quantity(quantity, "the argument quantity")
     if estimator not in ESTIMATORS:
         raise MeasurementError(Fault("the argument estimator", f"'{estimator}' is none.", ", ".join(ESTIMATORS)))
-    found = complaints(pulses, signals, rate, full_scale)
-    bad = {one.impact for one in found if one.is_bad} if leave_out_bad else set()
+    faults = check_signals(pulses, signals, rate, full_scale)
+    bad = {fault.impact for fault in faults if fault.is_bad} if leave_out_bad else set()
     used = tuple(number for number in range(1, len(pulses) + 1) if number not in bad)
     if not used:
-        raise MeasurementError(Fault(label, f"no impact is left: {found[0].text}", remedy="Measure again."))
+        raise MeasurementError(Fault(label, f"no impact is left: {faults[0].problem}", remedy="Measure again."))
     rows = [number - 1 for number in used]
-    windowed = _windowed(pulses[rows], signals[rows], rate, force_window, exponential_window, label)
-    frf = _estimated(*windowed, rate, chosen, estimator)
-    warnings = [one.text for one in found if one.impact not in bad]
+    windowed = _apply_windows(pulses[rows], signals[rows], rate, force_window, exponential_window, label)
+    frf = _estimate_frf(*windowed, rate, chosen, estimator)
+    warnings = [fault.problem for fault in faults if fault.impact not in bad]
     warnings += [f"impact {number} is left out." for number in sorted(bad)]
     if len(used) == 1:
         warnings.append("a single impact tells neither coherence nor variance.")
@@ -146,14 +149,14 @@ def without_window_damping(ratio: float, natural: float, decay: float) -> tuple[
         Of the mode itself. The window moves its pole along the real axis; the damped frequency stays.
     """
     omega = 2.0 * math.pi * natural
-    damped, own = omega * math.sqrt(1.0 - ratio**2), ratio * omega - decay
-    undamped = math.hypot(damped, own)
-    return own / undamped, undamped / (2.0 * math.pi)
+    damped, mode_decay = omega * math.sqrt(1.0 - ratio**2), ratio * omega - decay
+    undamped = math.hypot(damped, mode_decay)
+    return mode_decay / undamped, undamped / (2.0 * math.pi)
 
 
-def _records(force: ArrayLike, response: ArrayLike, rate: float, label: str) -> tuple[Array, Array]:
+def _check_records(force: ArrayLike, response: ArrayLike, rate: float, label: str) -> tuple[Array, Array]:
     """Return both signals as (n_impacts, n_samples)."""
-    pulses, signals = (np.atleast_2d(np.asarray(one, dtype=np.float64)) for one in (force, response))
+    pulses, signals = (np.atleast_2d(np.asarray(records, dtype=np.float64)) for records in (force, response))
     if pulses.shape != signals.shape or pulses.ndim != 2:
         problem = f"the force has the shape {pulses.shape}, the response {signals.shape}."
         raise MeasurementError(Fault(label, problem, "the same shape (n_impacts, n_samples)"))
@@ -161,19 +164,21 @@ def _records(force: ArrayLike, response: ArrayLike, rate: float, label: str) -> 
         raise MeasurementError(Fault(label, f"a record of {pulses.shape[1]} samples.", f"{_FEWEST_SAMPLES} or more"))
     if not (math.isfinite(rate) and rate > 0):
         raise MeasurementError(Fault(label, f"the sampling rate is {rate!r} Hz.", "a positive number"))
-    for name, one in (("force", pulses), ("response", signals)):
-        bad = np.argwhere(~np.isfinite(one))
+    for name, records in (("force", pulses), ("response", signals)):
+        bad = np.argwhere(~np.isfinite(records))
         if bad.size:
             where = f"impact {bad[0][0] + 1}, sample {bad[0][1] + 1}"
-            raise MeasurementError(Fault(label, f"the {name} is {one[tuple(bad[0])]} at {where}, which is not finite."))
-    for name, one in (("force", pulses), ("response", signals)):
-        silent = np.flatnonzero(~np.any(one, axis=1))
+            raise MeasurementError(
+                Fault(label, f"the {name} is {records[tuple(bad[0])]} at {where}, which is not finite.")
+            )
+    for name, records in (("force", pulses), ("response", signals)):
+        silent = np.flatnonzero(~np.any(records, axis=1))
         if silent.size:
             raise MeasurementError(Fault(label, f"the {name} of impact {silent[0] + 1} is zero throughout."))
     return pulses, signals
 
 
-def _windowed(
+def _apply_windows(
     force: Array, response: Array, rate: float, force_window: float | None, end: float | None, label: str
 ) -> tuple[Array, Array]:
     time = np.arange(force.shape[1]) / rate
@@ -196,7 +201,7 @@ def _decay(end: float | None, duration: float) -> float:
     return -math.log(end) / duration
 
 
-def _estimated(force: Array, response: Array, rate: float, quantity: Quantity, estimator: Estimator) -> Frf:
+def _estimate_frf(force: Array, response: Array, rate: float, quantity: Quantity, estimator: Estimator) -> Frf:
     """Average the spectra; the windows are applied already, since pyFRF's scale an FRF by their areas."""
     from pyFRF import FRF
 

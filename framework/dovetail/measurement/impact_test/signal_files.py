@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, did_you_mean
 from dovetail.frf import QUANTITIES, Quantity
-from dovetail.measurement.formats import matlab, npz, uff_reader
+from dovetail.measurement.formats import hdf5, matlab, npz, uff_reader
 from dovetail.measurement.formats.column_names import plain_name
-from dovetail.measurement.formats.guarded_process import arrays_apart
+from dovetail.measurement.formats.guarded_process import read_arrays_guarded
 from dovetail.measurement.formats.named_arrays import Archive
-from dovetail.measurement.formats.tables import cells_of, text_lines
-from dovetail.measurement.frf_units import converted, motion_unit, spelled
+from dovetail.measurement.formats.tables import split_cells, split_lines
+from dovetail.measurement.frf_units import conversion_factor, motion_unit, pint_spelling
 
 __all__ = ["Signals", "read_signals"]
 
@@ -88,8 +88,12 @@ def read_signals(
 
     Raises
     ------
+    FileError
+        The file is missing, empty, no file, larger than 100 MB, or cannot be read.
     MeasurementError
-        The file cannot be read, or what it holds is not pairs of records at even steps of time.
+        What it holds is not pairs of records at even steps of time.
+    DovetailError
+        HDF5 and MATLAB 7.3 need h5py, which is not installed.
     """
     source = Path(path)
     suffix = source.suffix.lower()
@@ -111,18 +115,16 @@ def read_signals(
     return Signals(force * _force_unit(force_unit), response * factor, float(sampling), quantity)
 
 
-def _archive(path: Path, content: bytes, given: Mapping[str, str]) -> Archive:
+def _archive(path: Path, content: bytes, names: Mapping[str, str]) -> Archive:
     if path.suffix.lower() == ".npz":
-        return npz.archive_of(path, content)
-    matlab_workspace = path.suffix.lower() == ".mat"
-    if matlab_workspace and not matlab.is_hdf5(content):
-        return matlab.archive_of(path, content)
-    wanted = [*given.values(), *(name for names in _NAMES.values() for name in names)]
-    return arrays_apart(path, wanted, matlab=matlab_workspace)
+        return npz.open_archive(path, content)
+    form = (matlab if path.suffix.lower() == ".mat" else hdf5).form_of(path, content)
+    wanted = [*names.values(), *(name for spellings in _NAMES.values() for name in spellings)]
+    return read_arrays_guarded(path, content, wanted, form)
 
 
 def _force_unit(label: str) -> float:
-    newtons = converted(spelled(label), "N")
+    newtons = conversion_factor(pint_spelling(label), "N")
     if newtons is None:
         raise MeasurementError(Fault("the argument force_unit", f"'{label}' is no unit of a force.", "N, lbf, ..."))
     return newtons
@@ -130,17 +132,17 @@ def _force_unit(label: str) -> float:
 
 def _response_unit(label: str) -> tuple[Quantity, float]:
     for quantity in QUANTITIES:
-        if (factor := converted(spelled(label), motion_unit(quantity, rotation=False))) is not None:
+        if (factor := conversion_factor(pint_spelling(label), motion_unit(quantity, rotation=False))) is not None:
             return quantity, factor
     accepted = "m/s^2, g, m/s, mm/s, m, um, ..."
     raise MeasurementError(Fault("the argument response_unit", f"'{label}' is no unit of a motion.", accepted))
 
 
-def _from_archive(archive: Archive, given: Mapping[str, str]) -> tuple[Array, Array, float | None]:
-    found: dict[str, Array] = {}
-    for part, spellings in _NAMES.items():
+def _from_archive(archive: Archive, chosen: Mapping[str, str]) -> tuple[Array, Array, float | None]:
+    arrays: dict[str, Array] = {}
+    for signal, spellings in _NAMES.items():
         matching = [name for name in archive.entries if plain_name(name) in spellings]
-        names = [given[part]] if part in given else matching
+        names = [chosen[signal]] if signal in chosen else matching
         for name in names[:1]:
             if name not in archive.entries:
                 hint = did_you_mean(name, archive.entries)
@@ -150,15 +152,15 @@ def _from_archive(archive: Archive, given: Mapping[str, str]) -> tuple[Array, Ar
                 raise MeasurementError(
                     Fault(str(archive.path), f"'{name}' has the type {array.dtype}.", "real numbers")
                 )
-            found[part] = array.astype(np.float64)
-    if not {"force", "response"} <= set(found):
+            arrays[signal] = array.astype(np.float64)
+    if not {"force", "response"} <= set(arrays):
         held = ", ".join(list(archive.entries)[:20]) or "nothing"
         accepted = "arrays force and response, of shape (n_impacts, n_samples), and rate or time"
         raise MeasurementError(Fault(str(archive.path), f"force or response are missing; there is: {held}.", accepted))
-    force, response = (_rows(found[part]) for part in ("force", "response"))
-    if "rate" in found:
-        return force, response, float(found["rate"].reshape(-1)[0])
-    return force, response, _rate(archive.path, found["time"].ravel()) if "time" in found else None
+    force, response = (_rows(arrays[signal]) for signal in ("force", "response"))
+    if "rate" in arrays:
+        return force, response, float(arrays["rate"].reshape(-1)[0])
+    return force, response, _rate(archive.path, arrays["time"].ravel()) if "time" in arrays else None
 
 
 def _rows(array: Array) -> Array:
@@ -168,12 +170,12 @@ def _rows(array: Array) -> Array:
 
 
 def _from_table(path: Path, content: bytes) -> tuple[Array, Array, float | None]:
-    lines = text_lines(path, content)
+    lines = split_lines(path, content)
     header = next((number for number, line in enumerate(lines) if line.strip() and line[0] not in "#%"), None)
     if header is None:
         raise MeasurementError(Fault(str(path), "there is no header."))
-    separator = next((one for one in "\t;," if one in lines[header]), ",")
-    names = [plain_name(cell) for cell in cells_of(lines[header][:100_000], separator)]
+    separator = next((candidate for candidate in "\t;," if candidate in lines[header]), ",")
+    names = [plain_name(cell) for cell in split_cells(lines[header][:100_000], separator)]
     columns = {part: [i for i, name in enumerate(names) if re.match(part, name)] for part in ("force", "response")}
     time = [i for i, name in enumerate(names) if name in _NAMES["time"]]
     if not columns["force"] or len(columns["force"]) != len(columns["response"]):
