@@ -76,7 +76,7 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
         seconds.append(time.process_time() - began)
         low, high = ends(found)
         held.append((low < case.place) & (case.place < high))
-        doubted.append([name in found.doubtful for name in names])
+        doubted.append([name in found.unreliable for name in names])
         if case.index < sampled:
             other = sample_posterior(assembly, case.measured, case.fit, model_error=model_error, seed=case.index)
             other_low, other_high = ends(other)

@@ -30,16 +30,14 @@ import numpy as np
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.levenberg_marquardt import Linear, SumOfSquares, minimise
-from dovetail.identification.fitting.residuals import FrfMisfit, Weighted
+from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares, minimise
+from dovetail.identification.fitting.residuals import FrfResiduals, Weighted
 from dovetail.identification.posterior import sample_posterior
 from dovetail.identification.posterior.prior import (
-    InCube,
-    PriorAndData,
-    fraction_of,
-    into_cube,
-    out_of_cube,
-    quantile_of,
+    CubeResiduals,
+    PosteriorResiduals,
+    normal_from_unit,
+    unit_from_normal,
 )
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
@@ -80,10 +78,10 @@ class Without:
         """Return residuals (n, m)."""
         return self.misfit.residuals(self.whole(position))
 
-    def linear(self, position: np.ndarray) -> Linear:
+    def linearise(self, position: np.ndarray) -> Linearisation:
         """Return residuals and derivatives by the others."""
-        at, others = self.misfit.linear(self.whole(position)), np.arange(position.shape[1] + 1) != self.column
-        return Linear(at.residuals, at.slopes[:, others], at.gradient[:, others], at.curvature[:, others][:, :, others])
+        at, others = self.misfit.linearise(self.whole(position)), np.arange(position.shape[1] + 1) != self.column
+        return Linearisation(at.residuals, at.jacobian[:, others])
 
 
 @dataclass
@@ -191,9 +189,9 @@ def one_case(index: int, count: int) -> dict[str, Any]:
     measured = dovetail.Frf(assembly.frequency, noisy, "accelerance", variance=variance)
     fit = refine(assembly, measured)
     posterior = sample_posterior(assembly, measured, fit, model_error=0.0, seed=index)
-    misfit = FrfMisfit(assembly, Weighted.against(measured, variance, np.ones(len(clean), dtype=np.bool_)))
+    misfit = FrfResiduals(assembly, Weighted.against(measured, variance, np.ones(len(clean), dtype=np.bool_)))
     place = assembly.to_unit(truth)
-    fisher = misfit.linear(place[np.newaxis]).curvature[0]
+    fisher = misfit.linearise(place[np.newaxis]).curvature[0]
     spread = np.diag(np.linalg.inv(fisher + 12.0 * np.eye(len(place))))
     deviations = np.sqrt(np.diag(np.linalg.inv(fit.information + 12.0 * np.eye(len(place)))))
     profiles = walked(misfit, posterior.fraction, assembly.to_unit(fit.theta), deviations)
@@ -223,12 +221,12 @@ def integrated(misfit: SumOfSquares, samples: np.ndarray, column: int, deviation
 
     In the coordinates in which the prior is normal (Tierney and Kadane, 1986).
     """
-    problem = InCube(PriorAndData(misfit))
-    places = into_cube(quantile_of(samples))
+    problem = CubeResiduals(PosteriorResiduals(misfit))
+    places = CubeResiduals.from_normal(normal_from_unit(samples))
     best = places[np.argmin(np.sum(problem.residuals(places) ** 2, axis=1))]
     best = minimise(problem, best[np.newaxis], tolerance=1e-3, most_steps=200).position[0]
     found = Walk(problem, places, LONGEST / 2.0, volume=True).along(column, best, deviation / 4.0)
-    return found.gain(lambda x: fraction_of(out_of_cube(x)))
+    return found.gain(lambda x: unit_from_normal(CubeResiduals.to_normal(x)))
 
 
 def entries(
@@ -250,7 +248,7 @@ def entries(
             "posterior": told.word, "gain": told.gain, "reason": told.reason, "place": float(place[i]),
             "fisher": verdict(fisher[i]), "fisher_gain": float(fisher[i]),
             "profile": verdict_of_width(float(widths[i])), "region": regions[i], "partners": moved,
-            "effective": posterior.effective, "steps": len(profiles[i].cost),
+            "effective": posterior.effective_sample_size, "steps": len(profiles[i].cost),
         }  # fmt: skip
     return found
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from noisy_measurements import noisy
 from scipy.special import ndtri
 from scipy.stats import norm
 from typer.testing import CliRunner
@@ -14,13 +16,13 @@ import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.levenberg_marquardt import Linear
+from dovetail.identification.fitting.least_squares import Linearisation
 from dovetail.identification.posterior import Posterior, laplace_posterior, sample_posterior
-from dovetail.identification.posterior.laplace import Gaussian
-from dovetail.identification.posterior.likelihood import WithErrors, squares_with_errors
-from dovetail.identification.posterior.mode_search import climb
-from dovetail.identification.posterior.posterior import halves_apart
-from dovetail.identification.posterior.prior import PriorAndData
+from dovetail.identification.posterior.laplace import LaplaceApproximation
+from dovetail.identification.posterior.likelihood import MarginalisedResiduals, marginalised_squares
+from dovetail.identification.posterior.mode_search import maximise_posterior
+from dovetail.identification.posterior.posterior import split_half_difference
+from dovetail.identification.posterior.prior import PosteriorResiduals
 from dovetail.identification.result_file import read_identification
 
 
@@ -34,48 +36,39 @@ class Banana:
         z = ndtri(fraction)
         return ((z[:, 1] - self.bent * z[:, 0] ** 2) / self.narrow)[:, np.newaxis]
 
-    def linear(self, fraction):
+    def linearise(self, fraction):
         z = ndtri(fraction)
         by_z = np.stack([-2 * self.bent * z[:, 0], np.ones(len(z))], axis=1) / self.narrow
-        slopes = (by_z / norm.pdf(z))[:, :, np.newaxis]
+        jacobian = (by_z / norm.pdf(z))[:, :, np.newaxis]
         residuals = self.residuals(fraction)
-        return Linear(residuals, slopes, slopes @ residuals[0], slopes @ slopes.transpose(0, 2, 1))
-
-
-def noisy(assembly, fraction, level, seed):
-    values = assembly.frf(assembly.from_unit(fraction))
-    deviation = level * values.std()
-    normal = np.random.default_rng(seed).standard_normal((2, len(values)))
-    shown = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
-    variance = np.full(len(values), deviation**2)
-    return dovetail.Frf(assembly.frequency, shown, assembly.description.response.quantity, variance=variance)
+        return Linearisation(residuals, jacobian)
 
 
 @pytest.mark.parametrize("model_error", [0.0, 1e-4])
 def test_where_the_posterior_is_straight_both_forms_agree(sdof, model_error):
-    frf = noisy(sdof, np.array([0.4, 0.5]), 0.02, 1)
+    frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.02, 1)
     fit = refine(sdof, frf)
     sampled = sample_posterior(sdof, frf, fit, samples=2000, model_error=model_error)
     found = laplace_posterior(sdof, frf, fit, samples=2000, model_error=model_error)
     assert found.form == "laplace"
-    assert found.doubtful == ()
+    assert found.unreliable == ()
     for name, (low, high) in sampled.interval().items():
         np.testing.assert_allclose(found.interval()[name], (low, high), atol=0.05 * (high - low))
 
 
 def test_how_far_a_bent_valley_is_bent_is_what_it_is_by_hand():
     for bent in (0.002, 0.01, 0.05):
-        problem = PriorAndData(Banana(bent))
-        mode = climb(problem, np.array([[0.5, 0.2]]))[0][0]
+        problem = PosteriorResiduals(Banana(bent))
+        mode = maximise_posterior(problem, np.array([[0.5, 0.2]]))[0]
         np.testing.assert_allclose(mode, 0.0, atol=0.01)
-        gaussian = Gaussian.at(problem, np.zeros(2))
+        gaussian = LaplaceApproximation.at(problem, np.zeros(2))
         np.testing.assert_allclose(np.sort(np.linalg.norm(gaussian.axes, axis=1)), [0.01, 1.0], rtol=1e-3)
         assert gaussian.bend == pytest.approx([0.0, bent / 0.01], rel=1e-2, abs=1e-6)
-        assert gaussian.doubtful.tolist() == [False, bent > 0.003]
+        assert gaussian.unreliable.tolist() == [False, bent > 0.003]
 
 
 def test_a_place_that_is_not_the_most_probable_is_not_trusted():
-    assert Gaussian.at(PriorAndData(Banana(0.0)), np.array([1.0, 0.0])).doubtful.all()
+    assert LaplaceApproximation.at(PosteriorResiduals(Banana(0.0)), np.array([1.0, 0.0])).unreliable.all()
 
 
 def test_errors_of_the_model_are_integrated_out_as_by_the_formula():
@@ -86,16 +79,16 @@ def test_errors_of_the_model_are_integrated_out_as_by_the_formula():
         def residuals(self, fraction):
             return residuals
 
-    widened = WithErrors(Plain(), errors).residuals(np.zeros((5, 1)))
-    np.testing.assert_allclose(np.sum(widened**2, axis=1), squares_with_errors(residuals, errors))
+    widened = MarginalisedResiduals(Plain(), errors).residuals(np.zeros((5, 1)))
+    np.testing.assert_allclose(np.sum(widened**2, axis=1), marginalised_squares(residuals, errors))
 
 
 def test_doubtful_parameters_are_named_everywhere(sdof, tmp_path):
     fraction = np.random.default_rng(0).random((300, 2))
     weight = np.full(300, 1 / 300)
-    options = {"model_error": 0.0, "drawn": 300, "lines": 9, "seconds": 0.1}
+    options = {"model_error": 0.0, "searches": 300, "lines": 9, "seconds": 0.1}
     name = sdof.parameters[1].name
-    posterior = Posterior.of(sdof, fraction, weight, **options, form="laplace", doubtful=(name,))
+    posterior = replace(Posterior.from_fractions(sdof, fraction, weight, **options), unreliable=(name,))
     assert name in posterior.warnings[0]
     plain = posterior.to_dict()
     assert plain["form"] == "laplace"
@@ -103,7 +96,9 @@ def test_doubtful_parameters_are_named_everywhere(sdof, tmp_path):
 
 
 def test_the_form_is_stored_and_shown(sdof, assemblies, tmp_path):
-    result = dovetail.identify(sdof, noisy(sdof, np.array([0.4, 0.5]), 0.1, 1), "posterior", form="laplace")
+    result = dovetail.identify(
+        sdof, noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.1, 1), "posterior", form="laplace"
+    )
     (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
     again = read_identification(tmp_path)
     assert again.posterior.form == "laplace"
@@ -121,7 +116,9 @@ def test_the_form_is_stored_and_shown(sdof, assemblies, tmp_path):
 
 def test_a_form_that_does_not_exist_is_refused(sdof):
     with pytest.raises(ParameterError, match="Did you mean 'laplace'"):
-        dovetail.identify(sdof, noisy(sdof, np.array([0.4, 0.5]), 0.1, 1), "posterior", form="laplas")
+        dovetail.identify(
+            sdof, noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.1, 1), "posterior", form="laplas"
+        )
 
 
 def test_the_command_tells_form_and_convergence(assemblies):
@@ -150,20 +147,20 @@ def test_halves_that_disagree_are_told():
     random = np.random.default_rng(0)
     sound = random.standard_normal((400, 2))
     weight = np.full(400, 1 / 400)
-    assert halves_apart(sound, weight, 0.9).max() < 0.25
+    assert split_half_difference(sound, weight, 0.9).max() < 0.25
     drifting = sound + np.where(np.arange(400) < 200, 0.0, 3.0)[:, np.newaxis] * [0.0, 1.0]
-    apart = halves_apart(drifting, weight, 0.9)
+    apart = split_half_difference(drifting, weight, 0.9)
     assert apart[0] < 0.25
     assert apart[1] > 0.5
-    assert halves_apart(sound[:1], np.ones(1), 0.9).tolist() == [1.0, 1.0]
+    assert split_half_difference(sound[:1], np.ones(1), 0.9).tolist() == [1.0, 1.0]
 
 
 def test_few_effective_samples_are_warned_of(sdof):
     random = np.random.default_rng(0)
-    options = {"model_error": 0.0, "drawn": 400, "lines": 9, "seconds": 0.1}
+    options = {"model_error": 0.0, "searches": 400, "lines": 9, "seconds": 0.1}
     fraction = random.random((400, 2))
-    even = Posterior.of(sdof, fraction, np.full(400, 1 / 400), **options)
+    even = Posterior.from_fractions(sdof, fraction, np.full(400, 1 / 400), **options)
     assert even.warnings == ()
     weight = np.where(np.arange(400) < 10, 1.0, 1e-6)
-    few = Posterior.of(sdof, fraction, weight / weight.sum(), **options)
+    few = Posterior.from_fractions(sdof, fraction, weight / weight.sum(), **options)
     assert "no more than 10 independent ones" in few.warnings[0]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.posterior.likelihood import squares_with_errors
-from dovetail.identification.posterior.model_error import model_errors, resonances
+from dovetail.identification.posterior.likelihood import marginalised_squares
+from dovetail.identification.posterior.model_error import fit_resonances, model_errors
 
 
 @pytest.mark.parametrize("lines", [2, 5, 40])
@@ -17,7 +17,7 @@ def test_frfs_without_a_resonance_err_smoothly(lines):
     frequency = np.linspace(100.0, 200.0, lines)
     flat, none = np.ones(lines, dtype=np.complex128), np.zeros(lines, dtype=np.complex128)
     for values in ([flat], [flat, none], [none]):
-        assert not len(resonances(frequency, values).poles)
+        assert not len(fit_resonances(frequency, values).poles)
         errors = model_errors(frequency, values, 1e-3)
         assert errors.shape == (2 * 6 + len(values) * 2 * 6, len(values) * lines)
         assert np.isfinite(errors).all()
@@ -43,4 +43,4 @@ def test_a_natural_frequency_that_is_off_is_within_the_errors(sdof):
     rows = np.concatenate([errors.real, errors.imag], axis=1)
     off = np.concatenate([difference.real, difference.imag])[np.newaxis] / noise
     assert np.sum(off**2) > 100
-    assert squares_with_errors(off, rows)[0] < 10.0  # 4.0; without what is not linear in it 21
+    assert marginalised_squares(off, rows)[0] < 10.0  # 4.0; without what is not linear in it 21

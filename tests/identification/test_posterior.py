@@ -7,40 +7,35 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from noisy_measurements import noisy
 from typer.testing import CliRunner
 
 import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.observations import Measured
-from dovetail.identification.fitting.residuals import FrfMisfit, Weighted
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import FrfResiduals, Weighted
 from dovetail.identification.posterior import Posterior, model_errors, quantiles, sample_posterior, sampling
-from dovetail.identification.posterior.likelihood import ReducedMisfit, WithErrors, squares_with_errors
+from dovetail.identification.posterior.likelihood import (
+    Likelihood,
+    MarginalisedResiduals,
+    ReducedResiduals,
+    marginalised_squares,
+)
 from dovetail.identification.posterior.mode_search import search_modes
 from dovetail.identification.posterior.model_error import correlation_length
-from dovetail.identification.posterior.prior import PriorAndData, quantile_of
-from dovetail.identification.posterior.randomize_then_optimize import Charts, Places, move
+from dovetail.identification.posterior.prior import PosteriorResiduals, normal_from_unit
+from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
 from dovetail.identification.result_file import read_identification
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 
 
-def noisy(assembly, theta, level, seed, *, has_phase=True):
-    values = assembly.frf(theta)
-    deviation = level * values.std()
-    normal = np.random.default_rng(seed).standard_normal((2, len(values)))
-    shown = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
-    variance = np.full(len(values), deviation**2)
-    quantity = assembly.description.response.quantity
-    shown = shown if has_phase else np.abs(shown)
-    return dovetail.Frf(assembly.frequency, shown, quantity, has_phase=has_phase, variance=variance)
-
-
 def on_a_grid(assembly, frf, errors=None, widening=1.0, points=200):
     """Mean and standard deviation of two parameters, in fractions of their ranges, by brute force."""
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
-    misfit = FrfMisfit(assembly, residual)
+    misfit = FrfResiduals(assembly, residual)
     fit = refine(assembly, frf)
     centre, reach = assembly.to_unit(fit.theta), widening * 6 / np.sqrt(np.diag(fit.information))
     low, high = np.clip(centre - reach, 0, 1), np.clip(centre + reach, 0, 1)
@@ -50,7 +45,7 @@ def on_a_grid(assembly, frf, errors=None, widening=1.0, points=200):
         np.zeros((0, 2 * len(frf.frequency) if frf.has_phase else len(frf.frequency))) if errors is None else errors
     )
     squares = np.concatenate(
-        [squares_with_errors(misfit.residuals(part), errors) for part in np.array_split(places, 60)]
+        [marginalised_squares(misfit.residuals(part), errors) for part in np.array_split(places, 60)]
     )
     weight = np.exp(-(squares - squares.min()) / 2)
     weight /= weight.sum()
@@ -60,33 +55,33 @@ def on_a_grid(assembly, frf, errors=None, widening=1.0, points=200):
 
 @pytest.mark.parametrize("has_phase", [True, False])
 def test_the_samples_are_those_of_the_posterior_on_a_grid(sdof, has_phase):
-    frf = noisy(sdof, sdof.from_unit(np.array([0.4, 0.5])), 0.2, 1, has_phase=has_phase)
+    frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.2, 1, has_phase=has_phase)
     mean, deviation = on_a_grid(sdof, frf)
     found = sample_posterior(sdof, frf, refine(sdof, frf), samples=2000, model_error=0.0)
     ours = found.weight @ found.fraction
-    assert found.reached > 0.99
+    assert found.converged_fraction > 0.99
     np.testing.assert_allclose(ours, mean, atol=0.12 * deviation.max())
     np.testing.assert_allclose(np.sqrt(found.weight @ (found.fraction - ours) ** 2), deviation, rtol=0.1)
 
 
 def test_where_no_search_arrives_moves_from_the_peak_find_the_same_posterior(sdof, monkeypatch):
-    frf = noisy(sdof, sdof.from_unit(np.array([0.4, 0.5])), 0.2, 1)
+    frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.2, 1)
     mean, deviation = on_a_grid(sdof, frf)
-    monkeypatch.setattr(sampling._Drawing, "_searched", lambda *_: (np.empty((0, 2)), np.empty(0)))
+    monkeypatch.setattr(sampling._Sampler, "search", lambda *_: (np.empty((0, 2)), np.empty(0)))
     found = sample_posterior(sdof, frf, refine(sdof, frf), samples=1000, model_error=0.0)
     ours = found.weight @ found.fraction
-    assert found.reached < 0.01
+    assert found.converged_fraction < 0.01
     np.testing.assert_allclose(ours, mean, atol=0.12 * deviation.max())
     np.testing.assert_allclose(np.sqrt(found.weight @ (found.fraction - ours) ** 2), deviation, rtol=0.1)
 
 
 @pytest.mark.parametrize(("level", "wider"), [(5e-4, 2), (2e-3, 3)])
 def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level, wider):
-    frf = noisy(sdof, sdof.from_unit(np.array([0.4, 0.5])), 0.05, 1)
+    frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.05, 1)
     fit = refine(sdof, frf)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     values = sdof.frf(fit.theta)
-    errors = residual.slopes(values[None], model_errors(sdof.frequency, [values], level)[None])[0]
+    errors = residual.jacobian(values[None], model_errors(sdof.frequency, [values], level)[None])[0]
     _, deviation = on_a_grid(sdof, frf, errors, widening=30.0)
     without = sample_posterior(sdof, frf, fit, samples=2000, model_error=0.0)
     found = sample_posterior(sdof, frf, fit, samples=2000, model_error=level)
@@ -100,7 +95,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(sdof):
     inside = []
     for seed in range(60):
         fraction = rng.random(2)
-        frf = noisy(sdof, sdof.from_unit(fraction), 0.1, seed)
+        frf = noisy(sdof, sdof.frf(sdof.from_unit(fraction)), 0.1, seed)
         found = sample_posterior(sdof, frf, refine(sdof, frf), samples=200, model_error=0.0, seed=seed)
         low, high = quantiles(found.fraction, found.weight, [0.05, 0.95])
         inside.append((low < fraction) & (fraction < high))
@@ -108,34 +103,34 @@ def test_intervals_hold_the_truth_as_often_as_they_say(sdof):
 
 
 def test_a_few_lines_stand_for_all(collet, torque_100):
-    frf = noisy(collet, torque_100, 0.01, 2)
+    frf = noisy(collet, collet.frf(torque_100), 0.01, 2)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
-    exact = FrfMisfit(collet, residual)
+    exact = FrfResiduals(collet, residual)
     centre = collet.to_unit(torque_100)
     near = np.clip(centre + 0.01 * np.random.default_rng(1).standard_normal((300, 12)), 0.01, 0.99)
     vectors = exact.residuals(near)
     none = np.zeros((0, vectors.shape[1]))
-    reduced = ReducedMisfit(collet, residual, vectors[:250], vectors[0], none, 1e-3)
+    reduced = ReducedResiduals(collet, residual, vectors[:250], vectors[0], none)
     assert len(reduced.lines) < 150
     inside = reduced.residuals(near[250:])
     whole = np.einsum("nm,nm->n", vectors[250:], vectors[250:])
     np.testing.assert_allclose(np.einsum("nk,nk->n", inside, inside) + reduced.outside, whole, rtol=1e-5)
-    linear = reduced.linear(near[250:252])
+    linear = reduced.linearise(near[250:252])
     step = 1e-5 * np.eye(12)[4]
     difference = (reduced.residuals(near[250:252] + step) - reduced.residuals(near[250:252] - step)) / 2e-5
-    np.testing.assert_allclose(linear.slopes[:, 4], difference, atol=1e-4 * np.abs(difference).max())
+    np.testing.assert_allclose(linear.jacobian[:, 4], difference, atol=1e-4 * np.abs(difference).max())
 
 
 def test_each_search_reaches_the_components_that_were_drawn(sdof):
-    frf = noisy(sdof, sdof.from_unit(np.array([0.4, 0.5])), 0.1, 3)
+    frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.1, 3)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
-    problem = PriorAndData(FrfMisfit(sdof, residual))
-    at = Places.at(problem, quantile_of(np.array([[0.4, 0.5]])))
-    charts = Charts(problem, at)
-    target = charts.components(at.residuals) + np.random.default_rng(0).standard_normal((20, 2))
-    found, reached = charts.solve(target, Places.at(problem, np.broadcast_to(at.z, (20, 2))), 100)
-    assert reached.all()
-    np.testing.assert_allclose(charts.components(found.residuals), target, atol=0.02)
+    problem = PosteriorResiduals(FrfResiduals(sdof, residual))
+    anchor = LinearisedPoints.at(problem, normal_from_unit(np.array([[0.4, 0.5]])))
+    tangent_map = TangentMap(problem, anchor)
+    target = tangent_map.components(anchor.residuals) + np.random.default_rng(0).standard_normal((20, 2))
+    ends, converged = tangent_map.solve(target, LinearisedPoints.at(problem, np.broadcast_to(anchor.z, (20, 2))), 100)
+    assert converged.all()
+    np.testing.assert_allclose(tangent_map.components(ends.residuals), target, atol=0.02)
 
 
 class Bow:
@@ -144,18 +139,18 @@ class Bow:
     def residuals(self, z):
         return np.concatenate([z, (z[:, 1:] - z[:, :1] ** 2 + 1.0) / 0.01], axis=1)
 
-    def linear(self, z):
-        slopes = np.zeros((len(z), 2, 3))
-        slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
-        slopes[:, 0, 2], slopes[:, 1, 2] = -2.0 * z[:, 0] / 0.01, 1.0 / 0.01
-        return self.residuals(z), slopes
+    def linearise(self, z):
+        jacobian = np.zeros((len(z), 2, 3))
+        jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
+        jacobian[:, 0, 2], jacobian[:, 1, 2] = -2.0 * z[:, 0] / 0.01, 1.0 / 0.01
+        return self.residuals(z), jacobian
 
 
 def test_moves_along_a_bent_valley_lead_to_its_distribution_from_one_end_of_it():
     problem, random = Bow(), np.random.default_rng(0)
-    places = Places.at(problem, np.tile([[1.6, 1.56]], (1500, 1)))
+    places = LinearisedPoints.at(problem, np.tile([[1.6, 1.56]], (1500, 1)))
     for _ in range(40):
-        places, taken = move(problem, places, random)
+        places, taken = metropolis_step(problem, places, random)
     assert taken > 0.3
     along = np.linspace(-4, 4, 4001)
     density = np.exp(-(along**2 + (along**2 - 1.0) ** 2) / 2)  # the narrow direction is integrated out
@@ -178,26 +173,29 @@ def test_the_highest_peak_is_found_where_the_best_fit_is_another(collet):
     fit = refine(collet, frf, seed=11)
     residual = Weighted.against(frf, variance, np.ones(len(values), dtype=bool))
     none = np.zeros((0, 2 * len(values)))
-    best, measured = collet.to_unit(fit.theta), Measured.of(collet, frf)
-    modes = search_modes(collet, measured, variance, residual, none, best, np.random.default_rng(0))
-    problem = PriorAndData(FrfMisfit(collet, residual))
-    places = np.concatenate([modes, quantile_of(np.stack([np.clip(best, 0.02, 0.98), fraction]))])
+    best, measured = collet.to_unit(fit.theta), Observations.of(collet, frf)
+    likelihood = Likelihood(measured, variance, residual, len(values), none)
+    modes = search_modes(collet, likelihood, best, np.random.default_rng(0))
+    problem = PosteriorResiduals(FrfResiduals(collet, residual))
+    places = np.concatenate([modes, normal_from_unit(np.stack([np.clip(best, 0.02, 0.98), fraction]))])
     squares = np.sum(problem.residuals(places) ** 2, axis=1)
     assert squares[0] == squares.min()
     assert squares[-2] > squares[-1]  # the best fit is on another peak than the truth
 
 
 def test_errors_of_the_model_scale_residuals_to_their_sum_of_squares(sdof):
-    frf = noisy(sdof, None, 0.05, 1)
+    frf = noisy(sdof, sdof.frf(), 0.05, 1)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
-    misfit, values = FrfMisfit(sdof, residual), sdof.frf()
-    errors = residual.slopes(values[None], model_errors(sdof.frequency, [values], 2e-3)[None])[0]
+    misfit, values = FrfResiduals(sdof, residual), sdof.frf()
+    errors = residual.jacobian(values[None], model_errors(sdof.frequency, [values], 2e-3)[None])[0]
     places = np.random.default_rng(0).random((5, 2))
-    scaled = WithErrors(misfit, errors).linear(places)
-    np.testing.assert_allclose(scaled.cost, squares_with_errors(misfit.residuals(places), errors), rtol=1e-9)
+    scaled = MarginalisedResiduals(misfit, errors).linearise(places)
+    np.testing.assert_allclose(scaled.cost, marginalised_squares(misfit.residuals(places), errors), rtol=1e-9)
     step = np.array([1e-6, 0.0])
-    ahead, behind = (WithErrors(misfit, errors).residuals(places + sign * step) for sign in (1, -1))
-    np.testing.assert_allclose(scaled.slopes[:, 0], (ahead - behind) / 2e-6, atol=1e-4 * np.abs(scaled.slopes).max())
+    ahead, behind = (MarginalisedResiduals(misfit, errors).residuals(places + sign * step) for sign in (1, -1))
+    np.testing.assert_allclose(
+        scaled.jacobian[:, 0], (ahead - behind) / 2e-6, atol=1e-4 * np.abs(scaled.jacobian).max()
+    )
 
 
 def test_the_shipped_measurement_says_what_it_tells(collet, assemblies):
@@ -232,7 +230,7 @@ def test_a_parameter_at_the_end_of_its_range_says_so():
         weight=np.full(4000, 1 / 4000),
         estimate=columns.mean(axis=0),
         model_error=0.0,
-        drawn=4000,
+        searches=4000,
         lines=10,
         seconds=0.0,
     )
@@ -241,7 +239,7 @@ def test_a_parameter_at_the_end_of_its_range_says_so():
     assert posterior.verdicts["near"].reason == "The measurement fixes it."  # near the end, but not for its sake
     assert posterior.verdicts["even"].reason == "The FRF hardly depends on it."
     assert posterior.verdicts["inside"].reason == "The measurement fixes it."
-    assert posterior.effective == pytest.approx(4000)
+    assert posterior.effective_sample_size == pytest.approx(4000)
 
 
 def test_neighbours_that_are_off_alike_count_as_one():
@@ -289,7 +287,7 @@ def test_the_band_of_another_tool_holds_what_was_measured_there(collet, assembli
 
 
 def test_no_band_without_a_posterior_and_no_samples_at_all(sdof):
-    frf = noisy(sdof, None, 0.1, 1)
+    frf = noisy(sdof, sdof.frf(), 0.1, 1)
     refined = dovetail.identify(sdof, frf)
     assert refined.interval is None
     with pytest.raises(ParameterError, match="does not say how sure it is"):
@@ -300,7 +298,7 @@ def test_no_band_without_a_posterior_and_no_samples_at_all(sdof):
 
 
 def test_a_stored_result_gives_the_same_band(sdof, tmp_path):
-    result = dovetail.identify(sdof, noisy(sdof, None, 0.1, 1), "posterior", samples=100)
+    result = dovetail.identify(sdof, noisy(sdof, sdof.frf(), 0.1, 1), "posterior", samples=100)
     (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
     again = read_identification(tmp_path)
     for name, ends in result.interval.items():

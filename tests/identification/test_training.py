@@ -10,7 +10,7 @@ import pytest
 import dovetail
 from dovetail.errors import DatasetError
 from dovetail.identification.network.preprocessing import BLOCK_ROWS, log10p1
-from dovetail.identification.network.training import split
+from dovetail.identification.network.training import draw_test_samples
 
 
 class InMemoryDataset:
@@ -42,21 +42,21 @@ def quick(with_settings: Callable[..., dovetail.Assembly]) -> dovetail.Assembly:
 
 
 def test_the_test_part_has_its_share_and_is_drawn_by_the_seed() -> None:
-    is_test = split(200, 0.2, seed=4)
+    is_test = draw_test_samples(200, 0.2, seed=4)
     assert is_test.sum() == 40
-    np.testing.assert_array_equal(is_test, split(200, 0.2, seed=4))
-    assert not np.array_equal(is_test, split(200, 0.2, seed=5))
+    np.testing.assert_array_equal(is_test, draw_test_samples(200, 0.2, seed=4))
+    assert not np.array_equal(is_test, draw_test_samples(200, 0.2, seed=5))
 
 
 @pytest.mark.parametrize(("samples", "fraction"), [(5, 0.2), (100, 0.001), (100, 0.999)])
 def test_a_part_too_small_is_refused(samples: int, fraction: float) -> None:
     with pytest.raises(DatasetError, match="for training and"):
-        split(samples, fraction, seed=0)
+        draw_test_samples(samples, fraction, seed=0)
 
 
 def test_nothing_of_the_test_part_reaches_the_network(quick: dovetail.Assembly, dataset: dovetail.Dataset) -> None:
     clean, spoilt = in_memory(dataset, 200), in_memory(dataset, 200)
-    is_test = split(200, 0.25, seed=quick.description.identification.seed)
+    is_test = draw_test_samples(200, 0.25, seed=quick.description.identification.seed)
     spoilt.amplitude[is_test] *= 1e3
     spoilt.parameters[is_test] *= 7.0
     one, other = dovetail.train(quick, clean).network, dovetail.train(quick, spoilt).network
@@ -73,7 +73,7 @@ def test_the_scaling_is_that_of_the_training_part(
         reducer={"model": "none"}, regressor={"model": "mlp", "hidden": [4, 4], "max_epochs": 1}, test_fraction=0.25
     )
     samples = in_memory(dataset, 200)
-    is_test = split(200, 0.25, seed=assembly.description.identification.seed)
+    is_test = draw_test_samples(200, 0.25, seed=assembly.description.identification.seed)
     network = dovetail.train(assembly, samples).network
     features = log10p1(samples.amplitude[~is_test]).astype(float)
     np.testing.assert_allclose(network.feature_scaling.mean, features.mean(axis=0), rtol=1e-9)
@@ -83,7 +83,7 @@ def test_the_scaling_is_that_of_the_training_part(
 
 def test_the_metrics_are_those_of_the_test_part(quick: dovetail.Assembly, dataset: dovetail.Dataset) -> None:
     samples = in_memory(dataset, 200)
-    is_test = split(200, 0.25, seed=quick.description.identification.seed)
+    is_test = draw_test_samples(200, 0.25, seed=quick.description.identification.seed)
     model = dovetail.train(quick, samples)
     error = model.predict_parameters(samples.amplitude[is_test]) - samples.parameters[is_test]
     metrics = model.evaluation.parameters["k"]

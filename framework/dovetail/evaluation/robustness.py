@@ -18,7 +18,7 @@ from dovetail.dataset import Dataset, generate
 from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
 from dovetail.identification.metrics import parameter_metrics
-from dovetail.identification.network.training import split
+from dovetail.identification.network.training import draw_test_samples
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import data_noise
 from dovetail.registry import Registry
@@ -161,7 +161,7 @@ def _evaluate(
 ) -> Iterator[RobustnessRow]:
     assembly = identifier.assembly
     settings = assembly.description.identification
-    is_test = np.flatnonzero(split(len(dataset), settings.test_fraction, settings.seed))
+    is_test = np.flatnonzero(draw_test_samples(len(dataset), settings.test_fraction, settings.seed))
     clean, truth = np.asarray(dataset.amplitude[:])[is_test], dataset.parameters[is_test]
     for index, level in enumerate(levels):
         progress(f"noise on {model}", index, len(levels))

@@ -1,11 +1,15 @@
-"""Noise and variability on training FRFs, so that the network learns what a measurement looks like."""
+"""Noise and variability on training FRFs, so that the network learns what a measurement looks like.
+
+`Augmentation` makes a noisy FRF of a clean one, `NoisyFeatures` the features of all training FRFs for an epoch, and
+`ReducedEpochs` what the regressor is trained with.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -20,8 +24,14 @@ from dovetail.interfaces import FittedReducer
 
 __all__ = ["Augmentation", "NoisyFeatures", "ReducedEpochs"]
 
-_DECADES = 3.0
-"""Of additive noise, below the greatest level."""
+_NOISE_DECADES = 3.0
+"""By which the level of additive noise varies, below its greatest value: from a bad measurement to a good one."""
+
+_NOISE_STREAM, _SAMPLE_STREAM = 2, 3
+"""Keep the random numbers of the noise and of fresh samples apart from those of the split, which has the same seed."""
+
+_ROWS = 512
+"""FRFs to which noise is added at a time, with a generator each: epochs are the same on any number of cores."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +54,7 @@ class Augmentation:
 
     @property
     def needs_phase(self) -> bool:
-        """Whether the accelerance's phase is needed: a remaining accelerometer mass cannot be put on an amplitude."""
+        """Whether the accelerance's phase is needed: a remaining sensor mass cannot be added to an amplitude."""
         return self.settings.mass > 0
 
     def __call__(self, accelerance: NDArray[np.number], generator: np.random.Generator) -> NDArray[np.float32]:
@@ -61,58 +71,53 @@ class Augmentation:
         (n_samples, n_freq) float32 array
             m/(N s^2), not negative.
         """
-        amplitude = self._with_mass(accelerance, generator)
+        amplitude = self._add_sensor_mass(accelerance, generator)
         rows = (len(amplitude), 1)
-        amplitude = self._stretched(amplitude, generator)
+        amplitude = self._stretch(amplitude, generator)
         amplitude *= (1 + self.settings.gain * generator.standard_normal(rows)).astype(np.float32)
-        self._multiply(amplitude, generator)
-        self._add(amplitude, generator)
-        self._spoil(amplitude, generator)
+        self._add_multiplicative_noise(amplitude, generator)
+        self._add_additive_noise(amplitude, generator)
+        self._spoil_lines(amplitude, generator)
         return np.abs(amplitude, out=amplitude)
 
-    def _with_mass(self, accelerance: NDArray[np.number], generator: np.random.Generator) -> NDArray[np.float32]:
-        """Load the drive point with what is left of the accelerometer: A / (1 + m A)."""
+    def _add_sensor_mass(self, accelerance: NDArray[np.number], generator: np.random.Generator) -> NDArray[np.float32]:
+        """Load the drive point with the remaining mass m of the accelerometer: A / (1 + m A)."""
         if not self.needs_phase:
             return accelerance.astype(np.float32)
         mass = self.settings.mass * generator.standard_normal((len(accelerance), 1))
         return np.asarray(np.abs(accelerance / (1 + mass * accelerance)), dtype=np.float32)
 
-    def _stretched(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> NDArray[np.float32]:
+    def _stretch(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> NDArray[np.float32]:
         if self.settings.stretch == 0:
             return amplitude
         factors = 1 + self.settings.stretch * generator.standard_normal(len(amplitude))
-        shifted = [
+        stretched = [
             np.interp(self.frequency / factor, self.frequency, row)
             for factor, row in zip(factors, amplitude, strict=True)
         ]
-        return np.array(shifted, dtype=np.float32)
+        return np.array(stretched, dtype=np.float32)
 
-    def _multiply(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
+    def _add_multiplicative_noise(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
         if self.settings.multiplicative > 0:
             level = (self.settings.multiplicative * generator.random((len(amplitude), 1))).astype(np.float32)
             amplitude *= 1 + level * generator.standard_normal(amplitude.shape, dtype=np.float32)
 
-    def _add(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
+    def _add_additive_noise(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
         if self.settings.additive > 0:
             rows = (len(amplitude), 1)
-            level = self.settings.additive * 10.0 ** (-_DECADES * generator.random(rows))
+            level = self.settings.additive * 10.0 ** (-_NOISE_DECADES * generator.random(rows))
             level[generator.random(rows) < self.settings.clean] = 0.0
             noise = generator.standard_normal(amplitude.shape, dtype=np.float32)
             amplitude += (level * self.deviation).astype(np.float32) * noise
 
-    def _spoil(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
+    def _spoil_lines(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
         if self.settings.bad_lines > 0:
             share = self.settings.bad_lines * generator.random((len(amplitude), 1))
             bad = generator.random(amplitude.shape, dtype=np.float32) < share
             amplitude[bad] *= 10.0 ** generator.uniform(-1.0, 1.0, np.count_nonzero(bad)).astype(np.float32)
 
 
-_NOISE_STREAM, _SAMPLE_STREAM = 2, 3
-"""Keep the random numbers of the noise and of fresh samples apart from those of the split, which has the same seed."""
-
-_ROWS = 512
-
-
+@dataclass(frozen=True, eq=False)
 class NoisyFeatures:
     """Features of the training FRFs with noise, by the number of the epoch.
 
@@ -121,26 +126,18 @@ class NoisyFeatures:
     assembly : Assembly
         Its description's `augmentation` says how much of what, and its seed fixes every epoch.
     clean : (n_samples, n_responses n_freq) float32 or complex64 array
-        Accelerance without noise, its amplitude or with its phase, all responses side by side; what is drawn afresh has
-        as many samples and replaces them.
+        Accelerance without noise, its amplitude or with its phase, all responses side by side. Fresh samples, as many,
+        replace them.
     theta : (n_samples, n_params) array
         SI.
     augmentations : sequence of Augmentation
-        Of each response: they err one by one.
+        Of each response, which err separately.
     """
 
-    def __init__(
-        self,
-        assembly: Assembly,
-        clean: NDArray[np.number],
-        theta: NDArray[np.float64],
-        augmentations: Sequence[Augmentation],
-    ) -> None:
-        self._assembly = assembly
-        self._stored = clean
-        self._theta = theta
-        self._augmentations = tuple(augmentations)
-        self._seed = assembly.description.identification.seed
+    assembly: Assembly
+    clean: NDArray[np.number]
+    theta: NDArray[np.float64]
+    augmentations: Sequence[Augmentation]
 
     @classmethod
     def of(cls, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64]) -> Self:
@@ -153,58 +150,53 @@ class NoisyFeatures:
         """
         settings = assembly.description.identification.augmentation
         assert settings is not None
-        parts = np.split(clean, len(assembly.description.responses), axis=1)
-        augmentations = [Augmentation(settings, assembly.frequency, _deviation(part)) for part in parts]
+        responses = np.split(clean, len(assembly.description.responses), axis=1)
+        augmentations = [Augmentation(settings, assembly.frequency, _deviation(response)) for response in responses]
         if augmentations[0].needs_phase and not settings.fresh and not np.iscomplexobj(clean):
             problem = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
-            raise DatasetError(
-                Fault(
-                    "identification.augmentation",
-                    problem,
-                    remedy="Generate it with --storage complex, or set 'fresh: true', or 'mass: 0'.",
-                )
-            )
+            remedy = "Generate it with --storage complex, or set 'fresh: true', or 'mass: 0'."
+            raise DatasetError(Fault("identification.augmentation", problem, remedy=remedy))
         return cls(assembly, clean, theta, augmentations)
 
     @property
     def fresh(self) -> bool:
         """Whether every epoch draws new samples from the engine."""
-        return self._augmentations[0].settings.fresh
+        return self.augmentations[0].settings.fresh
 
     @property
     def copies(self) -> int:
-        """How many epochs are told apart where each is costly."""
-        return self._augmentations[0].settings.copies
+        """Number of different epochs where each is costly."""
+        return self.augmentations[0].settings.copies
 
     def __call__(self, epoch: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Return features (n_samples, n_responses n_freq) and parameters (n_samples, n_params)."""
-        theta = self._theta
+        theta, seed = self.theta, self.assembly.description.identification.seed
         if self.fresh:
-            theta = latin_hypercube(self._assembly, len(theta), (self._seed, _SAMPLE_STREAM, epoch))
-        features = np.empty((len(theta), self._stored.shape[1]), dtype=np.float32)
+            theta = latin_hypercube(self.assembly, len(theta), (seed, _SAMPLE_STREAM, epoch))
+        features = np.empty((len(theta), self.clean.shape[1]), dtype=np.float32)
 
         def fill(block: int, clean: NDArray[np.number]) -> None:
-            generator = np.random.default_rng([self._seed, _NOISE_STREAM, epoch, block])
-            parts = np.split(clean, len(self._augmentations), axis=1)
-            each = zip(self._augmentations, parts, strict=True)
-            noisy = np.concatenate([augmentation(part, generator) for augmentation, part in each], axis=1)
+            generator = np.random.default_rng([seed, _NOISE_STREAM, epoch, block])
+            responses = np.split(clean, len(self.augmentations), axis=1)
+            pairs = zip(self.augmentations, responses, strict=True)
+            noisy = np.concatenate([augmentation(response, generator) for augmentation, response in pairs], axis=1)
             log10p1(noisy, out=features[block * _ROWS : block * _ROWS + len(noisy)])
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            for done in [pool.submit(fill, block, clean) for block, clean in enumerate(self._clean(theta))]:
-                done.result()
+            for future in [pool.submit(fill, block, clean) for block, clean in enumerate(self._clean_blocks(theta))]:
+                future.result()
         return features, theta
 
-    def _clean(self, theta: NDArray[np.float64]) -> Iterator[NDArray[np.number]]:
+    def _clean_blocks(self, theta: NDArray[np.float64]) -> Iterator[NDArray[np.number]]:
         """Yield the clean FRFs of the samples, block by block."""
         for start in range(0, len(theta), _ROWS):
             rows = slice(start, start + _ROWS)
             if not self.fresh:
-                yield self._stored[rows]
-            elif self._augmentations[0].needs_phase:
-                yield complex_accelerance(self._assembly, theta[rows])
+                yield self.clean[rows]
+            elif self.augmentations[0].needs_phase:
+                yield complex_accelerance(self.assembly, theta[rows])
             else:
-                yield self._assembly.accelerance_amplitude(theta[rows])
+                yield self.assembly.accelerance_amplitude(theta[rows])
 
 
 def _deviation(accelerance: NDArray[np.number]) -> float:
@@ -213,6 +205,7 @@ def _deviation(accelerance: NDArray[np.number]) -> float:
     return float(np.std(amplitude, dtype=np.float64))
 
 
+@dataclass(frozen=True, eq=False)
 class ReducedEpochs:
     """What the regressor is trained with, by the number of the epoch: reduced, standardised features and targets.
 
@@ -227,34 +220,25 @@ class ReducedEpochs:
 
     Notes
     -----
-    A reducer that makes rows short enough for `copies` epochs to take no more memory than one epoch's FRFs is applied
-    to so many epochs, which are then gone through in turn; otherwise, and with fresh samples, each epoch is made
-    when it is asked for.
+    If the reduced features of `copies` epochs take no more memory than the FRFs of one, so many epochs are stored and
+    used in turn. Otherwise, and with fresh samples, each epoch is made when it is needed.
     """
 
-    def __init__(
-        self,
-        noisy: NoisyFeatures,
-        name: str,
-        reducer: FittedReducer,
-        feature_scaling: ZScore,
-        target_scaling: TargetScaling,
-    ) -> None:
-        self._noisy = noisy
-        self._name = name
-        self._reducer = reducer
-        self._feature_scaling = feature_scaling
-        self._target_scaling = target_scaling
-        self._kept: dict[int, tuple[NDArray[np.float32], NDArray[np.float64]]] = {}
+    noisy: NoisyFeatures
+    name: str
+    reducer: FittedReducer
+    feature_scaling: ZScore
+    target_scaling: TargetScaling
+    _stored: dict[int, tuple[NDArray[np.float32], NDArray[np.float64]]] = field(default_factory=dict, init=False)
 
     def __call__(self, epoch: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Return features (n_samples, n_components) and targets (n_samples, n_targets)."""
-        number = epoch % self._noisy.copies
-        if number in self._kept:
-            return self._kept[number]
-        features, theta = self._noisy(epoch)
-        reduced = reduce_features(self._reducer, self._name, features)
-        made = self._feature_scaling.transform(reduced, out=reduced), self._target_scaling.transform(theta)
-        if not self._noisy.fresh and self._noisy.copies * reduced.shape[1] <= features.shape[1]:
-            self._kept[number] = made
-        return made
+        number = epoch % self.noisy.copies
+        if number in self._stored:
+            return self._stored[number]
+        features, theta = self.noisy(epoch)
+        reduced = reduce_features(self.reducer, self.name, features)
+        pair = self.feature_scaling.transform(reduced, out=reduced), self.target_scaling.transform(theta)
+        if not self.noisy.fresh and self.noisy.copies * reduced.shape[1] <= features.shape[1]:
+            self._stored[number] = pair
+        return pair

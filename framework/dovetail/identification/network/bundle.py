@@ -13,18 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import SAME, Assembly, PluginPaths, largest_difference, load
+from dovetail.assembly import FRF_TOLERANCE, Assembly, PluginPaths, largest_frf_difference, load
 from dovetail.errors import BundleError, DescriptionError, Fault, PluginError, listing
 from dovetail.identification.network.manifest import (
     FORMAT,
-    LATER,
     MANIFEST,
-    PARTS,
+    SECTIONS,
+    SINCE_VERSION,
+    TRAIN_AGAIN,
     VERSION,
     Manifest,
-    Part,
-    Plain,
+    PlainValue,
+    Section,
     TensorFile,
+    damaged,
     is_bundle,
     read_manifest,
 )
@@ -38,12 +40,10 @@ from dovetail.interfaces import State
 __all__ = ["read_bundle", "write_bundle"]
 
 _CHECK_FRACTIONS = (0.3, 0.5, 0.7)
-"""Where in the parameters' ranges the answers lie that a bundle carries to be compared after loading."""
+"""Of the parameters' ranges: FRFs there and their predictions are in a bundle, to be compared after loading."""
 
 _CHECK_TOLERANCE = 0.01
-"""Part of a parameter's range by which those answers may differ on another machine."""
-
-_REMEDY = "Train the model again, or get a fresh copy."
+"""Part of a parameter's range by which those predictions may differ on another machine."""
 
 
 def write_bundle(trained: TrainedNetwork, path: str | Path) -> Path:
@@ -65,7 +65,7 @@ def write_bundle(trained: TrainedNetwork, path: str | Path) -> Path:
             fresh = Path(workplace) / "new"
             fresh.mkdir()
             _write(fresh, trained, states)
-            _put(fresh, target, Path(workplace) / "old")
+            _replace_folder(target, fresh, Path(workplace) / "old")
     except (OSError, ValueError) as error:
         raise BundleError(Fault(str(target), f"the model cannot be written: {error}.")) from error
     return target
@@ -75,21 +75,20 @@ def read_bundle(path: str | Path, *, plugins: PluginPaths = ()) -> TrainedNetwor
     """Read the model that `write_bundle` wrote; parameters and errors as `dovetail.load_model` has them."""
     folder = Path(path)
     manifest = read_manifest(folder)
-    parts = [part for part in PARTS if manifest.version >= LATER.get(part, 1)]
-    states = {part: _read_state(folder, manifest, part) for part in parts}
+    sections = [section for section in SECTIONS if manifest.version >= SINCE_VERSION.get(section, 1)]
+    states = {section: _read_state(folder, manifest, section) for section in sections}
     assembly = _assembly(folder, manifest, plugins)
     try:
         network = _network(assembly, states)
         novelty = Novelty.restore(states["novelty"]) if "novelty" in states else None
-        differences = _check(assembly, network, states["check"])
-    except Exception as error:  # a component may raise anything on a state that is not its own
+        differences = _prediction_differences(assembly, network, states["check"])
+    except Exception as error:  # a component may raise anything on a state that it did not write
         reason = f"{type(error).__name__}: {error}"
-        problem = f"the model cannot be rebuilt from its arrays ({reason})."
-        raise BundleError(Fault(str(folder), problem, remedy=_REMEDY)) from error
+        raise damaged(folder, f"the model cannot be rebuilt from its arrays ({reason}).") from error
     if not np.all(differences <= _CHECK_TOLERANCE):
         worst = float(np.max(differences))
         problem = f"the model's answers differ from those it gave when it was trained, by {worst:.3g} of a range."
-        raise BundleError(Fault(str(folder), problem, remedy=f"{_made_with(manifest)} {_REMEDY}"))
+        raise BundleError(Fault(str(folder), problem, remedy=f"{_made_with(manifest)} {TRAIN_AGAIN}"))
     _check_frfs(folder, manifest, assembly, states["check"])
     return TrainedNetwork(assembly, network, manifest.evaluation, novelty)
 
@@ -99,10 +98,10 @@ def _made_with(manifest: Manifest) -> str:
 
 
 def _check_frfs(folder: Path, manifest: Manifest, assembly: Assembly, state: Mapping[str, Any]) -> None:
-    """Compute again the FRFs that were put to the network when the model was saved."""
+    """Make sure that the assembly still has the FRFs that were in the bundle when it was written."""
     fractions = _check_vectors(assembly)
-    difference = largest_difference(assembly, assembly.from_unit(fractions), state["amplitude"])
-    if difference > SAME:
+    difference = largest_frf_difference(assembly, assembly.from_unit(fractions), state["amplitude"])
+    if difference > FRF_TOLERANCE:
         sources = listing(f"{name} ({source})" for name, source in manifest.components.items())
         problem = (
             "the assembly gives other FRFs now than when the model was trained (they differ by up to "
@@ -118,15 +117,13 @@ def _check_vectors(assembly: Assembly) -> NDArray[np.float64]:
 
 
 def _check_replaceable(target: Path) -> None:
-    if not target.exists() or is_bundle(target) or (target.is_dir() and not any(target.iterdir())):
-        return
-    raise BundleError(
-        Fault(str(target), "something else than a model is there already.", remedy="Choose another folder.")
-    )
+    if target.exists() and not is_bundle(target) and not (target.is_dir() and not any(target.iterdir())):
+        problem = "something else than a model is there already."
+        raise BundleError(Fault(str(target), problem, remedy="Choose another folder."))
 
 
-def _put(fresh: Path, target: Path, old: Path) -> None:
-    """Move a complete folder to its place; what was there stays there if that fails."""
+def _replace_folder(target: Path, fresh: Path, old: Path) -> None:
+    """Move a complete folder to its target; what was there stays there if that fails."""
     if not target.exists():
         fresh.rename(target)
         return
@@ -138,12 +135,12 @@ def _put(fresh: Path, target: Path, old: Path) -> None:
         raise
 
 
-def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Part, State]) -> None:
-    files: dict[Part, TensorFile] = {}
-    values: dict[Part, dict[str, Plain]] = {}
-    for part, state in states.items():
-        arrays, values[part] = _parted(part, state)
-        files[part] = _write_tensors(folder / f"{part}.safetensors", arrays)
+def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, State]) -> None:
+    files: dict[Section, TensorFile] = {}
+    values: dict[Section, dict[str, PlainValue]] = {}
+    for section, state in states.items():
+        arrays, values[section] = _split_state(section, state)
+        files[section] = _write_tensors(folder / f"{section}.safetensors", arrays)
     manifest = Manifest(
         format=FORMAT,
         version=VERSION if trained.novelty is not None else 1,
@@ -157,35 +154,35 @@ def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Part, State]) 
     )
     text = json.dumps(manifest.model_dump(), indent=1, allow_nan=False)
     (folder / MANIFEST).write_text(text + "\n", encoding="utf-8")
-    for part in states:  # safetensors lets only the owner read
-        shutil.copymode(folder / MANIFEST, folder / f"{part}.safetensors")
+    for section in states:  # safetensors lets only the owner read
+        shutil.copymode(folder / MANIFEST, folder / f"{section}.safetensors")
 
 
-def _states(trained: TrainedNetwork) -> dict[Part, State]:
+def _states(trained: TrainedNetwork) -> dict[Section, State]:
     network = trained.network
-    states: dict[Part, State] = {
+    states: dict[Section, State] = {
         "reducer": network.reducer.state(),
         "feature_scaling": network.feature_scaling.state(),
         "regressor": network.regressor.state(),
         "target_scaling": network.target_scaling.state(),
-        "check": _answers(trained),
+        "check": _check_state(trained),
     }
     if trained.novelty is not None:
         states["novelty"] = trained.novelty.state()
     return states
 
 
-def _answers(trained: TrainedNetwork) -> State:
-    """Return a few FRFs of the assembly and what the network answers to them."""
+def _check_state(trained: TrainedNetwork) -> State:
+    """Return a few FRFs of the assembly and the network's predictions from them."""
     assembly = trained.assembly
     amplitude = assembly.accelerance_amplitude(assembly.from_unit(_check_vectors(assembly)))
     return {"amplitude": amplitude, "theta": trained.predict_parameters(amplitude)}
 
 
-def _parted(part: str, state: State) -> tuple[dict[str, NDArray[np.generic]], dict[str, Plain]]:
-    """Part a state into arrays and plain values, and refuse anything else."""
+def _split_state(section: str, state: State) -> tuple[dict[str, NDArray[np.generic]], dict[str, PlainValue]]:
+    """Split a state into arrays and plain values, and refuse anything else."""
     arrays: dict[str, NDArray[np.generic]] = {}
-    values: dict[str, Plain] = {}
+    values: dict[str, PlainValue] = {}
     for name, value in state.items():
         if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
             arrays[name] = np.asarray(value, dtype=value.dtype.newbyteorder("<"), order="C")
@@ -193,13 +190,9 @@ def _parted(part: str, state: State) -> tuple[dict[str, NDArray[np.generic]], di
             values[name] = value
         else:
             kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
-            raise PluginError(
-                Fault(
-                    f"state of the {part}",
-                    f"'{name}' is {kind}, which a bundle cannot hold.",
-                    "arrays of numbers, int, float, str and bool",
-                )
-            )
+            problem = f"'{name}' is {kind}, which a bundle cannot hold."
+            accepted = "arrays of numbers, int, float, str and bool"
+            raise PluginError(Fault(f"state of the {section}", problem, accepted))
     return arrays, values
 
 
@@ -219,54 +212,55 @@ def _digest(file: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _read_state(folder: Path, manifest: Manifest, part: Part) -> dict[str, Any]:
-    """Return the arrays and plain values of one part."""
+def _read_state(folder: Path, manifest: Manifest, section: Section) -> dict[str, Any]:
+    """Return the arrays and plain values of one section."""
     from safetensors import SafetensorError
     from safetensors.numpy import load_file
 
-    file = folder / f"{part}.safetensors"
-    if part not in manifest.files or part not in manifest.values:
-        raise BundleError(Fault(str(folder / MANIFEST), f"the manifest does not list the {part}.", remedy=_REMEDY))
+    file = folder / f"{section}.safetensors"
+    if section not in manifest.files or section not in manifest.values:
+        raise damaged(folder / MANIFEST, f"the manifest does not list the {section}.")
     if not file.is_file():
-        raise BundleError(Fault(str(file), "this file of the model is missing.", remedy=_REMEDY))
+        raise damaged(file, "this file of the model is missing.")
     try:
-        if _digest(file) != manifest.files[part].sha256:
-            raise BundleError(Fault(str(file), "the file is not the one the manifest describes.", remedy=_REMEDY))
+        if _digest(file) != manifest.files[section].sha256:
+            raise damaged(file, "the file is not the one the manifest describes.")
         arrays = load_file(file)
     except (OSError, SafetensorError, ValueError, TypeError, KeyError) as error:
-        raise BundleError(Fault(str(file), f"the file cannot be read: {error}.", remedy=_REMEDY)) from None
-    if _shapes(arrays) != manifest.files[part].arrays:
-        raise BundleError(Fault(str(file), "its arrays have other shapes than the manifest says.", remedy=_REMEDY))
-    return {**arrays, **manifest.values[part]}
+        raise damaged(file, f"the file cannot be read: {error}.") from None
+    if _shapes(arrays) != manifest.files[section].arrays:
+        raise damaged(file, "its arrays have other shapes than the manifest says.")
+    return {**arrays, **manifest.values[section]}
 
 
 def _assembly(folder: Path, manifest: Manifest, plugins: PluginPaths) -> Assembly:
-    place = str(folder / MANIFEST)
+    file = folder / MANIFEST
     try:
         description = json.loads(manifest.description)
     except (ValueError, RecursionError) as error:
-        raise BundleError(Fault(place, f"its description is not JSON: {error}.", remedy=_REMEDY)) from None
+        raise damaged(file, f"its description is not JSON: {error}.") from None
     if not isinstance(description, dict):
-        raise BundleError(Fault(place, "its description is not a JSON object.", remedy=_REMEDY))
+        raise damaged(file, "its description is not a JSON object.")
     if "extends" in description:
-        raise BundleError(Fault(place, "its description refers to a file outside the model.", remedy=_REMEDY))
+        raise damaged(file, "its description refers to a file outside the model.")
     try:
         assembly = load(description, plugins=plugins)
     except DescriptionError as error:
-        strangers = [
+        components = [
             f"{name} ({source})" for name, source in manifest.components.items() if "dovetail-frf" not in source
         ]
-        remedy = f"The model uses {listing(strangers)}: install it, or name its plugin file." if strangers else _REMEDY
-        faults = [Fault(f"{place}  {fault.where}", fault.problem, fault.accepted, remedy) for fault in error.faults]
+        remedy = f"The model uses {listing(components)}: install it, or name its plugin file."
+        remedy = remedy if components else TRAIN_AGAIN
+        faults = [Fault(f"{file}  {fault.where}", fault.problem, fault.accepted, remedy) for fault in error.faults]
         raise BundleError(*faults) from error
     names = tuple(parameter.name for parameter in assembly.parameters)
     if names != manifest.parameters:
         problem = f"the model's parameters ({listing(manifest.parameters)}) are not those of its description."
-        raise BundleError(Fault(place, problem, listing(names), _REMEDY))
+        raise BundleError(Fault(str(file), problem, listing(names), TRAIN_AGAIN))
     return assembly
 
 
-def _network(assembly: Assembly, states: Mapping[Part, Mapping[str, Any]]) -> Network:
+def _network(assembly: Assembly, states: Mapping[Section, Mapping[str, Any]]) -> Network:
     settings = assembly.description.identification
     return Network(
         settings.reducer.restore(states["reducer"]),
@@ -277,8 +271,8 @@ def _network(assembly: Assembly, states: Mapping[Part, Mapping[str, Any]]) -> Ne
     )
 
 
-def _check(assembly: Assembly, network: Network, state: Mapping[str, Any]) -> NDArray[np.float64]:
-    """Ask again what was answered when the model was saved; return the differences as parts of the ranges."""
+def _prediction_differences(assembly: Assembly, network: Network, state: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Return how far predictions are from those when the bundle was written, in fractions of the ranges."""
     amplitude, theta = state["amplitude"], state["theta"]
     shape = len(_CHECK_FRACTIONS), len(assembly.description.responses) * len(assembly.frequency)
     if amplitude.shape != shape or theta.shape != (len(amplitude), len(assembly.parameters)):

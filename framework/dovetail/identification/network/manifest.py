@@ -1,4 +1,4 @@
-"""What a model bundle says about itself, checked before anything is believed."""
+"""The manifest of a model bundle: what the bundle says about itself, checked before it is used."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from dovetail.identification.metrics import Evaluation
 
 __all__ = [
     "FORMAT",
-    "LATER",
     "MANIFEST",
-    "PARTS",
+    "SECTIONS",
+    "SINCE_VERSION",
     "VERSION",
     "Manifest",
-    "Part",
-    "Plain",
+    "PlainValue",
+    "Section",
     "TensorFile",
+    "damaged",
     "is_bundle",
     "read_manifest",
 ]
@@ -30,17 +31,19 @@ MANIFEST = "manifest.json"
 FORMAT: Final = "dovetail-model"
 VERSION: Final = 2
 
-Part = Literal["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty"]
-PARTS: tuple[Part, ...] = get_args(Part)
-"""Each part keeps its arrays in ``<part>.safetensors`` and its plain values in the manifest."""
+TRAIN_AGAIN = "Train the model again, or get a fresh copy."
 
-LATER: Mapping[Part, int] = {"novelty": 2}
-"""Parts that bundles of an earlier version than this do not have."""
+Section = Literal["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty"]
+SECTIONS: tuple[Section, ...] = get_args(Section)
+"""Each section keeps its arrays in ``<section>.safetensors`` and its plain values in the manifest."""
 
-_LONGEST = 16 * 2**20
+SINCE_VERSION: Mapping[Section, int] = {"novelty": 2}
+"""Format version since which bundles have a section; 1 for the others."""
+
+_LARGEST_MANIFEST = 16 * 2**20
 """Bytes; the manifest of a real model stays far below."""
 
-Plain = bool | int | float | str
+PlainValue = bool | int | float | str
 
 
 class _Strict(BaseModel):
@@ -68,9 +71,9 @@ class Manifest(_Strict):
     components, packages : dict of str to str
         Who offers each component, and the versions the model was made with.
     values : dict of str to dict
-        Plain values of each part's state.
+        Plain values of each section's state.
     files : dict of str to TensorFile
-        Arrays of each part's state.
+        Arrays of each section's state.
     evaluation : Evaluation
     """
 
@@ -80,8 +83,8 @@ class Manifest(_Strict):
     parameters: tuple[str, ...]
     components: dict[str, str]
     packages: dict[str, str]
-    values: dict[Part, dict[str, Plain]]
-    files: dict[Part, TensorFile]
+    values: dict[Section, dict[str, PlainValue]]
+    files: dict[Section, TensorFile]
     evaluation: Evaluation
 
 
@@ -102,22 +105,26 @@ def read_manifest(folder: Path) -> Manifest:
         It is missing, damaged, of another program or of a newer format.
     """
     header = _header(folder)
-    place = str(folder / MANIFEST)
+    where = str(folder / MANIFEST)
     if header.get("format") != FORMAT:
         problem = f"this is not a model of dovetail (its format is {header.get('format')!r})."
-        raise BundleError(Fault(place, problem, f"the folder that 'dovetail train' wrote, of the format '{FORMAT}'"))
+        raise BundleError(Fault(where, problem, f"the folder that 'dovetail train' wrote, of the format '{FORMAT}'"))
     version = header.get("version")
     if type(version) is int and version > VERSION:
-        made = header.get("packages", {})
-        maker = made.get("dovetail-frf", "a newer dovetail") if isinstance(made, dict) else "a newer dovetail"
+        packages = header.get("packages", {})
+        maker = packages.get("dovetail-frf", "a newer dovetail") if isinstance(packages, dict) else "a newer dovetail"
         problem = f"the model has the format version {version}, written by dovetail-frf {maker}."
-        raise BundleError(
-            Fault(place, problem, f"version {VERSION}", "Upgrade dovetail-frf, or train the model again.")
-        )
+        remedy = "Upgrade dovetail-frf, or train the model again."
+        raise BundleError(Fault(where, problem, f"version {VERSION}", remedy))
     try:
         return Manifest.model_validate_json(json.dumps(header))
     except (ValidationError, ValueError, RecursionError) as error:
-        raise BundleError(*_faults(place, error)) from None
+        raise BundleError(*_faults(where, error)) from None
+
+
+def damaged(file: Path, problem: str) -> BundleError:
+    """Return the error for a bundle that cannot be used, because of one of its files."""
+    return BundleError(Fault(str(file), problem, remedy=TRAIN_AGAIN))
 
 
 def _header(folder: Path) -> dict[str, Any]:
@@ -127,23 +134,20 @@ def _header(folder: Path) -> dict[str, Any]:
     if not file.is_file():
         raise BundleError(Fault(str(folder), f"this folder has no {MANIFEST}, so it is not a model of dovetail."))
     try:
-        if file.stat().st_size > _LONGEST:
-            raise BundleError(Fault(str(file), f"the manifest is longer than {_LONGEST} bytes."))
+        if file.stat().st_size > _LARGEST_MANIFEST:
+            raise BundleError(Fault(str(file), f"the manifest is longer than {_LARGEST_MANIFEST} bytes."))
         header = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise BundleError(Fault(str(file), f"the manifest cannot be read: {error}.", remedy=_AGAIN)) from None
+        raise damaged(file, f"the manifest cannot be read: {error}.") from None
     if not isinstance(header, dict):
-        raise BundleError(Fault(str(file), "the manifest is not a JSON object.", remedy=_AGAIN))
+        raise damaged(file, "the manifest is not a JSON object.")
     return header
 
 
-def _faults(place: str, error: Exception) -> list[Fault]:
+def _faults(where: str, error: Exception) -> list[Fault]:
     if not isinstance(error, ValidationError):
-        return [Fault(place, f"the manifest cannot be used: {error}.", remedy=_AGAIN)]
+        return [Fault(where, f"the manifest cannot be used: {error}.", remedy=TRAIN_AGAIN)]
     return [
-        Fault(f"{place}  {'.'.join(str(key) for key in fault['loc'])}", f"{fault['msg']}.", remedy=_AGAIN)
+        Fault(f"{where}  {'.'.join(str(key) for key in fault['loc'])}", f"{fault['msg']}.", remedy=TRAIN_AGAIN)
         for fault in error.errors()
     ]
-
-
-_AGAIN = "Train the model again, or get a fresh copy."

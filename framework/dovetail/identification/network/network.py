@@ -1,4 +1,7 @@
-"""The trained chain from an FRF's amplitude to joint parameters."""
+"""The trained chain from an FRF's amplitude to joint parameters: features, reducer, scaling, regressor, scaling back.
+
+Reducer and regressor are plugins, so what they return is checked.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +20,16 @@ from dovetail.interfaces import (
     Progress,
     Reducer,
     Regressor,
-    blamed_on,
+    plugin_errors,
     silent,
 )
 
-__all__ = ["Network", "checked_fit", "checked_rows", "label_of", "reduce_features"]
+__all__ = ["Network", "check_contract", "check_rows", "component_label", "reduce_features"]
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Features, reducer, scaling, regressor, scaling back: everything fitted, nothing to be changed.
+    """The fitted chain; immutable.
 
     Parameters
     ----------
@@ -50,8 +53,8 @@ class Network:
     recipes: tuple[Reducer, Regressor]
 
     def __post_init__(self) -> None:
-        checked_fit(self.reducer, self.recipes[0], FittedReducer)
-        checked_fit(self.regressor, self.recipes[1], FittedRegressor)
+        check_contract(self.reducer, self.recipes[0], FittedReducer)
+        check_contract(self.regressor, self.recipes[1], FittedRegressor)
 
     def predict(self, amplitude: NDArray[np.floating]) -> NDArray[np.float64]:
         """Predict parameters from the accelerance's amplitude.
@@ -75,28 +78,28 @@ class Network:
 
     def _predict(self, amplitude: NDArray[np.floating]) -> NDArray[np.float64]:
         count, (reducer, regressor) = len(amplitude), self.recipes
-        with blamed_on(self.reducer, label_of(reducer)):
+        with plugin_errors(self.reducer, component_label(reducer)):
             reduced = self.reducer.transform(log10p1(amplitude))
-        features = checked_rows(reduced, label_of(reducer), count, len(self.feature_scaling.mean))
-        with blamed_on(self.regressor, label_of(regressor)):
+        features = check_rows(reduced, component_label(reducer), count, len(self.feature_scaling.mean))
+        with plugin_errors(self.regressor, component_label(regressor)):
             predicted = self.regressor.predict(self.feature_scaling.transform(features))
-        targets = checked_rows(predicted, label_of(regressor), count, len(self.target_scaling.lower))
+        targets = check_rows(predicted, component_label(regressor), count, len(self.target_scaling.lower))
         return self.target_scaling.inverse(targets)
 
 
-def label_of(component: Component) -> str:
+def component_label(component: Component) -> str:
     """Return how messages name a reducer or a regressor."""
     return f"{component.kind} '{component.name}'"
 
 
-def checked_rows(values: object, label: str, count: int, width: int | None = None) -> NDArray[Any]:
-    """Return what `transform` or `predict` gave, if it has a row for each FRF.
+def check_rows(values: object, label: str, count: int, width: int | None = None) -> NDArray[Any]:
+    """Return what `transform` or `predict` returned, if it has a row for each FRF.
 
     Parameters
     ----------
     values : object
     label : str
-        Who gave it.
+        Which component returned it.
     count : int
         Number of FRFs.
     width : int, optional
@@ -112,25 +115,25 @@ def checked_rows(values: object, label: str, count: int, width: int | None = Non
         It is no array of numbers of that shape; NumPy would spread one of another shape over all columns.
     """
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiu":
-        given = f"an array of {values.dtype}" if isinstance(values, np.ndarray) else type(values).__name__
-        raise PluginError(Fault(label, f"it returned {given}.", "an array of numbers"))
-    wanted = (count, width or values.shape[-1] if values.ndim else 0)
-    if values.shape != wanted or 0 in values.shape:
+        kind = f"an array of {values.dtype}" if isinstance(values, np.ndarray) else type(values).__name__
+        raise PluginError(Fault(label, f"it returned {kind}.", "an array of numbers"))
+    expected = (count, width or values.shape[-1] if values.ndim else 0)
+    if values.shape != expected or 0 in values.shape:
         accepted = f"({count}, {'n_components' if width is None else width})"
         raise PluginError(Fault(label, f"it returned the shape {values.shape} for {count} FRFs.", accepted))
     return values
 
 
-def checked_fit(made: object, recipe: Component, contract: type) -> None:
+def check_contract(fitted: object, recipe: Component, contract: type) -> None:
     """Make sure that `fit` or `restore` returned what its contract says.
 
     Raises
     ------
     PluginError
     """
-    if not isinstance(made, contract):
-        problem = f"its fit returned {type(made).__name__}."
-        raise PluginError(Fault(label_of(recipe), problem, f"a {contract.__name__}"))
+    if not isinstance(fitted, contract):
+        problem = f"its fit returned {type(fitted).__name__}."
+        raise PluginError(Fault(component_label(recipe), problem, f"a {contract.__name__}"))
 
 
 def reduce_features(
@@ -145,13 +148,13 @@ def reduce_features(
     """
     reduced = np.empty((len(features), 0), dtype=np.float32)
     for rows in blocks(len(features)):
-        with blamed_on(reducer, f"reducer '{name}'"):
-            part = reducer.transform(features[rows])
-        part = checked_rows(part, f"reducer '{name}'", rows.stop - rows.start, reduced.shape[1] or None)
-        if not np.isfinite(part).all():
+        with plugin_errors(reducer, f"reducer '{name}'"):
+            block = reducer.transform(features[rows])
+        block = check_rows(block, f"reducer '{name}'", rows.stop - rows.start, reduced.shape[1] or None)
+        if not np.isfinite(block).all():
             raise PluginError(Fault(f"reducer '{name}'", "it returned features that are not finite.", "finite numbers"))
         if rows.start == 0:
-            reduced = np.empty((len(features), part.shape[1]), dtype=np.float32)
-        reduced[rows] = part
+            reduced = np.empty((len(features), block.shape[1]), dtype=np.float32)
+        reduced[rows] = block
         progress("reduction", rows.stop, len(features))
     return reduced

@@ -1,4 +1,8 @@
-"""How far a measurement lies from what a network was trained on."""
+"""How far a measurement lies from the FRFs that a network was trained on.
+
+Three statistics grow with this distance. Their limits are the largest values that they reach with FRFs of other joints,
+on which the network was not trained, at several levels of noise.
+"""
 
 from __future__ import annotations
 
@@ -11,47 +15,50 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.identification.fitting.random_error import estimated_variance, known_variance
-from dovetail.identification.misspecification.clipping import share_at_top
-from dovetail.identification.misspecification.frequency_bands import off_bands
-from dovetail.identification.misspecification.result import Foreign
+from dovetail.identification.fitting.random_error import random_error_variance
+from dovetail.identification.misspecification.clipping import share_near_maximum
+from dovetail.identification.misspecification.frequency_bands import find_deviating_bands
+from dovetail.identification.misspecification.result import Misspecification
 from dovetail.identification.network.network import Network
 from dovetail.identification.network.preprocessing import log10p1
 
-__all__ = ["Basis", "Novelty", "Strangeness", "learned"]
-
-_COMPONENTS = 24
-_MOST_OF_A_LINE = 9.0
-"""Square of a line's distance that counts as much as any larger one: a sharp resonance is never met exactly."""
-_LEAST_VARIANCE = 1e-6
-_CLEAR = 3.0
-"""Standard deviations of noise above which an amplitude tells its logarithm."""
+__all__ = ["Novelty", "PrincipalComponents", "learn_novelty"]
 
 
 @dataclass(frozen=True)
-class Strangeness:
-    """How strange an FRF is, in three ways; each grows with strangeness.
+class NoveltySettings:
+    """What the statistics are learned from, and what counts in them."""
 
-    Parameters
-    ----------
-    level : float
-        Of the noise, over the standard deviation of the amplitudes.
-    distance : float
-        Mean squared distance from the training FRFs' principal components, over noise and what these leave.
-    at_top : float
-        Share of the lines that are nearly as high as the highest.
-    disagreement : float
-        Mean difference of the logarithms of measured and reconstructed amplitude.
-    """
+    training_frfs: int = 3000
+    """Of which the principal components are taken, at most."""
+    held_out_frfs: int = 400
+    """From which the limits are taken, at most."""
+    components: int = 24
+    """Principal components, at most."""
+    noise_levels: tuple[float, ...] = (0.003, 0.01, 0.02, 0.05, 0.1, 0.2)
+    """Standard deviation of the noise, over that of the FRF."""
+    largest_square: float = 9.0
+    """Square of a line's distance that counts as much as any larger one: a sharp resonance is never met exactly."""
+    least_variance: float = 1e-6
+    """Of a feature, so that none has infinite weight."""
+    clear: float = 3.0
+    """Standard deviations of noise above which the logarithm of an amplitude is compared."""
 
-    level: float
-    distance: float
-    at_top: float
-    disagreement: float
+
+_SETTINGS = NoveltySettings()
+
+_NOISE_STREAM = 2
+"""Keeps the noise's random numbers apart from others of the same seed."""
+
+_REASONS = (
+    "It is unlike every FRF that the network was trained on.",
+    "More of its lines are nearly as high as the highest than in any FRF that the network was trained on.",
+    "The FRF of the network's answer is further from it than is usual.",
+)
 
 
 @dataclass(frozen=True, eq=False)
-class Basis:
+class PrincipalComponents:
     """Principal components of the training features, log10(amplitude + 1).
 
     Parameters
@@ -77,11 +84,12 @@ class Basis:
 
         features = log10p1(amplitude).astype(np.float64)
         mean = features.mean(axis=0)
-        count = min(_COMPONENTS, min(features.shape) - 1)
+        count = min(_SETTINGS.components, min(features.shape) - 1)
         _, size, components = randomized_svd(features - mean, count, random_state=0)
         others = log10p1(held_out) - mean
         rest = np.mean((others - (others @ components.T) @ components) ** 2, axis=0)
-        return cls(mean, components, size**2 / len(features) + _LEAST_VARIANCE, rest + _LEAST_VARIANCE)
+        variance = size**2 / len(features)
+        return cls(mean, components, variance + _SETTINGS.least_variance, rest + _SETTINGS.least_variance)
 
     def residuals(self, amplitude: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far each line (n_freq,) is from the nearest FRF of the components, in standard deviations.
@@ -92,9 +100,9 @@ class Basis:
         variance : (n_freq,) array
             E|random error|^2 of the complex values.
         """
-        slope = 1.0 / ((1.0 + amplitude) * np.log(10.0))
+        derivative = 1.0 / ((1.0 + amplitude) * np.log(10.0))
         drowned = amplitude**2 < 4.0 * variance  # where noise also raises the amplitude
-        weight = 1.0 / (slope**2 * variance * np.where(drowned, 1.5, 0.5) + self.rest)
+        weight = 1.0 / (derivative**2 * variance * np.where(drowned, 1.5, 0.5) + self.rest)
         features = log10p1(amplitude) - self.mean
         matrix = (self.components * weight) @ self.components.T + np.diag(1.0 / self.variance)
         scores = np.linalg.solve(matrix, self.components @ (weight * features))
@@ -103,22 +111,22 @@ class Basis:
 
 @dataclass(frozen=True, eq=False)
 class Novelty:
-    """What is usual for the FRFs that a network was trained on, and how much of each strangeness is still usual.
+    """The training FRFs of a network, and how large each statistic is for FRFs like them.
 
     Parameters
     ----------
-    basis : Basis
+    basis : PrincipalComponents
     levels : (n,) array
         Increasing levels of noise, over the standard deviation of the amplitudes.
     limits : (n, 3) array
-        At each, the `distance`, `at_top` and `disagreement` that joints it was not trained on hardly exceed.
+        At each, the largest values of the statistics with joints that the network was not trained on.
     """
 
-    basis: Basis
+    basis: PrincipalComponents
     levels: NDArray[np.float64]
     limits: NDArray[np.float64]
 
-    def examine(self, measured: Frf, reconstructed: NDArray[np.float64]) -> Foreign:
+    def check(self, measured: Frf, reconstructed: NDArray[np.float64]) -> Misspecification:
         """Say whether a measurement is unlike all that the network was trained on.
 
         Parameters
@@ -128,21 +136,21 @@ class Novelty:
         reconstructed : (n_freq,) array
             Amplitude of the accelerance that belongs to the network's answer.
         """
-        found, lines = strangeness(self.basis, measured, reconstructed)
-        at = np.log(np.clip(found.level, self.levels[0], self.levels[-1]))
-        usual = [float(np.interp(at, np.log(self.levels), column)) for column in self.limits.T]
-        over = np.array([found.distance, found.at_top, found.disagreement]) / usual
-        if over.max() <= 1.0:
-            return Foreign(False, float(over.max()))
-        reasons = tuple(text for text, one in zip(_REASONS, over.tolist(), strict=True) if one > 1.0)
-        looks = "It looks as if it were cut off (an overloaded channel?)." if over[1] > 1.0 else ""
-        bands = off_bands(measured.frequency, lines[:, np.newaxis]) if over[0] > 1.0 else ()
-        return Foreign(True, float(over.max()), looks, reasons, bands)
+        statistics, noise_level, residuals = _statistics(self.basis, measured, reconstructed)
+        level = np.log(np.clip(noise_level, self.levels[0], self.levels[-1]))
+        limits = [float(np.interp(level, np.log(self.levels), column)) for column in self.limits.T]
+        ratios = statistics / limits
+        if ratios.max() <= 1.0:
+            return Misspecification(False, float(ratios.max()))
+        reasons = tuple(text for text, ratio in zip(_REASONS, ratios.tolist(), strict=True) if ratio > 1.0)
+        looks = "It looks as if it were cut off (an overloaded channel?)." if ratios[1] > 1.0 else ""
+        bands = find_deviating_bands(measured.frequency, residuals[:, np.newaxis]) if ratios[0] > 1.0 else ()
+        return Misspecification(True, float(ratios.max()), looks, reasons, bands)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that `restore` needs."""
-        of_basis = {field.name: getattr(self.basis, field.name) for field in fields(Basis)}
-        return {**of_basis, "levels": self.levels, "limits": self.limits}
+        arrays = {name: getattr(self.basis, name) for name in _BASIS_ARRAYS}
+        return {**arrays, "levels": self.levels, "limits": self.limits}
 
     @classmethod
     def restore(cls, state: Mapping[str, Any]) -> Self:
@@ -153,58 +161,52 @@ class Novelty:
         ValueError
             The arrays do not fit each other or are not finite.
         """
-        arrays = {name: np.asarray(state[name], dtype=np.float64) for name in (*_ARRAYS, "levels", "limits")}
+        arrays = {name: np.asarray(state[name], dtype=np.float64) for name in (*_BASIS_ARRAYS, "levels", "limits")}
         width, count, levels = arrays["mean"].size, arrays["variance"].size, arrays["levels"].size
         shapes = {"mean": (width,), "components": (count, width), "variance": (count,), "rest": (width,)}
         shapes |= {"levels": (levels,), "limits": (levels, len(_REASONS))}
         if any(arrays[name].shape != shape for name, shape in shapes.items()) or not levels:
             raise ValueError("arrays of unlike shapes")
-        if not all(np.isfinite(one).all() for one in arrays.values()):
+        if not all(np.isfinite(array).all() for array in arrays.values()):
             raise ValueError("values that are not finite")
-        return cls(Basis(*(arrays[name] for name in _ARRAYS)), arrays["levels"], arrays["limits"])
+        basis = PrincipalComponents(*(arrays[name] for name in _BASIS_ARRAYS))
+        return cls(basis, arrays["levels"], arrays["limits"])
 
 
-_ARRAYS = tuple(field.name for field in fields(Basis))
-
-_REASONS = (
-    "It is unlike every FRF that the network was trained on.",
-    "More of its lines are nearly as high as the highest than in any FRF that the network was trained on.",
-    "The FRF of the network's answer is further from it than is usual.",
-)
+_BASIS_ARRAYS = tuple(field.name for field in fields(PrincipalComponents))
 
 
-def strangeness(
-    basis: Basis, measured: Frf, reconstructed: NDArray[np.float64]
-) -> tuple[Strangeness, NDArray[np.float64]]:
-    """Return how strange a measurement is, and by how many standard deviations in each line (n_freq,)."""
+def _statistics(
+    basis: PrincipalComponents, measured: Frf, reconstructed: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+    """Compare a measurement with the training FRFs.
+
+    Returns
+    -------
+    statistics : (3,) array
+        Mean squared distance from the principal components, over noise and what these leave; share of the lines that
+        are nearly as high as the highest; mean difference of the logarithms of measured and reconstructed amplitude.
+    noise_level : float
+        Standard deviation of the noise, over that of the amplitudes.
+    residuals : (n_freq,) array
+        Distance of each line, in standard deviations.
+    """
     frf = measured.to("accelerance")
-    known = known_variance(frf)
-    variance = estimated_variance(frf) if known is None else known
-    lines = basis.residuals(frf.amplitude, variance)
-    clear = frf.amplitude > _CLEAR * np.sqrt(variance)
-    apart = np.abs(np.log(frf.amplitude[clear]) - np.log(np.maximum(reconstructed[clear], np.finfo(float).tiny)))
-    return (
-        Strangeness(
-            level=float(np.sqrt(np.mean(variance)) / max(frf.amplitude.std(), np.finfo(float).tiny)),
-            distance=float(np.mean(np.minimum(lines**2, _MOST_OF_A_LINE))),
-            at_top=share_at_top(frf.amplitude),
-            disagreement=float(np.mean(np.minimum(apart, 1.0))) if clear.any() else 1.0,
-        ),
-        lines,
-    )
+    variance = random_error_variance(frf)
+    residuals = basis.residuals(frf.amplitude, variance)
+    distance = np.mean(np.minimum(residuals**2, _SETTINGS.largest_square))
+    clear = frf.amplitude > _SETTINGS.clear * np.sqrt(variance)
+    floor = np.finfo(float).tiny
+    differences = np.abs(np.log(frf.amplitude[clear]) - np.log(np.maximum(reconstructed[clear], floor)))
+    disagreement = np.mean(np.minimum(differences, 1.0)) if clear.any() else 1.0
+    noise_level = float(np.sqrt(np.mean(variance)) / max(frf.amplitude.std(), floor))
+    return np.array([distance, share_near_maximum(frf.amplitude), disagreement]), noise_level, residuals
 
 
-_MOST_TRAINING, _MOST_HELD_OUT = 3000, 400
-_LEVELS = (0.003, 0.01, 0.02, 0.05, 0.1, 0.2)
-"""Standard deviation of the noise, over that of the FRF."""
-_NOISE_STREAM = 2
-"""Keeps the noise's random numbers apart from others of the same seed."""
-
-
-def learned(
+def learn_novelty(
     assembly: Assembly, network: Network, amplitude: NDArray[np.floating], held_out: NDArray[np.float64], seed: int
 ) -> Novelty:
-    """Learn what is usual.
+    """Learn how large the statistics are for FRFs like the training FRFs.
 
     Parameters
     ----------
@@ -217,19 +219,19 @@ def learned(
         Joints that the network was not trained on, SI; the first 400 are used.
     seed : int
     """
-    values = assembly.frf(held_out[:_MOST_HELD_OUT])
+    values = assembly.frf(held_out[: _SETTINGS.held_out_frfs])
     quantity = assembly.description.response.quantity
-    clean = [Frf(assembly.frequency, one, quantity).to("accelerance").values for one in values]
-    basis = Basis.fit(amplitude[:_MOST_TRAINING], np.abs(clean))
+    clean = [Frf(assembly.frequency, frf, quantity).to("accelerance").values for frf in values]
+    basis = PrincipalComponents.fit(amplitude[: _SETTINGS.training_frfs], np.abs(clean))
     generator = np.random.default_rng([seed, _NOISE_STREAM])
     levels, limits = [], []
-    for level in _LEVELS:
-        noisy = [_with_noise(Frf(assembly.frequency, one, "accelerance"), level, generator) for one in clean]
-        predicted = network.predict(np.stack([one.amplitude for one in noisy]))
-        answers = assembly.accelerance_amplitude(predicted)
-        found = [strangeness(basis, one, answer)[0] for one, answer in zip(noisy, answers.astype(float), strict=True)]
-        levels.append(float(np.median([one.level for one in found])))
-        limits.append([max(getattr(one, name) for one in found) for name in ("distance", "at_top", "disagreement")])
+    for level in _SETTINGS.noise_levels:
+        noisy = [_with_noise(Frf(assembly.frequency, frf, "accelerance"), level, generator) for frf in clean]
+        predicted = network.predict(np.stack([frf.amplitude for frf in noisy]))
+        answers = assembly.accelerance_amplitude(predicted).astype(float)
+        compared = [_statistics(basis, frf, answer) for frf, answer in zip(noisy, answers, strict=True)]
+        levels.append(float(np.median([noise_level for _, noise_level, _ in compared])))
+        limits.append(np.max([statistics for statistics, _, _ in compared], axis=0))
     return Novelty(basis, np.maximum.accumulate(np.array(levels)), np.array(limits))
 
 

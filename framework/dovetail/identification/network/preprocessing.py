@@ -1,4 +1,8 @@
-"""Scaling of features and targets, fitted on training data only (Eqs. 13 and 14)."""
+"""Features of FRFs, and the scaling of features and targets, which is fitted to training data only.
+
+The equations are those of Processes 14 (2026) 1875, doi:10.3390/pr14121875: features Eq. 12, z-score Eq. 13, targets
+Eq. 14.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +26,30 @@ def blocks(rows: int) -> Iterator[slice]:
     """Cut `rows` rows into slices small enough to work on."""
     for start in range(0, rows, BLOCK_ROWS):
         yield slice(start, min(start + BLOCK_ROWS, rows))
+
+
+def accelerance_amplitudes(measured: Sequence[Frf]) -> NDArray[np.float64]:
+    """Return the accelerance's amplitudes of all responses beside each other, as one row (1, n_responses n_freq)."""
+    return np.concatenate([frf.to("accelerance").amplitude for frf in measured])[np.newaxis]
+
+
+def log10p1(amplitude: NDArray[np.floating], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+    """Return log10(x + 1) of the accelerance's amplitude, in single precision (Eq. 12).
+
+    Parameters
+    ----------
+    amplitude : (..., n_freq) array
+        m/(N s^2), not negative.
+    out : (..., n_freq) float32 array, optional
+        Where to write the features; `amplitude` itself, if it is single precision.
+
+    Returns
+    -------
+    (..., n_freq) float32 array
+    """
+    features = np.asarray(np.log1p(amplitude, out=out, dtype=np.float32), dtype=np.float32)
+    features *= np.float32(1.0 / np.log(10.0))
+    return features
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,33 +168,9 @@ def _doubles(
     state: Mapping[str, NDArray[np.generic]], first: str, second: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return two vectors of a state that must have one length and finite numbers."""
-    one, other = (np.asarray(state[name], dtype=np.float64) for name in (first, second))
-    if one.ndim != 1 or one.shape != other.shape:
-        raise ValueError(f"'{first}' and '{second}' have the shapes {one.shape} and {other.shape}.")
-    if not (np.isfinite(one).all() and np.isfinite(other).all()):
+    a, b = (np.asarray(state[name], dtype=np.float64) for name in (first, second))
+    if a.ndim != 1 or a.shape != b.shape:
+        raise ValueError(f"'{first}' and '{second}' have the shapes {a.shape} and {b.shape}.")
+    if not (np.isfinite(a).all() and np.isfinite(b).all()):
         raise ValueError(f"'{first}' or '{second}' is not finite.")
-    return one, other
-
-
-def accelerance_amplitudes(measured: Sequence[Frf]) -> NDArray[np.float64]:
-    """Return the accelerance's amplitudes of all responses beside each other, as one row (1, n_responses n_freq)."""
-    return np.concatenate([frf.to("accelerance").amplitude for frf in measured])[np.newaxis]
-
-
-def log10p1(amplitude: NDArray[np.floating], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-    """Return log10(x + 1) of the accelerance's amplitude, in single precision (Eq. 12).
-
-    Parameters
-    ----------
-    amplitude : (..., n_freq) array
-        m/(N s^2), not negative.
-    out : (..., n_freq) float32 array, optional
-        Where to write the features; `amplitude` itself, if it is single precision.
-
-    Returns
-    -------
-    (..., n_freq) float32 array
-    """
-    features = np.asarray(np.log1p(amplitude, out=out, dtype=np.float32), dtype=np.float32)
-    features *= np.float32(1.0 / np.log(10.0))
-    return features
+    return a, b

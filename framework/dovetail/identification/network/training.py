@@ -1,4 +1,8 @@
-"""Training: dataset in, evaluated network out."""
+"""Training: from a dataset to an evaluated network.
+
+The samples are split into a training and a test part. Reducer and regressor are fitted to the training FRFs, as they
+are or with noise that is new in every epoch. The test part gives the evaluation.
+"""
 
 from __future__ import annotations
 
@@ -18,35 +22,35 @@ from dovetail.dataset import Dataset, Storage, generate
 from dovetail.errors import DatasetError, Fault, PluginError
 from dovetail.identification.metrics import Evaluation, parameter_metrics
 from dovetail.identification.network.augmentation import NoisyFeatures, ReducedEpochs
-from dovetail.identification.network.network import Network, checked_fit, label_of, reduce_features
-from dovetail.identification.network.novelty import learned
+from dovetail.identification.network.network import Network, check_contract, component_label, reduce_features
+from dovetail.identification.network.novelty import learn_novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
 from dovetail.identification.network.trained_network import TrainedNetwork
-from dovetail.interfaces import FittedReducer, Progress, blamed_on, silent
+from dovetail.interfaces import FittedReducer, Progress, plugin_errors, silent
 
-__all__ = ["read_parts", "split", "train_network"]
+__all__ = ["draw_test_samples", "read_frfs", "train_network"]
 
 _SPLIT_STREAM = 1
 """Keeps the split's random numbers apart from those that sampled the dataset with the same seed."""
 
-_FEWEST = 2
-"""Samples that either part needs for a spread to exist."""
+_FEWEST_SAMPLES = 2
+"""In either part, for a spread to exist."""
 
 
 def train_network(
     assembly: Assembly, dataset: Dataset | None = None, *, robust: bool = False, progress: Progress = silent
 ) -> TrainedNetwork:
     """Train the network of an assembly's description; parameters and errors as `dovetail.train` has them."""
-    clock = _Clock()
+    timer = _StageTimer()
     if robust:
         assembly = _with_augmentation(assembly)
     if dataset is not None:
-        return _train(assembly, dataset, clock, progress)
+        return _train(assembly, dataset, timer, progress)
     with tempfile.TemporaryDirectory(prefix="dovetail-") as folder:
-        with clock.stage("dataset"):
+        with timer.stage("dataset"):
             storage: Storage = "complex" if _needs_stored_phase(assembly) else "amplitude"
             generated = generate(assembly, Path(folder) / "dataset.zarr", storage=storage, progress=progress)
-        return _train(assembly, generated, clock, progress)
+        return _train(assembly, generated, timer, progress)
 
 
 def _with_augmentation(assembly: Assembly) -> Assembly:
@@ -62,7 +66,7 @@ def _needs_stored_phase(assembly: Assembly) -> bool:
     return augmentation is not None and augmentation.mass > 0 and not augmentation.fresh
 
 
-def split(samples: int, test_fraction: float, seed: int) -> NDArray[np.bool_]:
+def draw_test_samples(samples: int, test_fraction: float, seed: int) -> NDArray[np.bool_]:
     """Draw the test part.
 
     Returns
@@ -76,118 +80,89 @@ def split(samples: int, test_fraction: float, seed: int) -> NDArray[np.bool_]:
         One of the two parts would be too small.
     """
     test_samples = round(test_fraction * samples)
-    if min(test_samples, samples - test_samples) < _FEWEST:
-        raise DatasetError(
-            Fault(
-                "",
-                f"{samples} samples leave {samples - test_samples} for training and {test_samples} for the test.",
-                f"at least {_FEWEST} of each",
-                "Generate more samples, or change 'identification.test_fraction'.",
-            )
-        )
+    if min(test_samples, samples - test_samples) < _FEWEST_SAMPLES:
+        problem = f"{samples} samples leave {samples - test_samples} for training and {test_samples} for the test."
+        remedy = "Generate more samples, or change 'identification.test_fraction'."
+        raise DatasetError(Fault("", problem, f"at least {_FEWEST_SAMPLES} of each", remedy))
     order = np.random.default_rng([seed, _SPLIT_STREAM]).permutation(samples)
     is_test = np.zeros(samples, dtype=np.bool_)
     is_test[order[:test_samples]] = True
     return is_test
 
 
-def _train(assembly: Assembly, dataset: Dataset, clock: _Clock, progress: Progress) -> TrainedNetwork:
+def _train(assembly: Assembly, dataset: Dataset, timer: _StageTimer, progress: Progress) -> TrainedNetwork:
     dataset.require(assembly)
     settings = assembly.description.identification
-    is_test = split(len(dataset), settings.test_fraction, settings.seed)
+    is_test = draw_test_samples(len(dataset), settings.test_fraction, settings.seed)
     theta = np.asarray(dataset.parameters, dtype=np.float64)
-    fit = _fit_plain if settings.augmentation is None else _fit_robust
-    network, test_amplitude = fit(assembly, dataset, is_test, clock, progress)
-    with clock.stage("evaluation"):
+    network, test_amplitude = _fit_network(assembly, dataset, is_test, timer, progress)
+    with timer.stage("evaluation"):
         predicted = network.predict(test_amplitude)
         if not np.isfinite(predicted).all():
-            label = label_of(settings.regressor)
+            label = component_label(settings.regressor)
             raise PluginError(Fault(label, "its answers to the test FRFs are not finite.", "finite numbers"))
-    with clock.stage("novelty"):
-        novelty = None
+    novelty = None
+    with timer.stage("novelty"):
         if len(assembly.description.responses) == 1:
-            amplitude = _first_amplitudes(dataset, ~is_test)
-            novelty = learned(assembly, network, amplitude, theta[is_test], settings.seed)
+            rows = next(blocks(len(dataset)))
+            amplitude = np.asarray(dataset.amplitude[rows], dtype=np.float32)[~is_test[rows]]
+            novelty = learn_novelty(assembly, network, amplitude, theta[is_test], settings.seed)
     evaluation = Evaluation(
         parameters=parameter_metrics(assembly.parameters, theta[is_test], predicted),
         training_samples=int(np.count_nonzero(~is_test)),
         test_samples=int(np.count_nonzero(is_test)),
         seed=settings.seed,
-        seconds=clock.seconds,
+        seconds=timer.seconds,
     )
     return TrainedNetwork(assembly, network, evaluation, novelty)
 
 
-def _first_amplitudes(dataset: Dataset, chosen: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the amplitudes of the chosen samples within the first block."""
-    rows = next(blocks(len(dataset)))
-    return np.asarray(dataset.amplitude[rows], dtype=np.float32)[chosen[rows]]
-
-
-def _fit_plain(
-    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], clock: _Clock, progress: Progress
+def _fit_network(
+    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], timer: _StageTimer, progress: Progress
 ) -> tuple[Network, NDArray[np.float32]]:
-    """Fit to the training FRFs as they are; return the network and the test amplitudes."""
+    """Fit to the training FRFs, with noise if the description has it; return the network and the test amplitudes."""
     settings = assembly.description.identification
-    with clock.stage("features"):
-        features, test_amplitude = read_parts(dataset, is_test, progress)
-        for rows in blocks(len(features)):
-            log10p1(features[rows], out=features[rows])
-    reducer = _fit_reducer(settings, features, clock, progress)
-    with clock.stage("reduction"):
+    theta = dataset.parameters[~is_test]
+    noisy = None
+    with timer.stage("features"):
+        features, test_amplitude = read_frfs(dataset, is_test, progress, phase=_needs_stored_phase(assembly))
+        if settings.augmentation is not None:
+            noisy = NoisyFeatures.of(assembly, features, theta)
+            features, theta = noisy(0)
+        else:
+            for rows in blocks(len(features)):
+                log10p1(features[rows], out=features[rows])
+    reducer = _fit_reducer(settings, features, timer, progress)
+    with timer.stage("reduction"):
         reduced = reduce_features(reducer, settings.reducer.name, features, progress)
     del features  # 700 MB at 40,000 FRFs of 4451 lines
-    with clock.stage("regressor"):
-        feature_scaling = ZScore.fit(reduced)
-        target_scaling = TargetScaling.fit(dataset.parameters[~is_test], assembly.parameters)
-        with blamed_on(settings.regressor, label_of(settings.regressor)):
-            regressor = settings.regressor.fit(
-                feature_scaling.transform(reduced, out=reduced),
-                target_scaling.transform(dataset.parameters[~is_test]),
-                seed=settings.seed,
-                progress=progress,
-            )
-    recipes = settings.reducer, settings.regressor
-    return Network(reducer, feature_scaling, regressor, target_scaling, recipes), test_amplitude
-
-
-def _fit_robust(
-    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], clock: _Clock, progress: Progress
-) -> tuple[Network, NDArray[np.float32]]:
-    """Fit to training FRFs with noise, new in every epoch; return the network and the test amplitudes, clean."""
-    settings = assembly.description.identification
-    with clock.stage("features"):
-        phase = _needs_stored_phase(assembly)
-        clean, test_amplitude = read_parts(dataset, is_test, progress, phase=phase)
-        noisy = NoisyFeatures.of(assembly, clean, dataset.parameters[~is_test])
-        features, theta = noisy(0)
-    reducer = _fit_reducer(settings, features, clock, progress)
-    with clock.stage("reduction"):
-        reduced = reduce_features(reducer, settings.reducer.name, features, progress)
-    del features
-    feature_scaling, target_scaling = ZScore.fit(reduced), TargetScaling.fit(theta, assembly.parameters)
-    epochs = ReducedEpochs(noisy, settings.reducer.name, reducer, feature_scaling, target_scaling)
-    with clock.stage("regressor"), blamed_on(settings.regressor, label_of(settings.regressor)):
-        regressor = settings.regressor.fit_epochs(epochs, seed=settings.seed, progress=progress)
+    scaling = feature_scaling, target_scaling = ZScore.fit(reduced), TargetScaling.fit(theta, assembly.parameters)
+    with timer.stage("regressor"), plugin_errors(settings.regressor, component_label(settings.regressor)):
+        if noisy is not None:
+            epochs = ReducedEpochs(noisy, settings.reducer.name, reducer, *scaling)
+            regressor = settings.regressor.fit_epochs(epochs, seed=settings.seed, progress=progress)
+        else:
+            standardised, targets = feature_scaling.transform(reduced, out=reduced), target_scaling.transform(theta)
+            regressor = settings.regressor.fit(standardised, targets, seed=settings.seed, progress=progress)
     recipes = settings.reducer, settings.regressor
     return Network(reducer, feature_scaling, regressor, target_scaling, recipes), test_amplitude
 
 
 def _fit_reducer(
-    settings: IdentificationSettings, features: NDArray[np.float32], clock: _Clock, progress: Progress
+    settings: IdentificationSettings, features: NDArray[np.float32], timer: _StageTimer, progress: Progress
 ) -> FittedReducer:
-    with clock.stage("reducer"):
+    with timer.stage("reducer"):
         progress("reducer", 0, 1, f"{settings.reducer.name} on {len(features)} FRFs")
-        with blamed_on(settings.reducer, label_of(settings.reducer)):
+        with plugin_errors(settings.reducer, component_label(settings.reducer)):
             reducer = settings.reducer.fit(features, seed=settings.seed)
-        checked_fit(reducer, settings.reducer, FittedReducer)
+        check_contract(reducer, settings.reducer, FittedReducer)
         progress("reducer", 1, 1)
     return reducer
 
 
 @dataclass
-class _Clock:
-    """Wall-clock seconds of each stage."""
+class _StageTimer:
+    """Wall-timer seconds of each stage."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -198,7 +173,7 @@ class _Clock:
         self.seconds[name] = time.perf_counter() - start
 
 
-def read_parts(
+def read_frfs(
     dataset: Dataset, is_test: NDArray[np.bool_], progress: Progress, *, phase: bool = False
 ) -> tuple[NDArray[Any], NDArray[np.float32]]:
     """Read a dataset's FRFs once, each into its final place.
@@ -227,16 +202,16 @@ def read_parts(
     stored, dtype = (dataset.accelerance, np.complex64) if phase else (dataset.amplitude, np.float32)
     training = np.empty((np.count_nonzero(~is_test), width), dtype=dtype)
     test = np.empty((np.count_nonzero(is_test), width), dtype=np.float32)
-    trained = tested = 0
+    training_count = test_count = 0
     for rows in blocks(len(dataset)):
         frfs = np.asarray(stored[rows], dtype=dtype)
         if not np.isfinite(frfs).all():
             raise DatasetError(
                 f"the dataset holds amplitudes that are not finite, in samples {rows.start}-{rows.stop}."
             )
-        chosen, others = frfs[is_test[rows]], frfs[~is_test[rows]]
-        test[tested : tested + len(chosen)] = np.abs(chosen)
-        training[trained : trained + len(others)] = others
-        tested, trained = tested + len(chosen), trained + len(others)
+        of_test, of_training = frfs[is_test[rows]], frfs[~is_test[rows]]
+        test[test_count : test_count + len(of_test)] = np.abs(of_test)
+        training[training_count : training_count + len(of_training)] = of_training
+        test_count, training_count = test_count + len(of_test), training_count + len(of_training)
         progress("features", rows.stop, len(dataset))
     return training, test

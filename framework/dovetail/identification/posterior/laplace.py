@@ -1,10 +1,10 @@
-"""The posterior as a Gaussian at its most probable place, in a tenth of a second, and where that misleads."""
+"""The Laplace approximation: the posterior as a Gaussian at its mode, in a tenth of a second, and where it misleads."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,29 +13,39 @@ from scipy.stats import norm, qmc
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.residuals import FrfMisfit
-from dovetail.identification.posterior.likelihood import WithErrors, check_options, likelihood
-from dovetail.identification.posterior.mode_search import climb
+from dovetail.identification.fitting.residuals import FrfResiduals
+from dovetail.identification.posterior.likelihood import MarginalisedResiduals, build_likelihood, check_options
+from dovetail.identification.posterior.mode_search import maximise_posterior
 from dovetail.identification.posterior.model_error import MODEL_ERROR
 from dovetail.identification.posterior.posterior import Posterior
-from dovetail.identification.posterior.prior import PriorAndData, fraction_of, quantile_of
+from dovetail.identification.posterior.prior import PosteriorResiduals, normal_from_unit, unit_from_normal
 
-__all__ = ["Gaussian", "laplace_posterior"]
+__all__ = ["LaplaceApproximation", "laplace_posterior"]
 
-_INNERMOST = 0.01
-"""Part of the ranges at their ends where the search does not start: there the coordinates run away."""
-_TOLERANCE, _MOST_STEPS = 1e-3, 100
-_NEAR = 1e-2
-"""Part of a standard deviation over which second derivatives are taken; the valley is straight so far."""
-_MOST_BENT = 0.3
-"""Standard deviations that a parameter may be bent off before its interval misleads."""
-_ARRIVED = 0.5
-"""Standard deviations from the place that the search should have reached, beyond which it has not."""
+
+@dataclass(frozen=True)
+class LaplaceSettings:
+    """How the mode is searched, and from where on the approximation misleads."""
+
+    margin: float = 0.01
+    """Fraction of a range at its ends where the search does not start: there the coordinates grow without bound."""
+    tolerance: float = 1e-3
+    """Change of the sum of squares in one step at which the search ends."""
+    steps: int = 100
+    difference_step: float = 1e-2
+    """Part of a standard deviation over which second derivatives are taken; the valley is straight so far."""
+    largest_bend: float = 0.3
+    """Standard deviations by which a parameter may be bent off its course before its interval misleads."""
+    largest_newton_decrement: float = 0.5
+    """Standard deviations from the mode beyond which the search has not arrived."""
+
+
+_SETTINGS = LaplaceSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class Gaussian:
-    """The Gaussian whose density has the same place and the same curvature as the posterior there.
+class LaplaceApproximation:
+    """The Gaussian with the posterior's mode and its curvature there.
 
     Parameters
     ----------
@@ -45,36 +55,37 @@ class Gaussian:
         Rows: a standard deviation along each principal axis.
     bend : (d,) array
         How far a standard deviation along all axes bends each parameter off its straight course, in parts of the
-        parameter's own standard deviation: 0 where the posterior is a Gaussian.
-    missed : float
-        How far the mode is from where the derivatives at it say that it should be, in standard deviations.
+        parameter's own standard deviation; 0 where the posterior is a Gaussian.
+    newton_decrement : float
+        Distance from the mode to where the derivatives there put it, in standard deviations; 0 at a mode.
     """
 
     mode: NDArray[np.float64]
     axes: NDArray[np.float64]
     bend: NDArray[np.float64]
-    missed: float
+    newton_decrement: float
 
     @staticmethod
-    def at(problem: PriorAndData, mode: NDArray[np.float64]) -> Gaussian:
-        """Return the Gaussian at the most probable place.
+    def at(posterior: PosteriorResiduals, mode: NDArray[np.float64]) -> LaplaceApproximation:
+        """Return the approximation at the posterior mode.
 
         Notes
         -----
-        Along an axis v the residuals change by r'' s^2 / 2 beside their linear part. The part of r'' in the tangent
-        is made up for by the parameters, z'' = -K^+ r'': the parameter-effects curvature of Bates and Watts
-        (Relative curvature measures of nonlinearity, 1980), which bends the valley.
+        Along an axis v the residuals change by r'' s^2 / 2 beside their linear part. The parameters compensate the part
+        of r'' in the tangent space, z'' = -K^+ r'': the parameter-effects curvature of Bates and Watts (Relative
+        curvature measures of nonlinearity, 1980), which bends the valley.
         """
-        residuals, slopes = problem.linear(mode[np.newaxis])
-        tangent, triangle = np.linalg.qr(slopes[0].T)
+        residuals, jacobian = posterior.linearise(mode[np.newaxis])
+        tangent, triangle = np.linalg.qr(jacobian[0].T)
         _, sizes, directions = np.linalg.svd(triangle)
         axes = directions / sizes[:, np.newaxis]
         deviation = np.sqrt(np.sum(axes**2, axis=0))
-        ahead, behind = (problem.residuals(mode + sign * _NEAR * axes) for sign in (1.0, -1.0))
-        second = (ahead + behind - 2.0 * residuals) / _NEAR**2
-        bent = np.linalg.solve(triangle, (second @ tangent).T).T / 2.0
-        bend = np.sqrt(np.sum(bent**2, axis=0)) / deviation
-        return Gaussian(mode, axes, bend, float(np.linalg.norm(residuals[0] @ tangent)))
+        step = _SETTINGS.difference_step
+        ahead, behind = (posterior.residuals(mode + sign * step * axes) for sign in (1.0, -1.0))
+        second = (ahead + behind - 2.0 * residuals) / step**2
+        bends = np.linalg.solve(triangle, (second @ tangent).T).T / 2.0
+        bend = np.sqrt(np.sum(bends**2, axis=0)) / deviation
+        return LaplaceApproximation(mode, axes, bend, float(np.linalg.norm(residuals[0] @ tangent)))
 
     def draw(self, count: int, seed: int) -> NDArray[np.float64]:
         """Return samples (count, d) of z, spread evenly (scrambled Halton points)."""
@@ -82,9 +93,9 @@ class Gaussian:
         return np.asarray(self.mode + norm.ppf(points) @ self.axes)
 
     @property
-    def doubtful(self) -> NDArray[np.bool_]:
+    def unreliable(self) -> NDArray[np.bool_]:
         """(d,) whether the interval of each parameter misleads."""
-        return (self.bend > _MOST_BENT) | (self.missed > _ARRIVED)
+        return (self.bend > _SETTINGS.largest_bend) | (self.newton_decrement > _SETTINGS.largest_newton_decrement)
 
 
 def laplace_posterior(
@@ -96,7 +107,7 @@ def laplace_posterior(
     model_error: float = MODEL_ERROR,
     seed: int = 0,
 ) -> Posterior:
-    """Take the posterior for a Gaussian in the coordinates in which the prior is one.
+    """Approximate the posterior by a Gaussian, in the coordinates in which the prior is one.
 
     Parameters
     ----------
@@ -115,8 +126,7 @@ def laplace_posterior(
     Returns
     -------
     Posterior
-        With the parameters whose interval is not to be trusted, `doubtful`: the Gaussian is straight where the
-        posterior is bent.
+        It names the `unreliable` parameters, along which the posterior is bent where the Gaussian is straight.
 
     Raises
     ------
@@ -125,22 +135,21 @@ def laplace_posterior(
     """
     check_options(samples, model_error)
     began = time.perf_counter()
-    given = likelihood(assembly, measured, fit, model_error)
-    misfit = FrfMisfit(assembly, given.residual)
-    problem = PriorAndData(WithErrors(misfit, given.errors) if len(given.errors) else misfit)
-    start = np.clip(assembly.to_unit(fit.theta), _INNERMOST, 1.0 - _INNERMOST)
-    modes, _ = climb(problem, quantile_of(start)[np.newaxis], tolerance=_TOLERANCE, most_steps=_MOST_STEPS)
-    gaussian = Gaussian.at(problem, modes[0])
-    names = [parameter.name for parameter in assembly.parameters]
-    return Posterior.of(
+    likelihood = build_likelihood(assembly, measured, fit, model_error)
+    misfit = FrfResiduals(assembly, likelihood.residual)
+    residuals = PosteriorResiduals(MarginalisedResiduals(misfit, likelihood.errors))
+    start = normal_from_unit(np.clip(assembly.to_unit(fit.theta), _SETTINGS.margin, 1.0 - _SETTINGS.margin))
+    modes = maximise_posterior(residuals, start[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+    approximation = LaplaceApproximation.at(residuals, modes[0])
+    posterior = Posterior.from_fractions(
         assembly,
-        fraction_of(gaussian.draw(samples, seed)),
+        unit_from_normal(approximation.draw(samples, seed)),
         np.full(samples, 1.0 / samples),
         model_error=model_error,
-        drawn=samples,
-        lines=given.lines,
+        searches=samples,
+        lines=likelihood.lines,
         seconds=time.perf_counter() - began,
-        form="laplace",
-        mode=assembly.from_unit(fraction_of(gaussian.mode)),
-        doubtful=tuple(name for name, doubt in zip(names, gaussian.doubtful, strict=True) if doubt),
     )
+    mode = assembly.from_unit(unit_from_normal(approximation.mode))
+    pairs = zip(posterior.names, approximation.unreliable, strict=True)
+    return replace(posterior, form="laplace", mode=mode, unreliable=tuple(name for name, failed in pairs if failed))

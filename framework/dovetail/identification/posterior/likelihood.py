@@ -1,4 +1,8 @@
-"""What a measured FRF weighs against the FRFs of the model: its random error, and the errors of the model itself."""
+"""The likelihood of a measured FRF: its random error and the errors of the model, marginalised, on all lines or few.
+
+Errors of the model widen the covariance of the residuals. `MarginalisedResiduals` scales them to covariance 1 again,
+`ReducedResiduals` does so within a subspace, from the few lines that determine where in it they are.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +17,34 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.levenberg_marquardt import Linear, SumOfSquares
-from dovetail.identification.fitting.observations import Measured, missed
-from dovetail.identification.fitting.residuals import FrfMisfit, Frfs, SideBySide, Weighted
+from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
+from dovetail.identification.fitting.observations import Observations, difference
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, StackedResiduals, Weighted
 from dovetail.identification.posterior.model_error import correlation_length, model_errors
 
-__all__ = ["Likelihood", "ReducedMisfit", "WithErrors", "check_options", "likelihood", "squares_with_errors"]
+__all__ = [
+    "Likelihood",
+    "MarginalisedResiduals",
+    "ReducedResiduals",
+    "build_likelihood",
+    "check_options",
+    "marginalised_squares",
+]
+
+
+@dataclass(frozen=True)
+class ReductionSettings:
+    """How well the subspace of a reduced misfit represents residuals."""
+
+    tolerance: float = 1e-3
+    """Root of the mean square of what the subspace may miss of a residual vector, whose noise is 1."""
+    error_multiple: float = 3.0
+    """Standard deviations up to which the model's errors are represented as well as the residual vectors."""
+    most_shapes: int = 200
+    """Vectors of the basis at most."""
+
+
+_SETTINGS = ReductionSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,27 +53,27 @@ class Likelihood:
 
     Parameters
     ----------
-    target : Measured
+    target : Observations
         In the quantities of the responses.
     variance : (n_lines,) array
-        E|error|^2 of each line: random, and what the fit left beyond it.
-    residual : Weighted or SideBySide
-        Over the random error, and over what the fit left beyond it.
+        E|error|^2 of each line: the random error, and the discrepancy that the fit showed beyond it.
+    residual : Weighted or StackedResiduals
+        Over the standard deviation of both.
     lines : int
         How many of them count.
     errors : (k, m) array
         What one standard deviation of each error of the model adds to the residuals.
     """
 
-    target: Measured
+    target: Observations
     variance: NDArray[np.float64]
-    residual: Weighted | SideBySide[Weighted]
+    residual: Weighted | StackedResiduals[Weighted]
     lines: int
     errors: NDArray[np.float64]
 
 
-def likelihood(assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: float) -> Likelihood:
-    """Weigh a measurement by what its best fit tells.
+def build_likelihood(assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: float) -> Likelihood:
+    """Weight a measurement by the errors that its best fit shows.
 
     Parameters
     ----------
@@ -55,22 +81,23 @@ def likelihood(assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, mode
     measured : Frf or sequence of Frf
         One for each response, on the assembly's frequencies.
     fit : Fit
-        Of the same measurement. Its random error and the lines it left out are taken over, and so is the part of the
-        FRF by which it found the model to be off: neighbouring lines are off alike, so many of them count as one.
+        Of the same measurement. Its random error, the lines that it left out and its discrepancy are used. The
+        discrepancy is correlated between neighbouring lines, so that many of them count as one.
     model_error : float
         Standard deviation of the relative error of natural frequencies.
     """
-    target = Measured.of(assembly, measured)
-    values = Frfs.of(assembly).frf(fit.theta[np.newaxis])[0]
-    off = (fit.discrepancy * np.abs(values)) ** 2
+    target = Observations.of(assembly, measured)
+    values = ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])[0]
+    discrepancy = (fit.discrepancy * np.abs(values)) ** 2
     if fit.discrepancy:
-        deviation = target.split(np.sqrt(fit.variance + off))
-        each = zip(target.frfs, target.split(values), deviation, target.split(off), strict=True)
-        off = np.concatenate([part * correlation_length(missed(frf, own) / size) for frf, own, size, part in each])
-    residual = target.weighted(fit.variance + off, fit.used)
+        deviations = target.split(np.sqrt(fit.variance + discrepancy))
+        responses = zip(target.frfs, target.split(values), deviations, strict=True)
+        lengths = [correlation_length(difference(frf, fitted) / sd) for frf, fitted, sd in responses]
+        discrepancy = discrepancy * np.repeat(lengths, target.counts)
+    residual = target.weighted(fit.variance + discrepancy, fit.used)
     errors = model_errors(assembly.frequency, target.split(values), model_error)
-    with_errors = residual.slopes(values[np.newaxis], errors[np.newaxis])[0]
-    return Likelihood(target, fit.variance + off, residual, int(np.count_nonzero(fit.used)), with_errors)
+    in_residuals = residual.jacobian(values[np.newaxis], errors[np.newaxis])[0]
+    return Likelihood(target, fit.variance + discrepancy, residual, int(np.count_nonzero(fit.used)), in_residuals)
 
 
 def check_options(samples: int, model_error: float) -> None:
@@ -86,76 +113,15 @@ def check_options(samples: int, model_error: float) -> None:
         raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
 
 
-_MOST_SHAPES = 200
-_SAFELY = 3.0
-"""Standard deviations of the errors of the model that are represented as well as the snapshots."""
+def marginalised_squares(residuals: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return r^T (1 + E^T E)^-1 r for residuals (n, m) and errors of the model E (k, m), (n,)."""
+    along = residuals @ errors.T
+    inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T).T
+    return np.asarray(np.einsum("nm,nm->n", residuals, residuals) - np.einsum("nk,nk->n", along, inner))
 
 
-class ReducedMisfit:
-    """Residuals in a subspace, from the few lines that tell where in it they are.
-
-    Parameters
-    ----------
-    assembly : Assembly
-    residual : Weighted or SideBySide
-        Of all lines of all responses.
-    snapshots : (n, m) array
-        Residuals of the whole FRF at places all over the region of interest, and other vectors that must be
-        represented.
-    origin : (m,) array
-        Residuals from which differences are taken.
-    errors : (k, m) array
-        What one standard deviation of each error of the model adds to the residuals.
-    tolerance : float
-        Root of the mean square of what the subspace may leave of a snapshot.
-
-    Notes
-    -----
-    A basis by singular value decomposition, its interpolation lines by pivoted QR (Drmac and Gugercin, A new selection
-    operator for the discrete empirical interpolation method, 2016); for likelihoods this is known as reduced-order
-    quadrature (Canizares et al., 2013). What lies outside the subspace does not depend on the parameters. Errors of
-    the model widen the covariance of the residuals in their directions; here the residuals are scaled so that it is 1
-    again.
-    """
-
-    def __init__(
-        self,
-        assembly: Assembly,
-        residual: Weighted | SideBySide[Weighted],
-        snapshots: NDArray[np.float64],
-        origin: NDArray[np.float64],
-        errors: NDArray[np.float64],
-        tolerance: float,
-    ) -> None:
-        basis = _basis(np.concatenate([snapshots - origin, _SAFELY * errors]), tolerance)
-        pivots = qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]]
-        lines = residual.lines_of(pivots)
-        rows = residual.residuals_of(lines)
-        on_lines = Frfs.of(assembly).at(lines)
-        for one in on_lines.assemblies:
-            one.engine.threads = 1  # so little work is done before others have begun
-        self._misfit = FrfMisfit(on_lines, residual.at(lines))
-        scaled = _inverse_root(np.eye(basis.shape[1]) + (errors @ basis).T @ (errors @ basis))
-        self._to_subspace = np.linalg.pinv(basis[rows]).T @ scaled
-        self._at_origin = origin @ basis @ scaled
-        self._origin_rows = origin[rows]
-        self.outside = float(origin @ origin - np.sum((origin @ basis) ** 2))
-        self.lines = lines
-
-    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals (n, k) in the subspace; with `outside`, their squares sum to `squares_with_errors`."""
-        return (self._misfit.residuals(fraction) - self._origin_rows) @ self._to_subspace + self._at_origin
-
-    def linear(self, fraction: NDArray[np.float64]) -> Linear:
-        """Return residuals and derivatives in the subspace."""
-        found = self._misfit.linear(fraction)
-        residuals = (found.residuals - self._origin_rows) @ self._to_subspace + self._at_origin
-        slopes = found.slopes @ self._to_subspace
-        return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
-
-
-class WithErrors:
-    """Residuals whose covariance errors of the model have widened, scaled so that it is 1 again.
+class MarginalisedResiduals:
+    """Residuals with the model's errors marginalised: scaled so that their widened covariance is 1 again.
 
     Parameters
     ----------
@@ -165,44 +131,94 @@ class WithErrors:
 
     Notes
     -----
-    Their squares sum to `squares_with_errors`: ``(1 + E^T E)^(-1/2)`` is 1 but in the directions of the errors.
+    Their squares sum to `marginalised_squares`: ``(1 + E^T E)^(-1/2)`` is 1 but in the directions of the errors.
     """
 
     def __init__(self, misfit: SumOfSquares, errors: NDArray[np.float64]) -> None:
         self._misfit = misfit
         _, sizes, self._directions = np.linalg.svd(errors, full_matrices=False)
-        self._lost = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
+        self._reduction = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m)."""
         return self._scaled(self._misfit.residuals(fraction))
 
-    def linear(self, fraction: NDArray[np.float64]) -> Linear:
+    def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
         """Return residuals and derivatives."""
-        found = self._misfit.linear(fraction)
-        residuals, slopes = self._scaled(found.residuals), self._scaled(found.slopes)
-        return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
+        linear = self._misfit.linearise(fraction)
+        return Linearisation(self._scaled(linear.residuals), self._scaled(linear.jacobian))
 
     def _scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(residuals - (residuals @ self._directions.T * self._lost) @ self._directions)
+        return np.asarray(residuals - (residuals @ self._directions.T * self._reduction) @ self._directions)
 
 
-def squares_with_errors(residuals: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return r^T (1 + E^T E)^-1 r for residuals (n, m) and errors of the model E (k, m), (n,)."""
-    along = residuals @ errors.T
-    inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T).T
-    return np.asarray(np.einsum("nm,nm->n", residuals, residuals) - np.einsum("nk,nk->n", along, inner))
+class ReducedResiduals:
+    """Marginalised residuals in a subspace, from the few lines that determine where in it they are.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    residual : Weighted or StackedResiduals
+        Of all lines of all responses.
+    snapshots : (n, m) array
+        Residuals of the whole FRF at points all over the region of interest.
+    origin : (m,) array
+        Residuals from which differences are taken.
+    errors : (k, m) array
+        What one standard deviation of each error of the model adds to the residuals.
+
+    Notes
+    -----
+    A basis by singular value decomposition, its interpolation lines by pivoted QR (Drmac and Gugercin, A new selection
+    operator for the discrete empirical interpolation method, 2016); for likelihoods this is known as reduced-order
+    quadrature (Canizares et al., 2013). What lies outside the subspace does not depend on the parameters.
+    """
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        residual: Weighted | StackedResiduals[Weighted],
+        snapshots: NDArray[np.float64],
+        origin: NDArray[np.float64],
+        errors: NDArray[np.float64],
+    ) -> None:
+        basis = _basis(np.concatenate([snapshots - origin, _SETTINGS.error_multiple * errors]))
+        pivots = qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]]
+        lines = residual.lines_of(pivots)
+        rows = residual.residuals_of(lines)
+        on_lines = ModelFrfs.of(assembly).at(lines)
+        for response in on_lines.assemblies:
+            response.engine.threads = 1  # so little work is done before others have begun
+        self._misfit = FrfResiduals(on_lines, residual.at(lines))
+        scaled = _inverse_square_root(np.eye(basis.shape[1]) + (errors @ basis).T @ (errors @ basis))
+        self._to_subspace = np.linalg.pinv(basis[rows]).T @ scaled
+        self._at_origin = origin @ basis @ scaled
+        self._origin_rows = origin[rows]
+        self.outside = float(origin @ origin - np.sum((origin @ basis) ** 2))
+        self.lines = lines
+
+    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, k) in the subspace; with `outside`, their squares sum to `marginalised_squares`."""
+        return self._reduced(self._misfit.residuals(fraction))
+
+    def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives in the subspace."""
+        linear = self._misfit.linearise(fraction)
+        return Linearisation(self._reduced(linear.residuals), linear.jacobian @ self._to_subspace)
+
+    def _reduced(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (residuals - self._origin_rows) @ self._to_subspace + self._at_origin
 
 
-def _inverse_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse_square_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray((vectors / np.sqrt(values)) @ vectors.T)
 
 
-def _basis(vectors: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
+def _basis(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return an orthonormal basis (m, k) of the rows, by the eigenvectors of their Gram matrix."""
     squares, mixing = np.linalg.eigh(vectors @ vectors.T)
-    left = np.cumsum(np.maximum(squares, 0.0))
-    kept = np.flatnonzero(left > len(vectors) * tolerance**2)[-_MOST_SHAPES:]
+    missing = np.cumsum(np.maximum(squares, 0.0))
+    kept = np.flatnonzero(missing > len(vectors) * _SETTINGS.tolerance**2)[-_SETTINGS.most_shapes :]
     kept = kept if len(kept) else np.array([len(squares) - 1])
     return np.linalg.qr(vectors.T @ (mixing[:, kept] / np.sqrt(squares[kept])))[0]

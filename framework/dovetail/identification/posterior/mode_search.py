@@ -1,53 +1,63 @@
-"""Where the posterior has its peaks: searches from all over the ranges, not only from the best fit."""
+"""The modes of the posterior, searched from points all over the ranges, not only from the best fit."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
-from dovetail.identification.fitting.levenberg_marquardt import minimise
-from dovetail.identification.fitting.observations import Measured
-from dovetail.identification.fitting.residuals import FrfMisfit, Frfs, SideBySide, Weighted
-from dovetail.identification.posterior.likelihood import WithErrors
-from dovetail.identification.posterior.prior import InCube, PriorAndData, into_cube, out_of_cube, quantile_of
+from dovetail.identification.fitting.least_squares import minimise
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
+from dovetail.identification.posterior.likelihood import Likelihood, MarginalisedResiduals
+from dovetail.identification.posterior.prior import CubeResiduals, PosteriorResiduals, normal_from_unit
 
-__all__ = ["climb", "search_modes"]
+__all__ = ["maximise_posterior", "search_modes"]
 
-_SEARCHES, _CARRIED_ON = 12, 4
-_LINES = 1000
-"""Of the FRF, evenly chosen, by which the first searches go."""
-_WITHIN = 0.02
-"""Fractions of the ranges that searches keep away from their ends, where no prior probability is left."""
-_SEARCH_TOLERANCE, _SEARCH_STEPS = 1.0, 40
-_ROUGH_TOLERANCE, _ROUGH_STEPS = 0.1, 100
-_COOLING, _COOLING_STEPS = (0.03, 0.1, 0.3), 25
-"""Weights of the measurement by which half of the searches near the peak: it is the wider, the less weight."""
-_TOLERANCE, _STEPS = 1e-2, 100
+
+@dataclass(frozen=True)
+class ModeSearchSettings:
+    """How many searches there are, on how many lines, and how far each is carried.
+
+    Tolerances are changes of the sum of squares in one step, at which a search ends.
+    """
+
+    searches: int = 12
+    """From a Latin hypercube over the ranges, besides the best fit."""
+    lines: int = 1000
+    """Of the FRF, evenly chosen, for the first searches."""
+    margin: float = 0.02
+    """Fraction of a range that searches keep away from its ends, where there is no prior probability."""
+    first_tolerance: float = 1.0
+    first_steps: int = 40
+    """Of the first search, by the logarithms of the amplitudes; it need only come near."""
+    tempering: tuple[float, ...] = (0.03, 0.1, 0.3)
+    """Weights of the measurement by which half of the searches approach a mode: the less weight, the wider it is."""
+    tempering_steps: int = 25
+    rough_tolerance: float = 0.1
+    rough_steps: int = 100
+    """Of the searches on the chosen lines."""
+    refined_modes: int = 4
+    """The best modes on the chosen lines, whose search is completed on all lines."""
+    tolerance: float = 1e-2
+    steps: int = 100
+    """Of the searches on all lines: modes are where sampling starts, and need not be sharper."""
+
+
+_SETTINGS = ModeSearchSettings()
 
 
 def search_modes(
-    assembly: Assembly,
-    target: Measured,
-    variance: NDArray[np.float64],
-    residual: Weighted | SideBySide[Weighted],
-    errors: NDArray[np.float64],
-    best: NDArray[np.float64],
-    random: np.random.Generator,
+    assembly: Assembly, likelihood: Likelihood, best: NDArray[np.float64], random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Search the peaks of the posterior, from the best fit and from points all over the ranges.
+    """Search the modes of the posterior, from the best fit and from points all over the ranges.
 
     Parameters
     ----------
     assembly : Assembly
-    target : Measured
-    variance : (n_lines,) array
-        E|error|^2 of its complex values.
-    residual : Weighted or SideBySide
-        Of all lines of all responses.
-    errors : (k, m) array
-        What one standard deviation of each error of the model adds to the residuals.
+    likelihood : Likelihood
     best : (p,) array
         Fractions of the ranges at the best fit.
     random : numpy.random.Generator
@@ -55,37 +65,44 @@ def search_modes(
     Returns
     -------
     (n, p) array
-        Normal quantiles of the fractions, the most probable place first. Several may be one and the same peak.
+        Normal quantiles of the fractions, the highest mode first. Several may be one and the same mode.
     """
-    step = max(1, len(variance) // _LINES)
+    variance, residual, errors = likelihood.variance, likelihood.residual, likelihood.errors
+    step = max(1, len(variance) // _SETTINGS.lines)
     lines = np.arange(step // 2, len(variance), step)
-    on_lines, few, rows = Frfs.of(assembly).at(lines), residual.at(lines), residual.residuals_of(lines)
-    points = qmc.LatinHypercube(len(best), rng=random).random(_SEARCHES)
-    search = FrfMisfit(on_lines, target.at(lines).logarithms(variance[lines]))
-    near = minimise(search, points, tolerance=_SEARCH_TOLERANCE, most_steps=_SEARCH_STEPS).position
+    on_lines, few, rows = ModelFrfs.of(assembly).at(lines), residual.at(lines), residual.residuals_of(lines)
+    points = qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
+    logarithms = FrfResiduals(on_lines, likelihood.target.at(lines).logarithms(variance[lines]))
+    near = minimise(logarithms, points, tolerance=_SETTINGS.first_tolerance, most_steps=_SETTINGS.first_steps).position
 
-    def weighted(weight: float) -> PriorAndData:
+    def tempered(weight: float) -> PosteriorResiduals:
         factor = weight * np.sqrt(step)  # with weight 1 these lines tell as much as all
-        return PriorAndData(WithErrors(FrfMisfit(on_lines, few.scaled(factor)), factor * errors[:, rows]))
+        misfit = FrfResiduals(on_lines, few.scaled(factor))
+        return PosteriorResiduals(MarginalisedResiduals(misfit, factor * errors[:, rows]))
 
-    direct = cooled = quantile_of(_inside(near))
-    for weight in _COOLING:
-        cooled, _ = climb(weighted(weight), cooled, tolerance=_ROUGH_TOLERANCE, most_steps=_COOLING_STEPS)
+    direct = cooled = normal_from_unit(_within_margin(near))
+    tolerance = _SETTINGS.rough_tolerance
+    for weight in _SETTINGS.tempering:
+        cooled = maximise_posterior(tempered(weight), cooled, tolerance=tolerance, most_steps=_SETTINGS.tempering_steps)
     both = np.concatenate([direct, cooled])
-    rough, _ = climb(weighted(1.0), both, tolerance=_ROUGH_TOLERANCE, most_steps=_ROUGH_STEPS)
-    whole = PriorAndData(WithErrors(FrfMisfit(assembly, residual), errors))
-    starts = np.concatenate([quantile_of(_inside(best))[np.newaxis], rough[:_CARRIED_ON]])
-    return climb(whole, starts)[0]
+    rough = maximise_posterior(tempered(1.0), both, tolerance=tolerance, most_steps=_SETTINGS.rough_steps)
+    on_all_lines = PosteriorResiduals(MarginalisedResiduals(FrfResiduals(assembly, residual), errors))
+    best_fit = normal_from_unit(_within_margin(best))[np.newaxis]
+    return maximise_posterior(on_all_lines, np.concatenate([best_fit, rough[: _SETTINGS.refined_modes]]))
 
 
-def climb(
-    problem: PriorAndData, starts: NDArray[np.float64], *, tolerance: float = _TOLERANCE, most_steps: int = _STEPS
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Climb from each start to a peak; return the ends (n, p), the highest first, and their sums of squares."""
-    found = minimise(InCube(problem), into_cube(starts), tolerance=tolerance, most_steps=most_steps)
-    order = np.argsort(found.cost, kind="stable")
-    return out_of_cube(found.position[order]), found.cost[order]
+def maximise_posterior(
+    posterior: PosteriorResiduals,
+    starts: NDArray[np.float64],
+    *,
+    tolerance: float = _SETTINGS.tolerance,
+    most_steps: int = _SETTINGS.steps,
+) -> NDArray[np.float64]:
+    """Search a mode from each start z (n, p); return where the searches ended (n, p), the highest first."""
+    problem, cube = CubeResiduals(posterior), CubeResiduals.from_normal(starts)
+    minimum = minimise(problem, cube, tolerance=tolerance, most_steps=most_steps)
+    return CubeResiduals.to_normal(minimum.position[np.argsort(minimum.cost, kind="stable")])
 
 
-def _inside(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.clip(fraction, _WITHIN, 1.0 - _WITHIN)
+def _within_margin(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.clip(fraction, _SETTINGS.margin, 1.0 - _SETTINGS.margin)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 
-__all__ = ["FEWEST", "LEVEL", "MOST_APART", "Form", "Posterior", "Verdict", "Word", "halves_apart", "quantiles"]
+__all__ = ["LEVEL", "Form", "Posterior", "Verdict", "Word", "quantiles", "split_half_difference"]
 
 LEVEL = 0.9
 """Probability that an interval holds the true value."""
@@ -21,13 +21,29 @@ Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable"]
 
 Form: TypeAlias = Literal["samples", "laplace"]
 
-_IDENTIFIED, _WEAKLY = 0.9, 0.5
-"""Part of the prior variance that the measurement must take away."""
-_TRADES = 0.6
-"""Correlation from which two parameters are said to trade with each other."""
-_AT_END, _MUCH = 0.25, 1.0 / 3.0
-"""A parameter presses against an end of its range if so much of its posterior lies within this part of its own interval
-from that end: where nothing holds it there but the range, half a Gaussian, it is 0.37; even over the range, 0.23."""
+
+@dataclass(frozen=True)
+class VerdictSettings:
+    """Limits from which a verdict or a warning is given."""
+
+    identified: float = 0.9
+    """Part of the prior variance that the measurement takes away from a parameter that is identified."""
+    weakly_identified: float = 0.5
+    """The same for one that is weakly identified."""
+    trading: float = 0.6
+    """Correlation from which two parameters are said to trade with each other."""
+    end_zone: float = 0.25
+    """Part of a parameter's interval that counts as near an end of its range."""
+    end_share: float = 1.0 / 3.0
+    """Share of the posterior near an end from which the parameter presses against it. Half a Gaussian that only the
+    range holds has 0.37 there; a parameter that is even over its range has 0.23."""
+    effective_samples: int = 50
+    """Below this effective sample size, a tail of an interval rests on two or three samples."""
+    split_half_difference: float = 0.5
+    """Part of an interval's width by which its ends may differ between two halves of the samples."""
+
+
+_SETTINGS = VerdictSettings()
 
 
 @dataclass(frozen=True)
@@ -39,7 +55,7 @@ class Verdict:
     word : str
         "identified", "weakly identified" or "not identifiable".
     gain : float
-        Part of the variance before the measurement that it takes away: 1 where it tells all.
+        Part of the prior variance that the measurement takes away; 1 where the parameter is known exactly.
     reason : str
         A sentence.
     """
@@ -66,17 +82,17 @@ class Posterior:
         SI; posterior means, taken on the parameters' scales.
     model_error : float
         Standard deviation of the relative error of natural frequencies that the model was allowed.
-    drawn : int
-        Searches; n of them reached their target.
+    searches : int
+        Searches for a sample; n of them converged.
     lines : int
         Lines to which the FRF was reduced.
     seconds : float
     form : {"samples", "laplace"}
-        Whether the samples are those of the posterior, or of a Gaussian that stands for it.
+        Samples of the posterior itself, or of its Laplace approximation.
     mode : (n_params,) array or None
-        SI; the most probable place, with the form "laplace".
-    doubtful : tuple of str
-        Parameters whose interval is not to be trusted, since the posterior is not that Gaussian.
+        SI; the posterior mode, with the form "laplace".
+    unreliable : tuple of str
+        Parameters for which the Laplace approximation fails; their intervals are not to be trusted.
     """
 
     names: tuple[str, ...]
@@ -85,87 +101,74 @@ class Posterior:
     weight: NDArray[np.float64]
     estimate: NDArray[np.float64]
     model_error: float
-    drawn: int
+    searches: int
     lines: int
     seconds: float
     form: Form = "samples"
     mode: NDArray[np.float64] | None = None
-    doubtful: tuple[str, ...] = ()
+    unreliable: tuple[str, ...] = ()
 
     @staticmethod
-    def of(
+    def from_fractions(
         assembly: Assembly,
         fraction: NDArray[np.float64],
         weight: NDArray[np.float64],
         *,
         model_error: float,
-        drawn: int,
+        searches: int,
         lines: int,
         seconds: float,
-        form: Form = "samples",
-        mode: NDArray[np.float64] | None = None,
-        doubtful: tuple[str, ...] = (),
     ) -> Posterior:
         """Return the posterior with these samples, in fractions of the assembly's ranges."""
-        return Posterior(
-            names=tuple(parameter.name for parameter in assembly.parameters),
-            theta=assembly.from_unit(fraction),
-            fraction=fraction,
-            weight=weight,
-            estimate=assembly.from_unit(weight @ fraction),
-            model_error=model_error,
-            drawn=drawn,
-            lines=lines,
-            seconds=seconds,
-            form=form,
-            mode=mode,
-            doubtful=doubtful,
-        )
+        names = tuple(parameter.name for parameter in assembly.parameters)
+        theta, estimate = assembly.from_unit(fraction), assembly.from_unit(weight @ fraction)
+        return Posterior(names, theta, fraction, weight, estimate, model_error, searches, lines, seconds)
 
     @property
-    def effective(self) -> float:
-        """Effective sample size: so many independent, equally weighted samples tell as much (Kish)."""
+    def effective_sample_size(self) -> float:
+        """Number of independent, equally weighted samples that tell as much (Kish)."""
         return float(1.0 / np.sum(self.weight**2))
 
     @property
-    def reached(self) -> float:
-        """Part of the searches that reached their target; the others are where the posterior folds over."""
-        return len(self.weight) / self.drawn
+    def converged_fraction(self) -> float:
+        """Fraction of the searches that converged; the others fail where the posterior folds over."""
+        return len(self.weight) / self.searches
 
     @cached_property
-    def halves_apart(self) -> Mapping[str, float]:
-        """By what part of its width each interval differs between two halves of the samples, on the parameters' scales.
+    def split_half_difference(self) -> Mapping[str, float]:
+        """Difference of each interval between two halves of the samples, in parts of its width, by name.
 
-        With n effective samples that are sound it is about 1.3 over the root of n.
+        It is taken on the parameters' scales. With n effective samples that are sound it is about 1.3 / sqrt(n).
         """
-        apart = halves_apart(self.fraction, self.weight, LEVEL)
-        return dict(zip(self.names, apart.tolist(), strict=True))
+        differences = split_half_difference(self.fraction, self.weight, LEVEL)
+        return dict(zip(self.names, differences.tolist(), strict=True))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What must be known before the intervals are believed."""
-        found = []
-        if self.doubtful:
-            found.append(
-                f"The form 'laplace' misleads on {', '.join(self.doubtful)}: the posterior is bent, the Gaussian is "
+        messages = []
+        if self.unreliable:
+            messages.append(
+                f"The form 'laplace' misleads on {', '.join(self.unreliable)}: the posterior is bent, the Gaussian is "
                 "not. Do not trust these intervals; the form 'samples' gives better ones."
             )
-        if self.effective < FEWEST:
-            found.append(
-                f"The samples tell no more than {self.effective:.0f} independent ones would: the ends of the "
-                "intervals are rough. Ask for more samples."
+        if self.effective_sample_size < _SETTINGS.effective_samples:
+            messages.append(
+                f"The samples tell no more than {self.effective_sample_size:.0f} independent ones would: the ends of "
+                "the intervals are rough. Ask for more samples."
             )
-        apart = [f"{name} ({part:.0%})" for name, part in self.halves_apart.items() if part > MOST_APART]
-        if apart:
-            found.append(
-                f"Two halves of the samples disagree on the intervals, in parts of their width: {', '.join(apart)}. "
+        differences = self.split_half_difference.items()
+        unstable = [f"{name} ({part:.0%})" for name, part in differences if part > _SETTINGS.split_half_difference]
+        if unstable:
+            messages.append(
+                f"Two halves of the samples disagree on the intervals, in parts of their width: {', '.join(unstable)}. "
                 "Ask for more samples."
             )
-        return tuple(found)
+        return tuple(messages)
 
     def interval(self, level: float = LEVEL) -> Mapping[str, tuple[float, float]]:
         """Return the central interval of each parameter, SI, by name."""
-        ends = quantiles(self.theta, self.weight, [(1.0 - level) / 2.0, (1.0 + level) / 2.0])
+        ends = quantiles(self.theta, self.weight, _ends_of(level))
         return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
 
     @cached_property
@@ -184,40 +187,40 @@ class Posterior:
         return {name: self._verdict(index, float(gains[index])) for index, name in enumerate(self.names)}
 
     def _verdict(self, index: int, gain: float) -> Verdict:
-        word: Word = (
-            "identified" if gain >= _IDENTIFIED else "weakly identified" if gain >= _WEAKLY else "not identifiable"
-        )
-        end = self._pressed_end(index)
+        word: Word = "not identifiable"
+        if gain >= _SETTINGS.weakly_identified:
+            word = "identified" if gain >= _SETTINGS.identified else "weakly identified"
+        end = self._nearest_end(index)
         reasons = [f"it presses against the {end} end of its range"] if end else []
         if word != "identified":
-            reasons.append(self._trade(index, word))
+            reasons.append(self._explanation(index, word))
         reason = "; ".join(reasons) or "the measurement fixes it"
         return Verdict(word, gain, f"{reason[0].upper()}{reason[1:]}.")
 
-    def _pressed_end(self, index: int) -> str:
+    def _nearest_end(self, index: int) -> str:
         """Return the end of the range, "lower" or "upper", that a parameter presses against; empty if none."""
         column = self.fraction[:, [index]]
-        low, high = quantiles(column, self.weight, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0])
-        near = _AT_END * (high[0] - low[0])
+        low, high = quantiles(column, self.weight, _ends_of(LEVEL))
+        zone = _SETTINGS.end_zone * (high[0] - low[0])
         shares = {
-            "lower": float(self.weight @ (column[:, 0] < near)),
-            "upper": float(self.weight @ (column[:, 0] > 1.0 - near)),
+            "lower": float(self.weight @ (column[:, 0] < zone)),
+            "upper": float(self.weight @ (column[:, 0] > 1.0 - zone)),
         }
-        end = max(shares, key=lambda one: shares[one])
-        return end if shares[end] >= _MUCH else ""
+        end = max(shares, key=lambda name: shares[name])
+        return end if shares[end] >= _SETTINGS.end_share else ""
 
-    def _trade(self, index: int, word: Word) -> str:
-        """Say with what a parameter that is not well known trades, or that the FRF tells little of it."""
+    def _explanation(self, index: int, word: Word) -> str:
+        """Say which parameters one that is not well known trades with, or that the FRF says little about it."""
         row = self.correlation[index].copy()
         row[index] = 0.0
-        partners = [int(other) for other in np.argsort(-np.abs(row))[:2] if abs(row[other]) >= _TRADES]
+        partners = [int(other) for other in np.argsort(-np.abs(row))[:2] if abs(row[other]) >= _SETTINGS.trading]
         if not partners:
             return "the FRF hardly depends on it" if word == "not identifiable" else "the FRF tells little of it"
         named = " and ".join(f"{self.names[other]} (correlation {row[other]:+.2f})" for other in partners)
         return f"it trades with {named}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the samples as plain values, fit for JSON."""
+        """Return everything but the fractions as plain values, fit for JSON."""
         intervals = self.interval()
         return {
             "form": self.form,
@@ -230,14 +233,14 @@ class Posterior:
                     "verdict": self.verdicts[name].word,
                     "gain": self.verdicts[name].gain,
                     "reason": self.verdicts[name].reason,
-                    "doubtful": name in self.doubtful,
-                    "halves_apart": self.halves_apart[name],
+                    "doubtful": name in self.unreliable,
+                    "halves_apart": self.split_half_difference[name],
                 }
                 for name, estimate in zip(self.names, self.estimate, strict=True)
             },
             "correlation": self.correlation.tolist(),
-            "effective_samples": self.effective,
-            "reached": self.reached,
+            "effective_samples": self.effective_sample_size,
+            "reached": self.converged_fraction,
             "model_error": self.model_error,
             "lines": self.lines,
             "seconds": self.seconds,
@@ -259,13 +262,9 @@ def quantiles(
     )
 
 
-FEWEST = 50
-"""Effective samples below which a tail of an interval rests on two or three."""
-MOST_APART = 0.5
-"""Part of an interval's width by which its ends may differ between two halves of the samples."""
-
-
-def halves_apart(values: NDArray[np.float64], weight: NDArray[np.float64], level: float) -> NDArray[np.float64]:
+def split_half_difference(
+    values: NDArray[np.float64], weight: NDArray[np.float64], level: float
+) -> NDArray[np.float64]:
     """Return by how much the intervals of the first and of the second half of the samples differ.
 
     Parameters
@@ -283,10 +282,14 @@ def halves_apart(values: NDArray[np.float64], weight: NDArray[np.float64], level
         are not two halves.
     """
     middle = len(weight) // 2
-    halves = [(values[part], weight[part]) for part in (slice(None, middle), slice(middle, None))]
+    halves = [(values[rows], weight[rows]) for rows in (slice(None, middle), slice(middle, None))]
     if min(half.sum() for _, half in halves) <= 0.0:
         return np.ones(values.shape[1])
-    levels = [(1.0 - level) / 2.0, (1.0 + level) / 2.0]
-    low, high = quantiles(values, weight, levels)
-    first, second = (np.array(quantiles(part, half / half.sum(), levels)) for part, half in halves)
+    low, high = quantiles(values, weight, _ends_of(level))
+    first, second = (np.array(quantiles(rows, half / half.sum(), _ends_of(level))) for rows, half in halves)
     return np.asarray(np.abs(first - second).max(axis=0) / np.maximum(high - low, np.finfo(float).tiny))
+
+
+def _ends_of(level: float) -> list[float]:
+    """Return the quantiles at the ends of a central interval."""
+    return [(1.0 - level) / 2.0, (1.0 + level) / 2.0]

@@ -1,4 +1,15 @@
-"""Independent samples by optimisation: each solves the problem for data and prior that are drawn anew."""
+"""Randomize-then-optimize: independent samples, each the solution of a least-squares problem with data drawn anew.
+
+The tangent map takes z to the components of the residuals along their tangent space at an anchor. Where the residuals
+are normal these components are standard normal, however curved the valley of the posterior is. A sample is the z whose
+components are a standard normal draw. Metropolis steps by the same map, anchored at each sample, correct samples where
+the map folds over.
+
+References
+----------
+J. M. Bardsley, A. Solonen, H. Haario, M. Laine, Randomize-then-optimize: a method for sampling from posterior
+distributions in nonlinear inverse problems, SIAM J. Sci. Comput. 36 (2014) A1895-A1910.
+"""
 
 from __future__ import annotations
 
@@ -8,119 +19,138 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.identification.posterior.prior import FURTHEST, PriorAndData
+from dovetail.identification.posterior.prior import Z_LIMIT, PosteriorResiduals
 
-__all__ = ["KEPT", "Charts", "Places", "move"]
+__all__ = ["LinearisedPoints", "TangentMap", "decorrelate", "metropolis_step"]
 
-_DAMPING, _LESS, _MORE, _MOST_DAMPING = 1e-4, 1 / 5, 3.0, 1e8
-_PROBE, _MOST_BENT = 0.1, 1.5
-_LONGEST = 2.0
-"""Change of one coordinate in one step."""
-_ARRIVED = 1e-6
-"""Squared distance from the target at which a search ends; one that ends within a hundred times of it reached it."""
+
+@dataclass(frozen=True)
+class RandomizeThenOptimizeSettings:
+    """Constants of the searches (damped Gauss-Newton with geodesic acceleration) and of the Metropolis steps."""
+
+    damping: float = 1e-4
+    """First damping, in parts of the diagonal of the normal matrix: starts are near, so hardly any."""
+    damping_factors: tuple[float, float] = (1 / 5, 3.0)
+    """After a step that comes nearer to the target, and after one that does not."""
+    longest_step: float = 2.0
+    """Largest change of a coordinate in one step: the prior's standard deviation is 1."""
+    probe: float = 0.1
+    """Part of a step at which the curvature of the residuals along it is measured."""
+    largest_bend: float = 1.5
+    """Acceleration over velocity above which a step is not trusted."""
+    tolerance: float = 1e-6
+    """Squared distance from the target, in standard deviations, at which a search ends. One that ends within a hundred
+    times of it has converged."""
+    correlation: float = 0.6
+    """Of the components before and after a Metropolis step. The larger, the more steps are accepted."""
+    metropolis_iterations: int = 40
+    """After which a Metropolis step is given up; most converge after ten to thirty."""
+    return_distance: float = 1e-2
+    """Difference of coordinates within which the reversed step has come back to its start."""
+    remaining_correlation: float = 0.1
+    """Of samples with those from which they were moved, at which they count as independent."""
+    most_metropolis_steps: int = 10
+
+
+_SETTINGS = RandomizeThenOptimizeSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
-    """Places with their residuals and the residuals' derivatives.
+class LinearisedPoints:
+    """Points with their residuals and the residuals' derivatives.
 
     Parameters
     ----------
     z : (n, d) array
     residuals : (n, d + m) array
-    slopes : (n, d, d + m) array
+    jacobian : (n, d, d + m) array
+        Transposed: a row for each coordinate.
     """
 
     z: NDArray[np.float64]
     residuals: NDArray[np.float64]
-    slopes: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
 
     @staticmethod
-    def at(problem: PriorAndData, z: NDArray[np.float64]) -> Places:
-        """Return the places z (n, d)."""
-        return Places(z, *problem.linear(z))
+    def at(posterior: PosteriorResiduals, z: NDArray[np.float64]) -> LinearisedPoints:
+        """Return the points z (n, d)."""
+        return LinearisedPoints(z, *posterior.linearise(z))
 
     @property
     def log_posterior(self) -> NDArray[np.float64]:
         """(n,) logarithms, but for a constant, of the probability density of z."""
-        return np.asarray(np.einsum("nm,nm->n", self.residuals, self.residuals) / -2.0)
+        return np.asarray(_squared_norms(self.residuals) / -2.0)
 
-    def at_rows(self, rows: NDArray[np.intp]) -> Places:
-        """Return some of the places."""
-        return Places(self.z[rows], self.residuals[rows], self.slopes[rows])
+    def at_rows(self, rows: NDArray[np.intp]) -> LinearisedPoints:
+        """Return copies of some of the points."""
+        return LinearisedPoints(self.z[rows], self.residuals[rows], self.jacobian[rows])
 
-    def copy(self) -> Places:
-        """Return places that can be overwritten."""
-        return Places(self.z.copy(), self.residuals.copy(), self.slopes.copy())
+    def copy(self) -> LinearisedPoints:
+        """Return points that can be overwritten."""
+        return LinearisedPoints(self.z.copy(), self.residuals.copy(), self.jacobian.copy())
 
-    def put(self, rows: NDArray[np.intp], others: Places, taken: NDArray[np.bool_]) -> None:
-        """Overwrite `rows` with those of `others` that are taken."""
-        for name in ("z", "residuals", "slopes"):
-            getattr(self, name)[rows] = getattr(others, name)[taken]
+    def overwrite(self, rows: NDArray[np.intp], others: LinearisedPoints) -> None:
+        """Overwrite the points in `rows` by as many others."""
+        self.z[rows], self.residuals[rows], self.jacobian[rows] = others.z, others.residuals, others.jacobian
 
 
-class Charts:
-    """The map from z to the residuals' components along their tangent at one place, or at one for each row.
-
-    Where residuals are normal these components are standard normal, however curved the valley of z is.
+class TangentMap:
+    """The map from z to the residuals' components along their tangent space at an anchor, or at one for each row.
 
     Parameters
     ----------
-    problem : PriorAndData
-    at : Places
-        Where the tangents are taken: one place for all rows, or as many as there are rows.
-
-    References
-    ----------
-    J. M. Bardsley, A. Solonen, H. Haario, M. Laine, Randomize-then-optimize: a method for sampling from posterior
-    distributions in nonlinear inverse problems, SIAM J. Sci. Comput. 36 (2014) A1895-A1910.
+    posterior : PosteriorResiduals
+    anchors : LinearisedPoints
+        Where the tangents are taken: one point for all rows, or as many as there are rows.
     """
 
-    def __init__(self, problem: PriorAndData, at: Places) -> None:
-        self._problem = problem
-        self._tangents = np.linalg.qr(at.slopes.transpose(0, 2, 1))[0]
+    def __init__(self, posterior: PosteriorResiduals, anchors: LinearisedPoints) -> None:
+        self._posterior = posterior
+        self._tangents = np.linalg.qr(anchors.jacobian.transpose(0, 2, 1))[0]
 
     def components(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the components (n, d) of residuals (n, d + m)."""
         return self._along(residuals, np.arange(len(residuals)))
 
-    def log_stretch(self, places: Places) -> NDArray[np.float64]:
-        """Return the logarithm (n,) of how much larger a small volume of z at places is in components."""
-        return np.asarray(np.linalg.slogdet(places.slopes @ self._tangents)[1])
+    def log_determinant(self, points: LinearisedPoints) -> NDArray[np.float64]:
+        """Return the logarithm (n,) of the map's Jacobian determinant at points."""
+        return np.asarray(np.linalg.slogdet(points.jacobian @ self._tangents)[1])
 
-    def solve(self, target: NDArray[np.float64], start: Places, most_steps: int) -> tuple[Places, NDArray[np.bool_]]:
-        """Find z whose components are given, all rows side by side.
+    def solve(
+        self, target: NDArray[np.float64], start: LinearisedPoints, most_steps: int
+    ) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
+        """Find z with given components, all rows side by side.
 
         Parameters
         ----------
         target : (n, d) array
-        start : Places
+        start : LinearisedPoints
         most_steps : int
 
         Returns
         -------
-        Places
+        LinearisedPoints
         (n,) bool array
-            Whether each reached its target.
+            Whether each search converged.
         """
         ends = start.copy()
-        off = self.components(ends.residuals) - target
-        left = np.einsum("nd,nd->n", off, off)
-        damping, active = np.full(len(off), _DAMPING), np.flatnonzero(left > _ARRIVED)
+        error = self.components(ends.residuals) - target
+        squares = _squared_norms(error)
+        damping, active = np.full(len(error), _SETTINGS.damping), np.flatnonzero(squares > _SETTINGS.tolerance)
         for _ in range(most_steps):
             if not len(active):
                 break
-            step, trusted = self._steps(ends, off[active], active, target[active], damping[active])
-            tried = Places.at(self._problem, np.clip(ends.z[active] + step, -FURTHEST, FURTHEST))
-            new_off = self._along(tried.residuals, active) - target[active]
-            new_left = np.einsum("nd,nd->n", new_off, new_off)
-            better = trusted & (new_left < left[active])
-            taken = active[better]
-            ends.put(taken, tried, better)
-            off[taken], left[taken] = new_off[better], new_left[better]
-            damping[active] *= np.where(better, _LESS, _MORE)
-            active = active[(left[active] > _ARRIVED) & (damping[active] < _MOST_DAMPING)]
-        return ends, left <= 100.0 * _ARRIVED
+            step, trusted = self._steps(ends, error[active], active, target[active], damping[active])
+            tried = LinearisedPoints.at(self._posterior, np.clip(ends.z[active] + step, -Z_LIMIT, Z_LIMIT))
+            new_error = self._along(tried.residuals, active) - target[active]
+            new_squares = _squared_norms(new_error)
+            better = trusted & (new_squares < squares[active])
+            accepted = active[better]
+            ends.overwrite(accepted, tried.at_rows(np.flatnonzero(better)))
+            error[accepted], squares[accepted] = new_error[better], new_squares[better]
+            damping[active] *= np.where(better, *_SETTINGS.damping_factors)
+            active = active[(squares[active] > _SETTINGS.tolerance) & (damping[active] < 1e8)]
+        return ends, squares <= 100.0 * _SETTINGS.tolerance
 
     def _tangents_of(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         return self._tangents if len(self._tangents) == 1 else self._tangents[rows]
@@ -130,88 +160,101 @@ class Charts:
 
     def _steps(
         self,
-        places: Places,
-        off: NDArray[np.float64],
+        points: LinearisedPoints,
+        error: NDArray[np.float64],
         rows: NDArray[np.intp],
         target: NDArray[np.float64],
         damping: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return damped steps, bent by half their geodesic acceleration, and which of them may be trusted."""
-        along = places.slopes[rows] @ self._tangents_of(rows)
+        along = points.jacobian[rows] @ self._tangents_of(rows)
         matrix = along @ along.transpose(0, 2, 1)
         diagonal = np.einsum("ndd->nd", matrix).copy()
         np.einsum("ndd->nd", matrix)[:] += damping[:, np.newaxis] * diagonal
         to_step = -np.linalg.solve(matrix, along)
-        velocity = _times(to_step, off)
+        velocity = _multiply(to_step, error)
         longest = np.abs(velocity).max(axis=1)
-        velocity *= np.minimum(1.0, _LONGEST / np.maximum(longest, np.finfo(float).tiny))[:, np.newaxis]
-        ahead = self._along(self._problem.residuals(places.z[rows] + _PROBE * velocity), rows) - target
-        bend = 2.0 / _PROBE * ((ahead - off) / _PROBE - _times(along.transpose(0, 2, 1), velocity))
-        acceleration = _times(to_step, bend)
+        velocity *= np.minimum(1.0, _SETTINGS.longest_step / np.maximum(longest, np.finfo(float).tiny))[:, np.newaxis]
+        probed = self._posterior.residuals(points.z[rows] + _SETTINGS.probe * velocity)
+        change = (self._along(probed, rows) - target - error) / _SETTINGS.probe
+        bend = 2.0 / _SETTINGS.probe * (change - _multiply(along.transpose(0, 2, 1), velocity))
+        acceleration = _multiply(to_step, bend)
         lengths = [np.einsum("nd,nd->n", diagonal, vector**2) for vector in (acceleration, velocity)]
-        return velocity + acceleration / 2.0, lengths[0] <= _MOST_BENT**2 * lengths[1]
+        return velocity + acceleration / 2.0, lengths[0] <= _SETTINGS.largest_bend**2 * lengths[1]
 
 
-def _times(matrices: NDArray[Any], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the products (n, i) of matrices (n, i, k) and vectors (n, k)."""
-    return np.asarray((matrices @ vectors[:, :, np.newaxis])[:, :, 0])
+def decorrelate(
+    posterior: PosteriorResiduals, points: LinearisedPoints, random: np.random.Generator
+) -> LinearisedPoints:
+    """Move points by Metropolis steps until they are independent of where they were."""
+    correlation = 1.0
+    for _ in range(_SETTINGS.most_metropolis_steps):
+        points, acceptance = metropolis_step(posterior, points, random)
+        correlation *= 1.0 - (1.0 - _SETTINGS.correlation) * acceptance
+        if correlation < _SETTINGS.remaining_correlation:
+            break
+    return points
 
 
-KEPT = 0.6
-"""Part of a place's components that the next one keeps; the rest is drawn."""
-_STEPS = 40
-"""After which a step is given up; most arrive after ten to thirty."""
-_SAME = 1e-2
-"""Difference of coordinates within which a step that is undone has come back."""
-
-
-def move(problem: PriorAndData, places: Places, random: np.random.Generator) -> tuple[Places, float]:
-    """Move each place by one step that leaves the posterior as it is.
+def metropolis_step(
+    posterior: PosteriorResiduals, points: LinearisedPoints, random: np.random.Generator
+) -> tuple[LinearisedPoints, float]:
+    """Move each point by one step that leaves the posterior invariant.
 
     Parameters
     ----------
-    problem : PriorAndData
-    places : Places
+    posterior : PosteriorResiduals
+    points : LinearisedPoints
     random : numpy.random.Generator
 
     Returns
     -------
-    Places
+    LinearisedPoints
     float
-        Part of the steps that were taken.
+        Fraction of the steps that were accepted.
 
     Notes
     -----
-    In the chart at its own place the posterior is nearly standard normal, however bent the valley is, so components
-    ``0.6 u + 0.8 n`` with u the present ones and n drawn are nearly from it. Metropolis and Hastings make it exact:
-    the density of a step is that of its components times the stretch of the chart. A step that would not come back the
-    same way, where the chart folds over, is not taken.
+    In the tangent map anchored at a point the posterior is nearly standard normal, however bent the valley is. So the
+    proposal has the components ``0.6 u + 0.8 n``, with u those of the point and n drawn. Metropolis and Hastings make
+    it exact: the density of a proposal is that of its components times the map's determinant. A proposal that
+    does not come back when it is reversed, where the map folds over, is rejected.
     """
-    forth = Charts(problem, places)
-    here = forth.components(places.residuals)
-    drawn = random.standard_normal(here.shape)
-    ends, reached = forth.solve(KEPT * here + np.sqrt(1.0 - KEPT**2) * drawn, places, _STEPS)
-    back = Charts(problem, ends)
-    log_ratio = ends.log_posterior - places.log_posterior
-    log_ratio += _log_density(back, ends, places) - _log_density(forth, places, ends)
-    wanted = np.flatnonzero(reached & (np.log(random.random(len(reached))) < log_ratio))
-    taken = wanted[_returns(problem, places, ends, wanted)] if len(wanted) else wanted
-    moved = places.copy()
-    chosen = np.zeros(len(reached), dtype=np.bool_)
-    chosen[taken] = True
-    moved.put(taken, ends, chosen)
-    return moved, len(taken) / len(reached)
+    forth = TangentMap(posterior, points)
+    components = forth.components(points.residuals)
+    drawn = random.standard_normal(components.shape)
+    target = _SETTINGS.correlation * components + np.sqrt(1.0 - _SETTINGS.correlation**2) * drawn
+    ends, converged = forth.solve(target, points, _SETTINGS.metropolis_iterations)
+    back = TangentMap(posterior, ends)
+    log_ratio = ends.log_posterior - points.log_posterior
+    log_ratio += _log_proposal(back, ends, points) - _log_proposal(forth, points, ends)
+    accepted = np.flatnonzero(converged & (np.log(random.random(len(converged))) < log_ratio))
+    if len(accepted):
+        accepted = accepted[_are_reversible(posterior, points.at_rows(accepted), ends.at_rows(accepted))]
+    moved = points.copy()
+    moved.overwrite(accepted, ends.at_rows(accepted))
+    return moved, len(accepted) / len(converged)
 
 
-def _log_density(charts: Charts, start: Places, end: Places) -> NDArray[np.float64]:
-    """Return the logarithm of the density with which steps from `start`, where the charts are, end at `end`."""
-    away = charts.components(end.residuals) - KEPT * charts.components(start.residuals)
-    return np.asarray(charts.log_stretch(end) - np.einsum("nd,nd->n", away, away) / (2.0 * (1.0 - KEPT**2)))
+def _log_proposal(tangent_map: TangentMap, start: LinearisedPoints, end: LinearisedPoints) -> NDArray[np.float64]:
+    """Return the logarithm of the density with which steps from `start`, the map's anchors, end at `end`."""
+    kept = _SETTINGS.correlation * tangent_map.components(start.residuals)
+    squares = _squared_norms(tangent_map.components(end.residuals) - kept)
+    return np.asarray(tangent_map.log_determinant(end) - squares / (2.0 * (1.0 - _SETTINGS.correlation**2)))
 
 
-def _returns(problem: PriorAndData, places: Places, ends: Places, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Say which steps lead back to where they began when they are undone."""
-    first, last = (one.at_rows(rows) for one in (places, ends))
-    back = Charts(problem, last)
-    found, reached = back.solve(back.components(first.residuals), last, _STEPS)
-    return np.asarray(reached & (np.abs(found.z - first.z).max(axis=1) < _SAME))
+def _are_reversible(posterior: PosteriorResiduals, start: LinearisedPoints, end: LinearisedPoints) -> NDArray[np.bool_]:
+    """Say which steps lead back to their start when they are reversed."""
+    back = TangentMap(posterior, end)
+    returned, converged = back.solve(back.components(start.residuals), end, _SETTINGS.metropolis_iterations)
+    return np.asarray(converged & (np.abs(returned.z - start.z).max(axis=1) < _SETTINGS.return_distance))
+
+
+def _multiply(matrices: NDArray[Any], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the products (n, i) of matrices (n, i, k) and vectors (n, k)."""
+    return np.asarray((matrices @ vectors[:, :, np.newaxis])[:, :, 0])
+
+
+def _squared_norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sums of squares (n,) of vectors (n, k)."""
+    return np.asarray(np.einsum("nk,nk->n", vectors, vectors))

@@ -1,4 +1,8 @@
-"""Samples of the posterior: the region found, the misfit reduced to it, independent weighted samples drawn."""
+"""Samples of the posterior.
+
+The modes are searched, pilot searches explore the region around them, and the misfit is reduced to the few lines that
+this region needs. Then independent samples are drawn by randomize-then-optimize. Their weights are those of all lines.
+"""
 
 from __future__ import annotations
 
@@ -12,217 +16,51 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.residuals import FrfMisfit, SideBySide, Weighted
-from dovetail.identification.posterior.likelihood import ReducedMisfit, check_options, likelihood, squares_with_errors
-from dovetail.identification.posterior.mode_search import climb, search_modes
+from dovetail.identification.fitting.residuals import FrfResiduals
+from dovetail.identification.posterior.likelihood import (
+    Likelihood,
+    ReducedResiduals,
+    build_likelihood,
+    check_options,
+    marginalised_squares,
+)
+from dovetail.identification.posterior.mode_search import maximise_posterior, search_modes
 from dovetail.identification.posterior.model_error import MODEL_ERROR
 from dovetail.identification.posterior.posterior import Posterior
-from dovetail.identification.posterior.prior import PriorAndData, fraction_of
-from dovetail.identification.posterior.randomize_then_optimize import KEPT, Charts, Places, move
+from dovetail.identification.posterior.prior import PosteriorResiduals, unit_from_normal
+from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
 
-__all__ = ["Samples", "draw", "sample_posterior"]
-
-_PILOTS, _MOST_ROUNDS, _FEWEST_ROUNDS = 48, 14, 3
-_PILOT_STEPS, _STEPS = 30, 200
-_BATCH = 100
-_EXACT = 0.05
-"""Difference of chi-squared between the reduced misfit and all lines that is let pass."""
-_FAR = 200.0
-"""Chi-squared above the best beyond which a place is not in the region of interest."""
-_EVEN, _RULED = 0.4, 0.1
-"""Effective samples over searches: from which samples need not be moved, and below which single weights rule."""
-_CUT = 0.975
-"""Quantile of the weights at which those above are then cut; at a fold single ones are huge."""
-_FORGOTTEN, _MOST_MOVES = 0.1, 10
-"""Part of the components at the start that moved samples may have left."""
-_TOLERANCE = 1e-3
-_MOST_SNAPSHOTS = 600
+__all__ = ["sample_posterior"]
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Independent weighted samples.
+@dataclass(frozen=True)
+class SamplingSettings:
+    """How the region of the posterior is explored, and when samples are moved on."""
 
-    Parameters
-    ----------
-    fraction : (n, p) array
-        Of the ranges, on the parameters' scales.
-    weight : (n,) array
-        Sums to 1.
-    reached : float
-        Part of the searches that reached their target.
-    lines : int
-        Lines to which the misfit was reduced.
-    seconds : float
-    """
-
-    fraction: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    reached: float
-    lines: int
-    seconds: float
-
-
-def draw(
-    assembly: Assembly,
-    residual: Weighted | SideBySide[Weighted],
-    modes: NDArray[np.float64],
-    information: NDArray[np.float64],
-    errors: NDArray[np.float64],
-    *,
-    count: int,
-    seed: int,
-) -> Samples:
-    """Draw samples of the parameters, uniform over their ranges before the measurement.
-
-    Parameters
-    ----------
-    assembly : Assembly
-    residual : Weighted or SideBySide
-        Of all lines.
-    modes : (n, p) array
-        Peaks of the posterior, as normal quantiles of the fractions of the ranges, the most probable first.
-    information : (p, p) array
-        Fisher information of the fractions at the best fit.
-    errors : (k, m) array
-        What one standard deviation of each error of the model adds to the residuals.
-    count : int
-        Searches, each of which gives one sample.
-    seed : int
-
-    Notes
-    -----
-    The posterior is a narrow, curved valley, which walkers of a Markov chain hardly move along. Each sample here is a
-    search of its own, weighted by the ratio of the densities; the weights are those of all lines. Where they are
-    uneven, since the chart folds over, samples are drawn by their weights and moved, each in a chart of its own, until
-    they have forgotten where they began.
-    """
-    return _Drawing(assembly, residual, errors, np.random.default_rng([seed, 2])).run(modes, information, count)
+    pilots: int = 48
+    """Searches in each round of exploration."""
+    pilot_iterations: int = 30
+    rounds: tuple[int, int] = (3, 14)
+    """Fewest and most rounds of exploration; they end when the reduced misfit is accurate."""
+    reduction_error: float = 0.05
+    """Difference of chi-squared between the reduced misfit and all lines that is accepted."""
+    region: float = 200.0
+    """Chi-squared above the best beyond which a point is not in the region of interest."""
+    most_snapshots: int = 600
+    """Residual vectors, the latest, from which the misfit is reduced."""
+    iterations: int = 200
+    """Of the search for one sample."""
+    batch: int = 100
+    """Searches side by side; the next batch starts from the samples of those before."""
+    even_weights: float = 0.4
+    """Effective samples over searches from which on samples need no Metropolis steps."""
+    uneven_weights: float = 0.1
+    """Effective samples over searches below which single weights dominate and are cut."""
+    weight_quantile: float = 0.975
+    """At which they are cut: where the posterior folds over, single weights are huge."""
 
 
-class _Drawing:
-    """What one drawing of samples knows as it goes on."""
-
-    def __init__(
-        self,
-        assembly: Assembly,
-        residual: Weighted | SideBySide[Weighted],
-        errors: NDArray[np.float64],
-        random: np.random.Generator,
-    ) -> None:
-        self._assembly = assembly
-        self._residual = residual
-        self._exact = FrfMisfit(assembly, residual)
-        self._errors = errors
-        self._random = random
-
-    def run(self, modes: NDArray[np.float64], information: NDArray[np.float64], count: int) -> Samples:
-        began = time.perf_counter()
-        region = self._region(modes, information)
-        z, log_weight = self._searched(region, count)
-        reached = len(z)
-        if _effective(log_weight) < _EVEN * count:
-            z, log_weight = self._moved(region, z, log_weight, count)
-        weight = np.exp(log_weight - log_weight.max())
-        seconds = time.perf_counter() - began
-        return Samples(fraction_of(z), weight / weight.sum(), reached / count, len(region.lines), seconds)
-
-    def _searched(self, region: _Region, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where searches for components that are drawn ended, and the logarithms of their weights."""
-        charts, known = Charts(region.problem, Places.at(region.problem, region.mode[np.newaxis])), region.known
-        z, log_weight = np.empty((0, len(region.mode))), np.empty(0)
-        for first in range(0, count, _BATCH):
-            target = self._random.standard_normal((min(_BATCH, count - first), len(region.mode)))
-            ends, reached = charts.solve(target, _nearest(region.problem, charts, target, known), _STEPS)
-            ends = ends.at_rows(np.flatnonzero(reached))
-            components = charts.components(ends.residuals)
-            log_density = charts.log_stretch(ends) - np.einsum("nd,nd->n", components, components) / 2.0
-            known, z = np.concatenate([known, ends.z]), np.concatenate([z, ends.z])
-            log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density])
-        return z, log_weight
-
-    def _moved(
-        self, region: _Region, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return samples drawn by their weights and moved, and the logarithms of the weights that are left."""
-        if not len(z):
-            z, log_weight = region.mode[np.newaxis], np.zeros(1)
-        if _effective(log_weight) < _RULED * count:
-            log_weight = np.minimum(log_weight, np.quantile(log_weight, _CUT))
-        weight = np.exp(log_weight - log_weight.max())
-        above = (np.arange(count) + self._random.random()) / count * weight.sum()
-        chosen = np.minimum(np.searchsorted(np.cumsum(weight), above), len(z) - 1)
-        places, left = Places.at(region.problem, z[chosen]), 1.0
-        for _ in range(_MOST_MOVES):
-            places, taken = move(region.problem, places, self._random)
-            left *= 1.0 - (1.0 - KEPT) * taken
-            if left < _FORGOTTEN:
-                break
-        return places.z, self._log_posterior(places.z) - places.log_posterior
-
-    def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        squares = squares_with_errors(self._exact.residuals(fraction_of(z)), self._errors)
-        return np.asarray(-(squares + np.einsum("np,np->n", z, z)) / 2.0)
-
-    def _region(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> _Region:
-        """Reduce the misfit to the region of the posterior, which pilot searches explore."""
-        log_posterior = self._log_posterior(modes)
-        known = modes[log_posterior >= log_posterior.max() - _FAR / 2.0]
-        best = fraction_of(known)
-        origin = self._exact.residuals(best[:1])[0]
-        values, vectors = np.linalg.eigh(information + 12.0 * np.eye(modes.shape[1]))
-        steps = self._random.standard_normal((_PILOTS, len(values))) / np.sqrt(np.maximum(values, 12.0)) @ vectors.T
-        around = best[np.arange(_PILOTS) % len(best)] + 0.3 * steps
-        snapshots = self._exact.residuals(np.clip(np.concatenate([best, around]), 1e-3, 1.0 - 1e-3))
-        for round_ in range(_MOST_ROUNDS):
-            reduced = ReducedMisfit(self._assembly, self._residual, snapshots, origin, self._errors, _TOLERANCE)
-            problem = PriorAndData(reduced)
-            mode = _mode(problem, known)
-            known = np.concatenate([known, mode[np.newaxis]])
-            charts = Charts(problem, Places.at(problem, mode[np.newaxis]))
-            target = self._random.standard_normal((_PILOTS, len(mode)))
-            pilots, _ = charts.solve(target, _nearest(problem, charts, target, known), _PILOT_STEPS)
-            exact = self._exact.residuals(fraction_of(pilots.z))
-            squares = squares_with_errors(exact, self._errors)
-            inside = reduced.residuals(fraction_of(pilots.z))
-            error = np.abs(np.einsum("nk,nk->n", inside, inside) + reduced.outside - squares)
-            near = squares <= squares.min() + _FAR
-            known = np.concatenate([known, pilots.z[near]])
-            if round_ + 1 >= _FEWEST_ROUNDS and error[near].max(initial=0.0) < _EXACT:
-                break
-            snapshots = np.concatenate([snapshots, exact[near]])[-_MOST_SNAPSHOTS:]
-        return _Region(problem, known, mode, reduced.lines)
-
-
-@dataclass(frozen=True, eq=False)
-class _Region:
-    """The misfit reduced to where the posterior is, places there, the most probable one, and the lines it takes."""
-
-    problem: PriorAndData
-    known: NDArray[np.float64]
-    mode: NDArray[np.float64]
-    lines: NDArray[np.intp]
-
-
-def _effective(log_weight: NDArray[np.float64]) -> float:
-    if not len(log_weight):
-        return 0.0
-    weight = np.exp(log_weight - log_weight.max())
-    return float(weight.sum() ** 2 / np.sum(weight**2))
-
-
-def _nearest(problem: PriorAndData, charts: Charts, target: NDArray[np.float64], known: NDArray[np.float64]) -> Places:
-    """Return, for each target, the known place whose components are nearest."""
-    components = charts.components(problem.residuals(known))
-    squares = np.einsum("kd,kd->k", components, components) - 2.0 * target @ components.T
-    return Places.at(problem, known[np.argmin(squares, axis=1)])
-
-
-def _mode(problem: PriorAndData, known: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the most probable z, from the best of the known places."""
-    residuals = problem.residuals(known)
-    start = known[np.argmin(np.einsum("nm,nm->n", residuals, residuals))]
-    return np.asarray(climb(problem, start[np.newaxis], tolerance=1e-3)[0][0])
+_SETTINGS = SamplingSettings()
 
 
 def sample_posterior(
@@ -243,14 +81,14 @@ def sample_posterior(
     measured : Frf or sequence of Frf
         One for each response, on the assembly's frequencies.
     fit : Fit
-        Of the same measurement. Its random error and the lines it left out are taken over, and so is the part of the
-        FRF by which it found the model to be off: neighbouring lines are off alike, so many of them count as one.
+        Of the same measurement. Its random error, the lines that it left out and its discrepancy are used. The
+        discrepancy is correlated between neighbouring lines, so that many of them count as one.
     samples : int
         Searches, each of which gives one sample.
     model_error : float
         Standard deviation of the relative error of natural frequencies that the model is allowed, 0 for a model that
-        is exact; errors of damping, magnitude and phase are in proportion (`model_errors`). It cannot be told from the
-        measurement, since the parameters follow it.
+        is exact; errors of damping, magnitude and phase are in proportion (`model_errors`). The measurement cannot
+        show it, since the parameters follow it.
     seed : int
 
     Returns
@@ -261,18 +99,137 @@ def sample_posterior(
     ------
     ParameterError
         An option is out of its range.
+
+    Notes
+    -----
+    The posterior is a narrow, curved valley, along which the walkers of a Markov chain hardly move. Each sample here is
+    a search of its own, weighted by the ratio of the densities. Where the weights are uneven, since the tangent map
+    folds over, samples are drawn by their weights and moved by Metropolis steps until they are independent of where
+    they began.
     """
     check_options(samples, model_error)
-    given = likelihood(assembly, measured, fit, model_error)
-    best, random = assembly.to_unit(fit.theta), np.random.default_rng([seed, 3])
-    modes = search_modes(assembly, given.target, given.variance, given.residual, given.errors, best, random)
-    drawn = draw(assembly, given.residual, modes, fit.information, given.errors, count=samples, seed=seed)
-    return Posterior.of(
+    likelihood = build_likelihood(assembly, measured, fit, model_error)
+    modes = search_modes(assembly, likelihood, assembly.to_unit(fit.theta), np.random.default_rng([seed, 3]))
+    began = time.perf_counter()
+    sampler = _Sampler(assembly, likelihood, modes, fit.information, np.random.default_rng([seed, 2]))
+    z, log_weight = sampler.search(samples)
+    converged = len(z)
+    if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
+        z, log_weight = sampler.move(z, log_weight, samples)
+    weight = np.exp(log_weight - log_weight.max())
+    return Posterior.from_fractions(
         assembly,
-        drawn.fraction,
-        drawn.weight,
+        unit_from_normal(z),
+        weight / weight.sum(),
         model_error=model_error,
-        drawn=round(len(drawn.weight) / max(drawn.reached, 1.0 / samples)),
-        lines=drawn.lines,
-        seconds=drawn.seconds,
+        searches=round(len(weight) * samples / max(converged, 1)),
+        lines=sampler.lines,
+        seconds=time.perf_counter() - began,
     )
+
+
+class _Sampler:
+    """Explores the region of one posterior and draws samples of it, as z.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    likelihood : Likelihood
+    modes : (n, p) array
+        Modes of the posterior as normal quantiles of the fractions of the ranges, the highest first.
+    information : (p, p) array
+        Fisher information of the fractions at the best fit.
+    random : numpy.random.Generator
+    """
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        likelihood: Likelihood,
+        modes: NDArray[np.float64],
+        information: NDArray[np.float64],
+        random: np.random.Generator,
+    ) -> None:
+        self._residuals, self._errors = FrfResiduals(assembly, likelihood.residual), likelihood.errors
+        self._random = random
+        log_posterior = self._log_posterior(modes)
+        self._points = modes[log_posterior >= log_posterior.max() - _SETTINGS.region / 2.0]
+        origin = self._residuals.residuals(unit_from_normal(self._points[:1]))[0]
+        snapshots = self._first_snapshots(unit_from_normal(self._points), information)
+        for number in range(1, _SETTINGS.rounds[1] + 1):
+            reduced = ReducedResiduals(assembly, likelihood.residual, snapshots, origin, self._errors)
+            self._adopt(reduced)
+            pilots, _ = self._solve(_SETTINGS.pilots, _SETTINGS.pilot_iterations)
+            fraction = unit_from_normal(pilots.z)
+            on_all_lines, on_few = self._residuals.residuals(fraction), reduced.residuals(fraction)
+            squares = marginalised_squares(on_all_lines, self._errors)
+            error = np.abs(np.einsum("nk,nk->n", on_few, on_few) + reduced.outside - squares)
+            near = squares <= squares.min() + _SETTINGS.region
+            self._points = np.concatenate([self._points, pilots.z[near]])
+            if number >= _SETTINGS.rounds[0] and error[near].max(initial=0.0) < _SETTINGS.reduction_error:
+                break
+            snapshots = np.concatenate([snapshots, on_all_lines[near]])[-_SETTINGS.most_snapshots :]
+        self.lines = len(reduced.lines)
+
+    def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals at the modes, as fractions, and scattered around them."""
+        values, vectors = np.linalg.eigh(information + 12.0 * np.eye(modes.shape[1]))  # 12: that of the prior
+        steps = self._random.standard_normal((_SETTINGS.pilots, len(values))) / np.sqrt(np.maximum(values, 12.0))
+        scattered = modes[np.arange(len(steps)) % len(modes)] + 0.3 * (steps @ vectors.T)
+        return self._residuals.residuals(np.clip(np.concatenate([modes, scattered]), 1e-3, 1.0 - 1e-3))
+
+    def _adopt(self, reduced: ReducedResiduals) -> None:
+        """Use the reduced residuals from now on: their mode, and the tangent map there."""
+        self._posterior = PosteriorResiduals(reduced)
+        residuals = self._posterior.residuals(self._points)
+        best = self._points[[np.argmin(np.einsum("nm,nm->n", residuals, residuals))]]
+        self._mode = maximise_posterior(self._posterior, best, tolerance=1e-3)
+        self._tangent_map = TangentMap(self._posterior, LinearisedPoints.at(self._posterior, self._mode))
+        self._points = np.concatenate([self._points, self._mode])
+
+    def _solve(self, count: int, iterations: int) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
+        """Search z with components drawn at random, each from the known point whose components are nearest."""
+        target = self._random.standard_normal((count, self._mode.shape[1]))
+        components = self._tangent_map.components(self._posterior.residuals(self._points))
+        squares = np.einsum("kd,kd->k", components, components) - 2.0 * target @ components.T
+        nearest = LinearisedPoints.at(self._posterior, self._points[np.argmin(squares, axis=1)])
+        return self._tangent_map.solve(target, nearest, iterations)
+
+    def search(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return z where the searches for random components converged, and the logarithms of their weights."""
+        z, log_weight = self._mode[:0], np.empty(0)
+        for first in range(0, count, _SETTINGS.batch):
+            ends, converged = self._solve(min(_SETTINGS.batch, count - first), _SETTINGS.iterations)
+            ends = ends.at_rows(np.flatnonzero(converged))
+            components = self._tangent_map.components(ends.residuals)
+            squares = np.einsum("nd,nd->n", components, components)
+            log_density = self._tangent_map.log_determinant(ends) - squares / 2.0
+            self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
+            log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density])
+        return z, log_weight
+
+    def move(
+        self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return samples drawn by their weights and moved, and the logarithms of the weights that remain."""
+        if not len(z):
+            z, log_weight = self._mode, np.zeros(1)
+        if _effective_sample_size(log_weight) < _SETTINGS.uneven_weights * count:
+            log_weight = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.weight_quantile))
+        weight = np.exp(log_weight - log_weight.max())
+        levels = (np.arange(count) + self._random.random()) / count * weight.sum()
+        chosen = np.minimum(np.searchsorted(np.cumsum(weight), levels), len(z) - 1)
+        points = decorrelate(self._posterior, LinearisedPoints.at(self._posterior, z[chosen]), self._random)
+        return points.z, self._log_posterior(points.z) - points.log_posterior
+
+    def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the logarithms (n,), but for a constant, of the density of z (n, p), by all lines."""
+        squares = marginalised_squares(self._residuals.residuals(unit_from_normal(z)), self._errors)
+        return np.asarray(-(squares + np.einsum("np,np->n", z, z)) / 2.0)
+
+
+def _effective_sample_size(log_weight: NDArray[np.float64]) -> float:
+    if not len(log_weight):
+        return 0.0
+    weight = np.exp(log_weight - log_weight.max())
+    return float(weight.sum() ** 2 / np.sum(weight**2))
