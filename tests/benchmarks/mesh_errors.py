@@ -19,8 +19,8 @@ from scipy.interpolate import AAA
 
 import dovetail
 from dovetail.evaluation.mesh_refinement import finer
-from dovetail.identification.fitting.residuals import FrfMisfit, Weighted
-from dovetail.identification.misspecification.whitened_residuals import Tolerant
+from dovetail.identification.fitting.residuals import FrfResiduals, Weighted
+from dovetail.identification.misspecification.whitened_residuals import Whitening
 from dovetail.identification.posterior.model_error import MODEL_ERROR, model_errors
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
@@ -74,10 +74,10 @@ def displacement(assembly: dovetail.Assembly, factor: int, joints: int) -> float
         variance = np.full(len(coarse), (NOISE * coarse.std()) ** 2)
         plain = Weighted(coarse, variance, np.sqrt(2.0 / variance), True)
         allowed = model_errors(assembly.frequency, [coarse], MODEL_ERROR)
-        residual = Tolerant.towards(plain, plain.slopes(coarse[np.newaxis], allowed[np.newaxis])[0])
-        slopes = FrfMisfit(assembly, residual).linear(fraction[np.newaxis]).slopes[0]
-        precision = slopes @ slopes.T + PRIOR * np.eye(len(fraction))
-        moved = np.linalg.solve(precision, slopes @ residual.of(fine[np.newaxis])[0])
+        residual = Whitening.against(plain, plain.jacobian(coarse[np.newaxis], allowed[np.newaxis])[0])
+        jacobian = FrfResiduals(assembly, residual).linearise(fraction[np.newaxis]).jacobian[0]
+        precision = jacobian @ jacobian.T + PRIOR * np.eye(len(fraction))
+        moved = np.linalg.solve(precision, jacobian @ residual.of(fine[np.newaxis])[0])
         found.append(moved / np.sqrt(np.diag(np.linalg.inv(precision))))
     return float(np.sqrt(np.mean(np.square(found))))
 

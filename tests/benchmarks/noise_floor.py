@@ -2,9 +2,9 @@
 
     python tests/benchmarks/noise_floor.py [--cases 200]
 
-The noise has the same standard deviation in every line, a part of that of the FRF itself, and the fit is told it. With
-amplitude only, the amplitude of the noisy complex FRF is given. MultiStart gets, for each case, the time that the
-refined fit took.
+The noise has the same standard deviation in every line, a part of that of the FRF itself, and the measurement tells it.
+A measurement without phase is the amplitude of the noisy complex FRF. MultiStart gets, for each case, the time that
+the refined fit took.
 """
 
 from __future__ import annotations
@@ -42,12 +42,13 @@ def measurement(assembly: dovetail.Assembly, values: np.ndarray, level: float, s
 
 def row(level: float, phase: bool, method: str, fits: list[dovetail.Fit]) -> str:
     """Return one line of the table."""
-    found = np.array([fit.chi_squared for fit in fits])
+    chi_squared = np.array([fit.chi_squared for fit in fits])
     seconds = np.array([fit.seconds for fit in fits])
-    inside = np.count_nonzero((found > 0.95) & (found < 1.05))
+    inside = np.count_nonzero((chi_squared > 0.95) & (chi_squared < 1.05))
     return (
-        f"| {level:.0%} | {'complex' if phase else 'amplitude'} | {method} | {inside} of {len(fits)} | "
-        f"{np.median(found):.3f}, {found.max():.4g} | {np.median(seconds):.2f} s | {np.quantile(seconds, 0.99):.2f} s |"
+        f"| {level:.0%} | {'complex' if phase else 'amplitude'} | {method} | {inside} of {len(fits)} "
+        f"| {np.median(chi_squared):.3f}, {chi_squared.max():.4g} "
+        f"| {np.median(seconds):.2f} s | {np.quantile(seconds, 0.99):.2f} s |"
     )
 
 
@@ -60,7 +61,7 @@ def study(cases: int, report: Callable[[str], object] = print) -> None:
     report(HEADER)
     for level in (0.01, 0.05):
         for phase in (True, False):
-            measured = [measurement(assembly, one, level, seed, phase) for seed, one in enumerate(values)]
+            measured = [measurement(assembly, frf, level, seed, phase) for seed, frf in enumerate(values)]
             fits = [refine(assembly, frf) for frf in measured]
             report(row(level, phase, "refined", fits))
             for objective in ("frf", "weighted"):

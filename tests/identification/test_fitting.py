@@ -7,31 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from noisy_measurements import noisy
 from scipy.optimize import least_squares
 
 import dovetail
 from dovetail.errors import MeasurementError, ParameterError
 from dovetail.identification.fitting import multistart, refine
-from dovetail.identification.fitting.levenberg_marquardt import Linear, minimise
+from dovetail.identification.fitting.least_squares import Linearisation, minimise
 from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines
-from dovetail.identification.fitting.residuals import FrfMisfit, LogAmplitude, Weighted
+from dovetail.identification.fitting.residuals import FrfResiduals, LogAmplitude, Weighted
 from dovetail.measurement import complex_noise
 
 
 def measured_of(assembly, theta, noise=0.0, seed=0, **of_frf):
     values = complex_noise(assembly.frf(theta), noise, seed)
     return dovetail.Frf(assembly.frequency, values, "accelerance", **of_frf)
-
-
-def with_floor(assembly, theta, level, seed, *, has_phase=True, told=True):
-    """A measurement with the same noise in all lines, `level` of the standard deviation of the FRF."""
-    values = assembly.frf(theta)
-    deviation = level * values.std()
-    normal = np.random.default_rng(seed).standard_normal((2, len(values)))
-    noisy = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
-    variance = np.full(len(values), deviation**2) if told else None
-    shown = noisy if has_phase else np.abs(noisy)
-    return dovetail.Frf(assembly.frequency, shown, "accelerance", has_phase=has_phase, variance=variance)
 
 
 def random_vectors(assembly, count, seed=0):
@@ -48,13 +38,13 @@ class Rosenbrock:
         x, y = (4 * position * self._wall - 2).T
         return np.stack([10 * (y - x**2), 1 - x], axis=1)
 
-    def linear(self, position):
+    def linearise(self, position):
         x = 4 * position[:, 0] * self._wall - 2
-        slopes = np.zeros((len(x), 2, 2))
-        slopes[:, 0, 0], slopes[:, 0, 1], slopes[:, 1, 0] = -20 * x, -1, 10
-        slopes *= 4 * self._wall
+        jacobian = np.zeros((len(x), 2, 2))
+        jacobian[:, 0, 0], jacobian[:, 0, 1], jacobian[:, 1, 0] = -20 * x, -1, 10
+        jacobian *= 4 * self._wall
         residuals = self.residuals(position)
-        return Linear(residuals, slopes, np.einsum("npm,nm->np", slopes, residuals), slopes @ slopes.transpose(0, 2, 1))
+        return Linearisation(residuals, jacobian)
 
 
 def test_the_valley_is_followed_to_its_end():
@@ -74,7 +64,7 @@ def test_a_minimum_at_a_wall_is_that_of_another_optimiser():
 
 def test_searches_side_by_side_are_the_searches_alone(sdof):
     target = measured_of(sdof, sdof.from_unit(np.array([0.3, 0.6])), 0.01)
-    problem = FrfMisfit(sdof, LogAmplitude(target, np.full(len(target.frequency), 1e-6)))
+    problem = FrfResiduals(sdof, LogAmplitude(target, np.full(len(target.frequency), 1e-6)))
     starts = np.random.default_rng(1).random((5, 2))
     together = minimise(problem, starts, tolerance=1e-6, most_steps=50)
     alone = [minimise(problem, start[None], tolerance=1e-6, most_steps=50) for start in starts]
@@ -84,26 +74,26 @@ def test_searches_side_by_side_are_the_searches_alone(sdof):
 
 @pytest.mark.parametrize("kind", ["complex", "amplitude", "logarithm"])
 def test_the_derivatives_are_those_of_the_residuals(collet, torque_20, kind):
-    target = with_floor(collet, torque_20, 0.01, 1, has_phase=kind != "amplitude")
+    target = noisy(collet, collet.frf(torque_20), 0.01, 1, has_phase=kind != "amplitude")
     residual = (
         LogAmplitude(target, target.variance)
         if kind == "logarithm"
         else Weighted.against(target, target.variance, np.arange(len(target.frequency)) % 7 > 0)
     )
-    problem, at = FrfMisfit(collet, residual), np.linspace(0.3, 0.7, 12)
-    linear = problem.linear(at[None])
+    problem, at = FrfResiduals(collet, residual), np.linspace(0.3, 0.7, 12)
+    linear = problem.linearise(at[None])
     np.testing.assert_array_equal(linear.residuals, problem.residuals(at[None]))
     for column in range(12):
         step = 5e-5 * np.eye(12)[column]
         above, below = problem.residuals(np.stack([at + step, at - step]))
-        exact = linear.slopes[0, column]
+        exact = linear.jacobian[0, column]
         assert np.abs((above - below) / 1e-4 - exact).max() <= 1e-4 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("has_phase", [True, False])
 def test_noise_leaves_a_chi_squared_of_one(collet, has_phase):
     for seed, theta in enumerate(random_vectors(collet, 4)):
-        fit = refine(collet, with_floor(collet, theta, 0.01, seed, has_phase=has_phase))
+        fit = refine(collet, noisy(collet, collet.frf(theta), 0.01, seed, has_phase=has_phase))
         deviation = np.sqrt(2 / fit.degrees_of_freedom)
         assert abs(fit.chi_squared - 1) < 5 * deviation
         assert fit.degrees_of_freedom == (2 if has_phase else 1) * 4451 - 12
@@ -127,17 +117,17 @@ def test_random_error_is_told_from_the_scatter(collet, torque_100, has_phase, pr
 
 
 def test_where_nothing_tells_the_noise_the_fit_is_as_good(collet, torque_100):
-    frf = with_floor(collet, torque_100, 0.01, 5)
+    frf = noisy(collet, collet.frf(torque_100), 0.01, 5)
     told, untold = refine(collet, frf), refine(collet, replace(frf, variance=None))
     assert not untold.variance_known
     assert untold.chi_squared == pytest.approx(1.0, abs=0.15)
-    problem = FrfMisfit(collet, Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool)))
-    costs = problem.linear(collet.to_unit(np.stack([told.theta, untold.theta]))).cost
+    problem = FrfResiduals(collet, Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool)))
+    costs = problem.linearise(collet.to_unit(np.stack([told.theta, untold.theta]))).cost
     assert costs[1] - costs[0] < 5  # of 8890: a twentieth of its own scatter
 
 
 def test_a_few_bad_lines_do_no_harm(collet, torque_100):
-    clean = with_floor(collet, torque_100, 0.01, 6)
+    clean = noisy(collet, collet.frf(torque_100), 0.01, 6)
     bad = [24, 300, 301, 1500, 2200, 3000, 4100]
     values = clean.values.copy()
     values[bad] += np.array([300, 900j, 900, -400, 2000, 5000j, 300])
@@ -162,7 +152,7 @@ def test_a_misplaced_resonance_is_no_bad_line():
 def test_what_the_model_cannot_explain_is_told(sdof):
     """A second, weak resonance that the model does not have."""
     theta = sdof.from_unit(np.array([0.5, 0.5]))
-    clean = with_floor(sdof, theta, 1e-4, 2)
+    clean = noisy(sdof, sdof.frf(theta), 1e-4, 2)
     f, at = sdof.frequency, sdof.frequency[len(sdof.frequency) // 3]
     extra = 0.02 * np.abs(clean.values).max() * (f / at) ** 2 / (1 - (f / at) ** 2 + 0.02j)
     fit, alone = refine(sdof, replace(clean, values=clean.values + extra)), refine(sdof, clean)
@@ -170,9 +160,9 @@ def test_what_the_model_cannot_explain_is_told(sdof):
     assert fit.chi_squared > 10
     assert fit.discrepancy > 0.001
     result = dovetail.identify(sdof, replace(clean, values=clean.values + extra))
-    assert result.foreign.flagged
-    assert any(low < at < high for low, high in result.foreign.bands)
-    assert not dovetail.identify(sdof, clean).foreign.flagged
+    assert result.misspecification.flagged
+    assert any(low < at < high for low, high in result.misspecification.bands)
+    assert not dovetail.identify(sdof, clean).misspecification.flagged
 
 
 def test_known_parameters_come_back_without_a_network(collet, torque_20):
@@ -194,7 +184,7 @@ def test_the_ranges_hold(sdof):
 
 @pytest.mark.parametrize("objective", ["frf", "weighted"])
 def test_many_local_searches_find_it_too(collet, torque_100, objective):
-    frf = with_floor(collet, torque_100, 0.01, 3)
+    frf = noisy(collet, collet.frf(torque_100), 0.01, 3)
     result = dovetail.identify(collet, frf, "multistart", starts=8, objective=objective)
     assert result.fit.starts == 8
     assert result.fit.chi_squared < 1.1

@@ -93,7 +93,7 @@ def test_fits_find_the_joint_from_both(chain, frfs, method):
         assert result.posterior.fraction.std(axis=0) == pytest.approx(deviation, rel=0.3)
 
 
-def test_two_measurements_tell_as_much_as_both_say_together(chain, frfs):
+def test_the_information_of_two_measurements_is_the_sum_of_both(chain, frfs):
     both = refine(chain, frfs).information
     alone = [refine(chain.at(index), frf).information for index, frf in enumerate(frfs)]
     np.testing.assert_allclose(both, sum(alone), rtol=0.1, atol=1e-6 * np.max(both))
@@ -105,30 +105,30 @@ def test_one_response_in_a_list_is_the_same_as_one(chain, frfs):
     np.testing.assert_array_equal(alone.information, listed.information)
 
 
-def test_the_derivatives_are_those_of_the_residuals(chain, clean):
+def test_the_jacobian_is_that_of_the_residuals(chain, clean):
     measured = Observations.of(chain, [clean[0], noisy(chain.at(1), clean[1].values, 0.02, 5, has_phase=False)])
     variance = measured.variance()
-    residual = measured.weighted(variance, np.ones(2 * LINES, dtype=bool))
-    place, step = np.array([[0.3, 0.4, 0.6, 0.5]]), 1e-6
-    for part in (residual, measured.logarithms(variance)):
-        misfit = FrfResiduals(chain, part)
-        jacobian = misfit.linearise(place).jacobian[0]
-        for index, one in enumerate(np.eye(4)):
-            ends = misfit.residuals(np.concatenate([place + step * one, place - step * one]))
+    weighted = measured.weighted(variance, np.ones(2 * LINES, dtype=bool))
+    fraction, step = np.array([[0.3, 0.4, 0.6, 0.5]]), 1e-6
+    for residual in (weighted, measured.logarithms(variance)):
+        misfit = FrfResiduals(chain, residual)
+        jacobian = misfit.linearise(fraction).jacobian[0]
+        for index, direction in enumerate(np.eye(4)):
+            ends = misfit.residuals(np.concatenate([fraction + step * direction, fraction - step * direction]))
             expected = (ends[0] - ends[1]) / (2 * step)
             np.testing.assert_allclose(jacobian[index], expected, atol=1e-5 * np.abs(expected).max())
 
 
-def test_some_lines_of_the_misfit_are_lines_of_the_whole(chain, frfs):
+def test_residuals_on_some_lines_are_those_of_all_lines(chain, frfs):
     measured = Observations.of(chain, [frfs[0], noisy(chain.at(1), frfs[1].values, 0.02, 5, has_phase=False)])
     residual = measured.weighted(measured.variance(), np.ones(2 * LINES, dtype=bool))
-    place = np.array([[0.3, 0.4, 0.6, 0.5]])
-    whole = FrfResiduals(chain, residual).residuals(place)[0]
+    fraction = np.array([[0.3, 0.4, 0.6, 0.5]])
+    whole = FrfResiduals(chain, residual).residuals(fraction)[0]
     for lines in ([3, 250, LINES + 7, LINES + 8], [LINES + 30]):
         few = np.array(lines)
         rows = residual.residuals_of(few)
         np.testing.assert_array_equal(residual.lines_of(rows), few)
-        some = FrfResiduals(ModelFrfs.of(chain).at(few), residual.at(few)).residuals(place)[0]
+        some = FrfResiduals(ModelFrfs.of(chain).at(few), residual.at(few)).residuals(fraction)[0]
         np.testing.assert_allclose(some, whole[rows], rtol=1e-9)
 
 
@@ -155,7 +155,7 @@ def test_each_has_its_own_noise_phase_and_bad_lines(chain, clean):
 def test_the_network_sees_all_responses(chain, dataset, model, clean):
     assert dataset.amplitude.shape == (1200, 2 * LINES)
     assert dataset.attributes["responses"] == ["lower, 0 mm", "upper, 0 mm"]
-    accelerances = [np.abs(one.frf(dataset.parameters[7])) for one in chain.each_response]
+    accelerances = [np.abs(alone.frf(dataset.parameters[7])) for alone in chain.each_response]
     accelerances[0] *= (2 * np.pi * chain.frequency) ** 2
     np.testing.assert_allclose(dataset.amplitude[7], np.concatenate(accelerances), rtol=1e-5)
     told = {name: metrics.r2 for name, metrics in model.evaluation.parameters.items()}
@@ -201,26 +201,26 @@ def test_the_unit_of_the_noise_is_that_of_each_response(chain, dataset):
     features, _ = NoisyFeatures.of(dovetail.load(description), clean, dataset.parameters[:20])(0)
     settings = AugmentationSection(additive=0.1, multiplicative=0.0, clean=0.0)
     generator = np.random.default_rng([0, 2, 0, 0])
-    parts = [
+    blocks = [
         Augmentation(settings, chain.frequency, float(np.std(part, dtype=np.float64)))(part, generator)
         for part in np.split(clean, 2, axis=1)
     ]
-    np.testing.assert_array_equal(features, log10p1(np.concatenate(parts, axis=1)))
+    np.testing.assert_array_equal(features, log10p1(np.concatenate(blocks, axis=1)))
 
 
 def test_the_result_has_every_response(chain, frfs, tmp_path):
     result = dovetail.identify(chain, frfs)
-    assert [one.point for one in result.responses] == ["lower, 0 mm", "upper, 0 mm"]
+    assert [response.point for response in result.responses] == ["lower, 0 mm", "upper, 0 mm"]
     assert result.provenance["further_measurements"] == ["upper.uff"]
-    assert [one.frf.quantity for one in result.responses] == ["receptance", "accelerance"]
+    assert [response.frf.quantity for response in result.responses] == ["receptance", "accelerance"]
     np.testing.assert_array_equal(result.frf.values, result.responses[0].frf.values)
-    for one, values in zip(result.responses, chain.frfs(result.theta), strict=True):
-        np.testing.assert_allclose(one.frf.values, values, rtol=1e-9)
-        assert one.mean_coherence > 0.95
+    for response, values in zip(result.responses, chain.frfs(result.theta), strict=True):
+        np.testing.assert_allclose(response.frf.values, values, rtol=1e-9)
+        assert response.mean_coherence > 0.95
     file = tmp_path / "result.json"
     file.write_text(json.dumps(result.to_dict(), allow_nan=False))
     stored = read_identification(file)
-    assert [one.point for one in stored.responses] == ["lower, 0 mm", "upper, 0 mm"]
+    assert [response.point for response in stored.responses] == ["lower, 0 mm", "upper, 0 mm"]
     np.testing.assert_array_equal(stored.responses[1].measured.values, result.responses[1].measured.values)
     assert stored.responses[1].mean_coherence == pytest.approx(result.responses[1].mean_coherence)
     page = dovetail.write_report(result, tmp_path / "report.html").read_text()
@@ -250,17 +250,17 @@ def test_a_wrong_number_of_measurements_is_one_clear_error(chain, clean, count):
 
 def test_resonances_make_up_the_frfs_of_all_responses(chain, clean):
     values = [frf.values for frf in clean]
-    found = fit_resonances(chain.frequency, values)
+    resonances = fit_resonances(chain.frequency, values)
     expected = chain.natural_frequencies(TRUTH)[:2]
-    np.testing.assert_allclose(found.poles.real, expected, rtol=1e-3)
-    assert found.terms.shape == (2, 2, LINES)
-    assert np.abs(found.background[0]).max() < 1e-9 * np.abs(values[0]).max()  # a receptance is nothing else
-    np.testing.assert_allclose(found.background[1], 1.0, atol=1e-9)  # an accelerance tends to one over the mass of 1 kg
+    np.testing.assert_allclose(resonances.poles.real, expected, rtol=1e-3)
+    assert resonances.terms.shape == (2, 2, LINES)
+    assert np.abs(resonances.background[0]).max() < 1e-9 * np.abs(values[0]).max()  # a receptance is nothing else
+    np.testing.assert_allclose(resonances.background[1], 1.0, atol=1e-9)  # an accelerance tends to 1 / (1 kg)
 
 
 def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, clean):
     values = [frf.values for frf in clean]
-    each = [model_errors(chain.frequency, [one], 1e-3) for one in values]
+    each = [model_errors(chain.frequency, [frf], 1e-3) for frf in values]
     joint = model_errors(chain.frequency, values, 1e-3)
     poles = len(fit_resonances(chain.frequency, values).poles)
     shared, own = 2 * (6 + poles) + 4 * poles, 2 * (6 + poles)

@@ -13,6 +13,7 @@ from dovetail.assembly import Assembly
 from dovetail.dataset import latin_hypercube
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.truncated_gaussian import RemainingUncertainty, remaining_uncertainty
+from dovetail.identification.fitting.residuals import linearise_frf
 from dovetail.interfaces import Progress, silent
 from dovetail.units import format_quantity
 
@@ -226,13 +227,8 @@ def _of_each(
 
 def _information(assembly: Assembly, theta: NDArray[np.float64], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the Fisher information (n, p, p) of each parameter vector, in fractions of the ranges."""
-    _, jacobian = assembly.frf_jacobian(theta)
-    log = np.array([p.scale == "log" for p in assembly.parameters])
-    width = np.array(
-        [np.log(p.upper / p.lower) if p.scale == "log" else p.upper - p.lower for p in assembly.parameters]
-    )
-    slopes = np.swapaxes(jacobian, 1, 2) * np.where(log, theta * width, width)[:, :, np.newaxis]
-    weighted = slopes * np.sqrt(2.0) / deviation[:, np.newaxis, np.newaxis]
+    _, jacobian = linearise_frf(assembly, theta)
+    weighted = jacobian * np.sqrt(2.0) / deviation[:, np.newaxis, np.newaxis]
     return np.asarray(np.real(weighted @ np.conj(weighted).transpose(0, 2, 1)))
 
 

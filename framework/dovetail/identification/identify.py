@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
-from dovetail.identification.fitting import one_for_each
+from dovetail.identification.fitting import one_per_response
 from dovetail.identification.methods import METHODS
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.result import Identification
@@ -76,7 +76,7 @@ def identify(
         if name not in accepted_options:
             problem = f"the method '{method}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
-    frfs = tuple(on_grid(frf, assembly.frequency) for frf in one_for_each(assembly, measured))
+    frfs = tuple(on_grid(frf, assembly.frequency) for frf in one_per_response(assembly, measured))
     with threadpool_limits(1, user_api="blas"):
         return METHODS[method](assembly, frfs, model, **options)
 

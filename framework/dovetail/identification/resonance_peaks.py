@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
@@ -11,24 +13,28 @@ from dovetail.identification.result import Mode
 
 __all__ = ["counterpart", "paired_modes", "resonance_peaks"]
 
-_PROMINENCE = 6.0
-"""dB by which a peak must stand out of what surrounds it."""
 
-_FLOOR = 60.0
-"""Amplitudes are told apart only where they exceed this many standard deviations of the noise over the prominence:
-10 at 6 dB. At such a floor the noise of thousands of lines reaches half the prominence."""
+@dataclass(frozen=True)
+class Settings:
+    """Tuning constants of the peaks."""
 
-_SKEWED = 0.25
-"""Part of the width by which a parabola may miss the highest line; beyond it other modes skew the peak."""
+    prominence: float = 6.0
+    """dB by which a peak stands out on either side: then it has half-power lines."""
+    floor: float = 60.0
+    """Standard deviations of the noise, over the prominence in dB, below which amplitudes are not told apart: 10 at
+    6 dB. At such a floor the noise of thousands of lines reaches half the prominence."""
+    skewness: float = 0.25
+    """Part of the width between the highest line and the parabola's vertex, beyond which other modes skew the peak."""
+    points_per_line: int = 50
+    """At which the quartic of a skewed peak is evaluated: far finer than noise allows to place it."""
+    closeness: float = 0.15
+    """Relative distance within which two frequencies can belong to the same mode."""
 
-_FINE = 50
-"""Places to look at, for each line, where a curve is highest."""
 
-_NEARBY = 0.15
-"""Part of a frequency within which its counterpart is looked for."""
+_SETTINGS = Settings()
 
 
-def resonance_peaks(frf: Frf, prominence: float = _PROMINENCE) -> NDArray[np.float64]:
+def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArray[np.float64]:
     """Find the resonance peaks of an FRF.
 
     Parameters
@@ -45,30 +51,26 @@ def resonance_peaks(frf: Frf, prominence: float = _PROMINENCE) -> NDArray[np.flo
 
     Notes
     -----
-    The noise is estimated from the second differences of the values, and the amplitude is levelled there, so that
-    noise in an antiresonance makes no peak. Each peak is placed by a parabola through 1/|receptance|^2 over omega^2
-    within the half-power lines: for a single mode that is exact, and it averages the noise. A peak that other modes
-    skew, or that stands out too little to have half-power lines (less than 6 dB), is where a quartic through the
-    accelerance is highest, within half its prominence.
+    The noise is estimated from the second differences of the values. The amplitude has a floor above it, so that noise
+    in an antiresonance makes no peak. Each peak is placed by a parabola through 1/|receptance|^2 over omega^2 within
+    the half-power lines: for a single mode that is exact, and it averages the noise. A peak that other modes skew, or
+    that is too low for half-power lines (less than 6 dB), lies where a quartic through the accelerance is highest,
+    within half its prominence.
     """
     accelerance = frf.to("accelerance")
     if len(accelerance.frequency) < 3:
         return np.empty(0)
-    floor = _FLOOR / prominence * _noise(accelerance)
+    floor = _SETTINGS.floor / prominence * _noise(accelerance)
     level = 10.0 * np.log10(np.maximum(accelerance.amplitude**2 + floor**2, np.finfo(np.float64).tiny))
-    tops, found = find_peaks(level, prominence=prominence)
-    return np.array(
-        [
-            _peak_frequency(accelerance, int(top), float(own))
-            for top, own in zip(tops, found["prominences"], strict=True)
-        ]
-    )
+    tops, properties = find_peaks(level, prominence=prominence)
+    peaks = zip(tops.tolist(), properties["prominences"].tolist(), strict=True)
+    return np.array([_peak_frequency(accelerance, top, height) for top, height in peaks])
 
 
 def paired_modes(
     natural: NDArray[np.float64], reconstructed: NDArray[np.float64], measured: NDArray[np.float64]
 ) -> tuple[Mode, ...]:
-    """Put beside each natural frequency its peak in the reconstructed FRF, and beside that the measured one.
+    """Pair each natural frequency with its peak in the reconstructed FRF, and that with its peak in the measured one.
 
     Parameters
     ----------
@@ -88,8 +90,8 @@ def paired_modes(
     modes = []
     for frequency in natural:
         peak = counterpart(frequency, natural, reconstructed)
-        opposite = None if peak is None else counterpart(peak, reconstructed, measured)
-        modes.append(Mode(float(frequency), peak, opposite))
+        measured_peak = None if peak is None else counterpart(peak, reconstructed, measured)
+        modes.append(Mode(float(frequency), peak, measured_peak))
     return tuple(modes)
 
 
@@ -111,7 +113,7 @@ def counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np
         return None
     candidate = float(others[np.argmin(np.abs(others - frequency))])
     nearest = among[np.argmin(np.abs(among - candidate))]
-    return candidate if nearest == frequency and abs(candidate - frequency) <= _NEARBY * frequency else None
+    return candidate if nearest == frequency and abs(candidate - frequency) <= _SETTINGS.closeness * frequency else None
 
 
 def _noise(frf: Frf) -> float:
@@ -124,7 +126,7 @@ def _noise(frf: Frf) -> float:
 
 def _peak_frequency(frf: Frf, top: int, prominence: float) -> float:
     """Place the peak around line `top` between the lines."""
-    if prominence < _PROMINENCE:
+    if prominence < _SETTINGS.prominence:
         return _skewed_peak(frf, _lines_above(frf, top, prominence / 2.0))
     around = _lines_above(frf, top, 10.0 * np.log10(2.0))
     if not frf.amplitude[around].all():
@@ -133,7 +135,7 @@ def _peak_frequency(frf: Frf, top: int, prominence: float) -> float:
     receptance = frf.amplitude[around] / squared
     curvature, slope, _ = np.polyfit(squared - 1.0, (receptance[top - around.start] / receptance) ** 2, 2)
     vertex = 1.0 - slope / (2.0 * curvature) if curvature > 0 else np.inf
-    if abs(vertex - 1.0) > _SKEWED * (squared[-1] - squared[0]):
+    if abs(vertex - 1.0) > _SETTINGS.skewness * (squared[-1] - squared[0]):
         return _skewed_peak(frf, around)
     return float(frf.frequency[top] * np.sqrt(vertex))
 
@@ -141,10 +143,10 @@ def _peak_frequency(frf: Frf, top: int, prominence: float) -> float:
 def _skewed_peak(frf: Frf, around: slice) -> float:
     """Return where a quartic through the amplitude is highest: such a peak is steep on one side, flat on the other."""
     frequency, amplitude = frf.frequency[around], frf.amplitude[around]
-    place = np.linspace(-1.0, 1.0, _FINE * frequency.size)
+    position = np.linspace(-1.0, 1.0, _SETTINGS.points_per_line * frequency.size)
     middle, half = (frequency[0] + frequency[-1]) / 2.0, (frequency[-1] - frequency[0]) / 2.0
     curve = np.polyfit((frequency - middle) / half, amplitude, min(4, frequency.size - 1))
-    return float(middle + half * place[np.argmax(np.polyval(curve, place))])
+    return float(middle + half * position[np.argmax(np.polyval(curve, position))])
 
 
 def _lines_above(frf: Frf, top: int, drop: float) -> slice:

@@ -2,7 +2,7 @@
 
 from dovetail.identification.fitting.fit import Fit
 from dovetail.identification.fitting.multistart import Objective, multistart
-from dovetail.identification.fitting.observations import one_for_each
+from dovetail.identification.fitting.observations import one_per_response
 from dovetail.identification.fitting.refinement import refine
 
-__all__ = ["Fit", "Objective", "multistart", "one_for_each", "refine"]
+__all__ = ["Fit", "Objective", "multistart", "one_per_response", "refine"]

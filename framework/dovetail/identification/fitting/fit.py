@@ -1,4 +1,4 @@
-"""What a fit to a measured FRF gives, and how far it can be believed."""
+"""The result of a fit to measured FRFs, and how good it is."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 
-__all__ = ["Fit", "agreeing", "at_bounds"]
+__all__ = ["Fit", "bounds_reached", "count_agreeing"]
 
-_SAME = 1e-3
-"""Relative difference of sums of squares below which two searches ended in the same place."""
+_SAME_MINIMUM = 1e-3
+"""Relative difference of sums of squares below which two searches ended in the same minimum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,27 +28,27 @@ class Fit:
     information : (n_params, n_params) array
         Fisher information of the parameters in fractions of their ranges; its inverse is their covariance.
     chi_squared : float
-        Sum of the squared residuals over their random variance, per degree of freedom: 1 where the model leaves
-        nothing but noise. Lines that were left out do not count.
+        Sum of the squared residuals over their random variance, per degree of freedom: 1 where only noise separates
+        model and measurement. Ignored lines do not count.
     degrees_of_freedom : int
     variance : (n_lines,) array
         E|random error|^2 of each line; the lines of a second response stand behind those of the first.
     variance_known : bool
-        Whether the measurements told it, or it was taken from the scatter from line to line.
+        Whether the variance came with the measurement; else it was estimated from the scatter from line to line.
     discrepancy : float
-        Part of each line's magnitude by which the model itself is off; 0 where the random error explains everything.
+        Error of the model itself, relative to the magnitude of each line; 0 where the random error explains everything.
     ignored : (n,) array
-        Frequencies [Hz] of the lines that were left out, since they stand alone.
+        Frequencies [Hz] of the isolated lines, which the fit left out.
     used : (n_lines,) bool array
         Which lines were not left out.
     at_bounds : mapping of str to "lower" or "upper"
-        Parameters that ended at an end of their range.
+        Parameters that ended at a bound of their range.
     starts : int
-        Searches, from different points.
+        Number of searches, from different points.
     agreeing : int
         How many of those that were carried to the end gave the same fit.
     steps : int
-        FRFs with their sensitivities that were computed, all searches together.
+        How often FRFs and their derivatives were computed, in all searches together.
     seconds : float
         Wall-clock time.
     """
@@ -71,16 +71,16 @@ class Fit:
     def at(self, index: int, count: int) -> Fit:
         """Return the fit with the variance and the lines of one of its `count` responses alone."""
         used = np.split(self.used, count)
-        left_out = np.cumsum([np.count_nonzero(~lines) for lines in used])
+        ends = np.cumsum([np.count_nonzero(~lines) for lines in used])
         return replace(
             self,
             variance=np.split(self.variance, count)[index],
             used=used[index],
-            ignored=np.split(self.ignored, left_out[:-1])[index],
+            ignored=np.split(self.ignored, ends[:-1])[index],
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what tells how good the fit is as plain values, fit for JSON."""
+        """Return how good the fit is as plain values for JSON."""
         return {
             "chi_squared": self.chi_squared,
             "degrees_of_freedom": self.degrees_of_freedom,
@@ -95,12 +95,12 @@ class Fit:
         }
 
 
-def agreeing(costs: NDArray[np.float64]) -> int:
-    """Return how many searches ended where the best did, from their sums of squares."""
-    return int(np.count_nonzero(costs <= costs.min() * (1.0 + _SAME) + 1.0))
+def count_agreeing(costs: NDArray[np.float64]) -> int:
+    """Return how many searches ended in the best minimum, from their sums of squares."""
+    return int(np.count_nonzero(costs <= costs.min() * (1.0 + _SAME_MINIMUM) + 1.0))
 
 
-def at_bounds(assembly: Assembly, position: NDArray[np.float64]) -> dict[str, str]:
-    """Return the parameters at an end of their range, and which, from a position in the unit cube."""
-    pairs = zip(assembly.parameters, position.tolist(), strict=True)
+def bounds_reached(assembly: Assembly, fraction: NDArray[np.float64]) -> dict[str, str]:
+    """Return the parameters at a bound of their range, and at which, from fractions (n_params,) of the ranges."""
+    pairs = zip(assembly.parameters, fraction.tolist(), strict=True)
     return {p.name: "lower" if at <= 0.0 else "upper" for p, at in pairs if at <= 0.0 or at >= 1.0}

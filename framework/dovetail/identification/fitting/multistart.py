@@ -1,4 +1,4 @@
-"""Many local searches from all over the ranges, the best of which counts."""
+"""Local searches from many points of the ranges, of which the best counts."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from scipy.stats import qmc
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
-from dovetail.identification.fitting.fit import Fit, agreeing, at_bounds
-from dovetail.identification.fitting.levenberg_marquardt import minimise
-from dovetail.identification.fitting.observations import Measured
-from dovetail.identification.fitting.residuals import FrfMisfit
+from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agreeing
+from dovetail.identification.fitting.least_squares import minimise
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import FrfResiduals
 
 __all__ = ["Objective", "multistart"]
 
 Objective: TypeAlias = Literal["frf", "weighted"]
-"""What is minimised: differences of the FRFs as they are, or over their random error."""
+"""Residuals that are minimised: differences of the FRFs as they are, or over their random error."""
 
-_AT_ONCE = 32
-_TOLERANCE, _STEPS = 0.02, 150
+_TOLERANCE = 0.02
+"""Decrease of the sum of squares, per step, that ends a search: nothing beside the scatter of that sum."""
+_MOST_STEPS = 150
+"""Of one search: one that has not arrived by then is in a bad valley."""
 
 
 def multistart(
@@ -41,12 +43,12 @@ def multistart(
     Parameters
     ----------
     assembly : Assembly
-        With parameters to seek.
+        With parameters to identify.
     measured : Frf or sequence of Frf
         One for each response, on the assembly's frequencies.
     starts : int
     seconds : float, optional
-        Time after which no further step is taken.
+        Time after which no further step begins.
     objective : {"frf", "weighted"}
     seed : int
 
@@ -63,37 +65,35 @@ def multistart(
     _check(starts, seconds, objective)
     began = time.monotonic()
     deadline = np.inf if seconds is None else began + seconds
-    target = Measured.of(assembly, measured)
-    known = target.known_variances()
-    variance = target.variance(known)
+    target = Observations.of(assembly, measured)
+    variance = target.variance()
     used = np.ones(len(variance), dtype=np.bool_)
-    level = variance if objective == "weighted" else _levelled(target, variance)
-    problem = FrfMisfit(assembly, target.weighted(level, used))
-    points = qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts)
-    ends = []
-    for first in range(0, starts, _AT_ONCE):
-        batch = points[first : first + _AT_ONCE]
-        ends.append(minimise(problem, batch, tolerance=_TOLERANCE, most_steps=_STEPS, deadline=deadline))
+    weights = variance if objective == "weighted" else _mean_of_response(target, variance)
+    problem = FrfResiduals(assembly, target.weighted(weights, used))
+    minima = []
+    for point in qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts):
+        start = point[np.newaxis]
+        minima.append(minimise(problem, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS, deadline=deadline))
         if time.monotonic() > deadline:
             break
-    costs = np.concatenate([end.cost for end in ends])
-    best = np.concatenate([end.position for end in ends])[np.argmin(costs)]
-    at_best = FrfMisfit(assembly, target.weighted(variance, used)).linear(best[np.newaxis])
-    freedom = max(1, target.residuals_of(used) - len(best))
+    costs = np.array([minimum.cost[0] for minimum in minima])
+    best = minima[int(np.argmin(costs))].position[0]
+    at_best = FrfResiduals(assembly, target.weighted(variance, used)).linearise(best[np.newaxis])
+    freedom = max(1, target.residual_count(used) - len(best))
     return Fit(
         theta=assembly.from_unit(best),
         information=at_best.curvature[0],
         chi_squared=float(at_best.cost[0]) / freedom,
         degrees_of_freedom=freedom,
         variance=variance,
-        variance_known=all(one is not None for one in known),
+        variance_known=target.variance_known,
         discrepancy=0.0,
         ignored=np.empty(0),
         used=used,
-        at_bounds=at_bounds(assembly, best),
+        at_bounds=bounds_reached(assembly, best),
         starts=len(costs),
-        agreeing=agreeing(costs),
-        steps=sum(int(end.steps.sum()) for end in ends),
+        agreeing=count_agreeing(costs),
+        steps=sum(int(minimum.steps[0]) for minimum in minima),
         seconds=time.monotonic() - began,
     )
 
@@ -107,6 +107,6 @@ def _check(starts: int, seconds: float | None, objective: str) -> None:
         raise ParameterError(Fault("objective", f"'{objective}' is not an objective.", listing(get_args(Objective))))
 
 
-def _levelled(target: Measured, variance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mean_of_response(target: Observations, variance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mean variance of each response at all its lines."""
-    return np.concatenate([np.full_like(own, own.mean()) for own in target.split(variance)])
+    return np.concatenate([np.full_like(values, values.mean()) for values in target.split(variance)])

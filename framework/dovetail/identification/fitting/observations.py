@@ -1,9 +1,10 @@
-"""What was measured: one FRF for each response of an assembly, their lines one behind the other."""
+"""The measured FRFs: one for each response of an assembly, their lines one behind the other."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,14 +14,14 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines, known_variance
-from dovetail.identification.fitting.residuals import LogAmplitude, SideBySide, Weighted, parted
+from dovetail.identification.fitting.residuals import LogAmplitude, StackedResiduals, Weighted, split_by_response
 
-__all__ = ["Measured", "missed", "one_for_each"]
+__all__ = ["Observations", "difference", "one_per_response"]
 
 _Residual = TypeVar("_Residual", Weighted, LogAmplitude)
 
 
-def one_for_each(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple[Frf, ...]:
+def one_per_response(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple[Frf, ...]:
     """Return the measured FRFs, one for each response of the assembly in its order.
 
     Raises
@@ -28,15 +29,15 @@ def one_for_each(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple[Frf
     MeasurementError
         There are more or fewer.
     """
-    given = (measured,) if isinstance(measured, Frf) else tuple(measured)
+    frfs = (measured,) if isinstance(measured, Frf) else tuple(measured)
     labels = assembly.description.response_labels
-    if len(given) == len(labels):
-        return given
+    if len(frfs) == len(labels):
+        return frfs
     wanted = "; ".join(f"{number}. {label}" for number, label in enumerate(labels, start=1))
-    problem = f"{_counted(len(given), 'measured FRF')} {'was' if len(given) == 1 else 'were'} given"
+    received = f"{_counted(len(frfs), 'measured FRF')} {'was' if len(frfs) == 1 else 'were'} given"
     expected = f"'{assembly.name}' has {_counted(len(labels), 'response')}"
     remedy = "Give one FRF for each response, in this order."
-    raise MeasurementError(Fault("measured", f"{problem}, and {expected}.", wanted, remedy))
+    raise MeasurementError(Fault("measured", f"{received}, and {expected}.", wanted, remedy))
 
 
 def _counted(count: int, noun: str) -> str:
@@ -44,8 +45,8 @@ def _counted(count: int, noun: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """Measured FRFs as residuals are made of: arrays over all lines of all responses, one response behind the other.
+class Observations:
+    """Measured FRFs as arrays over all lines of all responses, one response behind the other.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ class Measured:
     frfs: tuple[Frf, ...]
 
     @staticmethod
-    def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> Measured:
+    def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> Observations:
         """Take one FRF, or one for each response, of any quantities.
 
         Raises
@@ -64,8 +65,8 @@ class Measured:
         MeasurementError
             There are more or fewer than responses.
         """
-        pairs = zip(one_for_each(assembly, measured), assembly.description.responses, strict=True)
-        return Measured(tuple(frf.to(response.quantity) for frf, response in pairs))
+        pairs = zip(one_per_response(assembly, measured), assembly.description.responses, strict=True)
+        return Observations(tuple(frf.to(response.quantity) for frf, response in pairs))
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -77,14 +78,14 @@ class Measured:
         """(n_lines,) Hz."""
         return np.concatenate([frf.frequency for frf in self.frfs])
 
-    def at(self, lines: NDArray[np.intp]) -> Measured:
+    def at(self, lines: NDArray[np.intp]) -> Observations:
         """Return the values at some lines (increasing numbers); a response without any of them is left out."""
-        each = zip(self.frfs, parted(lines, self.counts), strict=True)
-        return Measured(
+        pairs = zip(self.frfs, split_by_response(lines, self.counts), strict=True)
+        return Observations(
             tuple(
-                Frf(frf.frequency[own], frf.values[own], frf.quantity, has_phase=frf.has_phase, rotation=frf.rotation)
-                for frf, own in each
-                if len(own)
+                Frf(frf.frequency[rows], frf.values[rows], frf.quantity, has_phase=frf.has_phase, rotation=frf.rotation)
+                for frf, rows in pairs
+                if len(rows)
             )
         )
 
@@ -92,63 +93,64 @@ class Measured:
         """Return an array (..., n_lines) response by response."""
         return np.split(lines, np.cumsum(self.counts)[:-1], axis=-1)
 
-    def known_variances(self) -> list[NDArray[np.float64] | None]:
-        """Return the random error of each response where its measurement tells it."""
+    @cached_property
+    def _known_variances(self) -> list[NDArray[np.float64] | None]:
         return [known_variance(frf) for frf in self.frfs]
 
-    def variance(
-        self, known: Sequence[NDArray[np.float64] | None], explained: NDArray[np.complex128] | None = None
-    ) -> NDArray[np.float64]:
-        """Return E|error|^2 (n_lines,) of each line: known, or told from the scatter.
+    @property
+    def variance_known(self) -> bool:
+        """Whether each measurement tells its random error."""
+        return all(variance is not None for variance in self._known_variances)
+
+    def variance(self, model: NDArray[np.complex128] | None = None) -> NDArray[np.float64]:
+        """Return E|error|^2 (n_lines,) of each line: known, or estimated from the scatter.
 
         Parameters
         ----------
-        known : sequence of (n_freq,) array or None
-            Of each response.
-        explained : (n_lines,) array, optional
-            What a model says these lines are.
+        model : (n_lines,) array, optional
+            A model's values, which improve the estimate.
         """
-        said = [None] * len(self.frfs) if explained is None else self.split(explained)
+        models = [None] * len(self.frfs) if model is None else self.split(model)
+        responses = zip(self.frfs, self._known_variances, models, strict=True)
         return np.concatenate(
-            [
-                _estimated(frf, values) if variance is None else variance
-                for frf, variance, values in zip(self.frfs, known, said, strict=True)
-            ]
+            [_estimated(frf, values) if variance is None else variance for frf, variance, values in responses]
         )
 
-    def weighted(self, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> Weighted | SideBySide[Weighted]:
+    def weighted(self, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> Weighted | StackedResiduals[Weighted]:
         """Return the residuals over their standard deviation, of the lines `used`."""
-        parts = zip(self.frfs, self.split(variance), self.split(used), strict=True)
-        return _side_by_side([Weighted.against(*part) for part in parts], self.counts)
+        responses = zip(self.frfs, self.split(variance), self.split(used), strict=True)
+        return _stacked([Weighted.against(*response) for response in responses], self.counts)
 
-    def logarithms(self, variance: NDArray[np.float64]) -> LogAmplitude | SideBySide[LogAmplitude]:
+    def logarithms(self, variance: NDArray[np.float64]) -> LogAmplitude | StackedResiduals[LogAmplitude]:
         """Return the residuals of the amplitudes' logarithms."""
-        parts = zip(self.frfs, self.split(variance), strict=True)
-        return _side_by_side([LogAmplitude(*part) for part in parts], self.counts)
+        pairs = zip(self.frfs, self.split(variance), strict=True)
+        return _stacked([LogAmplitude(*pair) for pair in pairs], self.counts)
 
-    def squares(self, values: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return |difference|^2 (n_lines,) from FRFs (n_lines,); twice that of amplitudes where there is no phase."""
-        parts = zip(self.frfs, self.split(values), strict=True)
-        return np.concatenate([np.abs(missed(frf, own)) ** 2 * (1.0 if frf.has_phase else 2.0) for frf, own in parts])
+    def squares(self, model: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return |difference|^2 (n_lines,) from a model's values; twice that of amplitudes where there is no phase."""
+        pairs = zip(self.frfs, self.split(model), strict=True)
+        return np.concatenate(
+            [np.abs(difference(frf, values)) ** 2 * (1.0 if frf.has_phase else 2.0) for frf, values in pairs]
+        )
 
     def isolated(self, size: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which lines (n_lines,) stand alone in their response, by the size of their residuals."""
-        return np.concatenate([isolated_lines(own) for own in self.split(size)])
+        """Return which lines (n_lines,) are isolated in their response, by the size of their residuals."""
+        return np.concatenate([isolated_lines(sizes) for sizes in self.split(size)])
 
-    def residuals_of(self, used: NDArray[np.bool_]) -> int:
-        """Return how many numbers the lines `used` consist of: two where there is a phase."""
+    def residual_count(self, used: NDArray[np.bool_]) -> int:
+        """Return how many residuals the lines `used` have: two each where there is a phase."""
         pairs = zip(self.frfs, self.split(used), strict=True)
-        return sum((2 if frf.has_phase else 1) * int(np.count_nonzero(own)) for frf, own in pairs)
+        return sum((2 if frf.has_phase else 1) * int(np.count_nonzero(lines)) for frf, lines in pairs)
 
 
-def missed(frf: Frf, values: NDArray[np.complex128]) -> NDArray[Any]:
-    """Return how far values (n_freq,) are from a measured FRF: complex, or amplitudes where it has no phase."""
-    return values - frf.values if frf.has_phase else np.abs(values) - frf.amplitude
+def difference(frf: Frf, model: NDArray[np.complex128]) -> NDArray[Any]:
+    """Return a model's values (n_freq,) less the measured ones: complex, or amplitudes where there is no phase."""
+    return model - frf.values if frf.has_phase else np.abs(model) - frf.amplitude
 
 
-def _estimated(frf: Frf, explained: NDArray[np.complex128] | None) -> NDArray[np.float64]:
-    return estimated_variance(frf, explained if explained is None or frf.has_phase else np.abs(explained))
+def _estimated(frf: Frf, model: NDArray[np.complex128] | None) -> NDArray[np.float64]:
+    return estimated_variance(frf, model if model is None or frf.has_phase else np.abs(model))
 
 
-def _side_by_side(residuals: list[_Residual], counts: tuple[int, ...]) -> _Residual | SideBySide[_Residual]:
-    return residuals[0] if len(residuals) == 1 else SideBySide(tuple(residuals), counts)
+def _stacked(residuals: list[_Residual], counts: tuple[int, ...]) -> _Residual | StackedResiduals[_Residual]:
+    return residuals[0] if len(residuals) == 1 else StackedResiduals(tuple(residuals), counts)

@@ -13,29 +13,51 @@ from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.identification.fitting.fit import Fit, agreeing, at_bounds
-from dovetail.identification.fitting.levenberg_marquardt import minimise
-from dovetail.identification.fitting.observations import Measured
-from dovetail.identification.fitting.residuals import FrfMisfit, Frfs
+from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agreeing
+from dovetail.identification.fitting.least_squares import Minima, minimise
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
 
 __all__ = ["refine"]
 
-_FIRST_STARTS = 4
-_MORE_STARTS = 8
-_MOST_STARTS = 28
-_AGREEING = 3
-"""Searches that must end in the same place before it is taken for the best there is, where the model does not fit."""
-_SEARCH_TOLERANCE, _SEARCH_STEPS = 1.0, 40
-_FIT_TOLERANCE, _FIT_STEPS = 0.02, 100
-_SURE = 5.0
-"""Standard deviations of chi-squared within which a fit is as good as the random error allows."""
-_UNSURE_SCATTER = 0.15
-"""Relative error of a random variance that is told from the scatter from line to line."""
-_REFITTED = 4
-"""Ends of searches that are fitted again when the weights change."""
-_MOST_REWEIGHTED, _SETTLED = 8, 0.02
-_DISCREPANCIES = (np.log(1e-6), np.log(1e3))
-"""Between which the model's relative error is sought, as logarithms."""
+
+@dataclass(frozen=True)
+class Settings:
+    """Tuning constants of the refinement."""
+
+    first_starts: int = 4
+    """At least. For the collet they suffice in all but a few of 200 joints, and searches take most of the time."""
+    more_starts: int = 8
+    """In each further batch."""
+    more_batches: int = 3
+    """Where the model does not fit, more starts only confirm it."""
+    enough_agreeing: int = 3
+    """Searches that must end in the same minimum before it counts as the best one, where the model does not fit."""
+    search_tolerance: float = 1.0
+    """Decrease of the sum of squares, per step, that ends a search by logarithms: the fit goes on from there."""
+    search_steps: int = 40
+    """At most. A search that needs more is in a bad valley."""
+    fit_tolerance: float = 0.02
+    """Decrease of the sum of squares, per step, that ends a fit: a tenth of a standard deviation of any parameter."""
+    fit_steps: int = 100
+    """At most; a fit takes 10 to 30."""
+    significance: float = 5.0
+    """Standard deviations of chi-squared within which a fit is as good as the random error allows."""
+    scatter_error: float = 0.15
+    """Relative error of a variance that is estimated from the scatter from line to line."""
+    refitted: int = 4
+    """Minima that are fitted again when the weights change: another may then be the best."""
+    most_discrepancies: int = 8
+    """Times that the discrepancy of the model is estimated and fitted again; it settles after 2 or 3."""
+    settled: float = 0.02
+    """Relative change of the discrepancy at which it has settled."""
+    least_discrepancy: float = 1e-6
+    """Relative error of a model below which it does not matter."""
+    most_discrepancy: float = 1e3
+    """Relative error of a model above which the FRF says nothing."""
+
+
+_SETTINGS = Settings()
 
 
 def refine(
@@ -46,13 +68,13 @@ def refine(
     Parameters
     ----------
     assembly : Assembly
-        With parameters to seek.
+        With parameters to identify.
     measured : Frf or sequence of Frf
         One for each response, on the assembly's frequencies. Its random error is taken from its variance, or coherence
         and averages, or from the scatter from line to line.
     starts : sequence of (n_params,) arrays
-        SI; what lies outside the ranges is brought to their ends. The middle of the ranges and Latin hypercube points
-        are tried beside them, more of them until a fit is as good as the random error allows.
+        SI; values outside the ranges are brought to their bounds. Further starts are the middle of the ranges and Latin
+        hypercube points, more of them until a fit is as good as the random error allows.
     seed : int
         Of the Latin hypercube.
 
@@ -62,128 +84,126 @@ def refine(
 
     Notes
     -----
-    From each start logarithms of amplitudes are compared first, since their sum of squares is shallow, then the FRF
-    itself, complex where it has a phase. Lines that stand alone are left out. Where no fit reaches the random error,
-    the model itself is off, and that part of each line's magnitude is found which makes chi-squared 1: it enters the
-    weights, so that the lines with the least noise do not rule alone.
+    Each search first compares logarithms of amplitudes, whose sum of squares is shallow, then the FRF itself, complex
+    where it has a phase. Isolated lines are left out. Where no fit reaches the random error, the model itself is wrong
+    by some part of each line's magnitude. The part that makes chi-squared 1 enters the weights, so that the lines with
+    the least noise do not dominate.
     """
-    return _Refinement(assembly, Measured.of(assembly, measured), seed).run(starts)
+    return _Refinement(assembly, Observations.of(assembly, measured), seed).run(starts)
 
 
 @dataclass(frozen=True, eq=False)
-class _Ends:
-    """Where searches ended, the best first."""
+class _Ranked:
+    """The minima where searches ended, the lowest first."""
 
     position: NDArray[np.float64]
     cost: NDArray[np.float64]
     curvature: NDArray[np.float64]
 
     @staticmethod
-    def of(position: NDArray[np.float64], cost: NDArray[np.float64], curvature: NDArray[np.float64]) -> _Ends:
-        order = np.argsort(cost, kind="stable")
-        return _Ends(position[order], cost[order], curvature[order])
-
-    def with_others(self, other: _Ends) -> _Ends:
-        pairs = ((self.position, other.position), (self.cost, other.cost), (self.curvature, other.curvature))
-        return _Ends.of(*(np.concatenate(pair) for pair in pairs))
+    def of(*minima: Minima | _Ranked) -> _Ranked:
+        order = np.argsort(np.concatenate([group.cost for group in minima]), kind="stable")
+        names = ("position", "cost", "curvature")
+        return _Ranked(*(np.concatenate([getattr(group, name) for group in minima])[order] for name in names))
 
 
 class _Refinement:
-    """One refinement as it goes on: weights, lines that count, searches that ended."""
+    """The state of one refinement: the weights and the lines that count."""
 
-    def __init__(self, assembly: Assembly, target: Measured, seed: int) -> None:
+    def __init__(self, assembly: Assembly, target: Observations, seed: int) -> None:
         self._assembly = assembly
-        self._frfs = Frfs.of(assembly)
+        self._model = ModelFrfs.of(assembly)
         self._target = target
         self._hypercube = qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed))
-        self._known = target.known_variances()
-        self._told = all(known is not None for known in self._known)
-        self._variance = target.variance(self._known)
+        self._variance = target.variance()
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
         self._steps = self._starts = 0
 
     def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
         began = time.perf_counter()
-        ends = None
-        for batch in self._batches(starts):
-            found = self._searched(batch, ends)
-            ends = self._reweighted(found if ends is None else ends.with_others(found))
-            if self._is_noise(ends) or agreeing(ends.cost) >= _AGREEING:
+        first, *others = self._batches(starts)
+        minima = self._reweighted(self._first_minima(first))
+        for batch in others:
+            if self._is_noise(minima) or count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing:
                 break
-        assert ends is not None
-        alone = self._chi_squared(ends)
+            minima = self._reweighted(_Ranked.of(minima, self._fitted(self._searched(batch))))
+        chi_squared = self._chi_squared(minima)
         discrepancy = 0.0
-        if not self._is_noise(ends):
-            ends, discrepancy = self._with_discrepancy(ends)
+        if not self._is_noise(minima):
+            minima, discrepancy = self._with_discrepancy(minima)
         return Fit(
-            theta=self._assembly.from_unit(ends.position[0]),
-            information=ends.curvature[0],
-            chi_squared=alone,
+            theta=self._assembly.from_unit(minima.position[0]),
+            information=minima.curvature[0],
+            chi_squared=chi_squared,
             degrees_of_freedom=self._freedom,
             variance=self._variance,
-            variance_known=self._told,
+            variance_known=self._target.variance_known,
             discrepancy=discrepancy,
             ignored=self._target.frequency[~self._used],
             used=self._used,
-            at_bounds=at_bounds(self._assembly, ends.position[0]),
+            at_bounds=bounds_reached(self._assembly, minima.position[0]),
             starts=self._starts,
-            agreeing=agreeing(ends.cost),
+            agreeing=count_agreeing(minima.cost),
             steps=self._steps,
             seconds=time.perf_counter() - began,
         )
 
     def _batches(self, starts: Sequence[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
-        count = len(self._assembly.parameters)
-        given = [self._assembly.to_unit(np.maximum(start, np.finfo(float).tiny)) for start in starts]
-        first = np.array([*given, np.full(count, 0.5)])
-        yield np.concatenate([first, self._hypercube.random(max(1, _FIRST_STARTS - len(first)))])
-        for _ in range((_MOST_STARTS - _FIRST_STARTS) // _MORE_STARTS):
-            yield self._hypercube.random(_MORE_STARTS)
+        middle = np.full(len(self._assembly.parameters), 0.5)
+        first = np.array(
+            [*(self._assembly.to_unit(np.maximum(start, np.finfo(float).tiny)) for start in starts), middle]
+        )
+        yield np.concatenate([first, self._hypercube.random(max(1, _SETTINGS.first_starts - len(first)))])
+        for _ in range(_SETTINGS.more_batches):
+            yield self._hypercube.random(_SETTINGS.more_starts)
 
-    def _searched(self, batch: NDArray[np.float64], ends: _Ends | None) -> _Ends:
-        """Search from each start; among the first starts, only from the most promising if that is enough."""
-        search = FrfMisfit(self._frfs, self._target.logarithms(self._variance))
-        near = minimise(search, np.clip(batch, 0.0, 1.0), tolerance=_SEARCH_TOLERANCE, most_steps=_SEARCH_STEPS)
-        self._steps += int(near.steps.sum())
+    def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where searches by logarithms of amplitudes ended, the most promising first."""
+        search = FrfResiduals(self._model, self._target.logarithms(self._variance))
+        minima = minimise(search, batch, tolerance=_SETTINGS.search_tolerance, most_steps=_SETTINGS.search_steps)
+        self._steps += int(minima.steps.sum())
         self._starts += len(batch)
-        promising = near.position[np.argsort(near.cost, kind="stable")]
-        if ends is not None:
-            return self._fitted(promising)
+        return minima.position[np.argsort(minima.cost, kind="stable")]
+
+    def _first_minima(self, batch: NDArray[np.float64]) -> _Ranked:
+        """Fit from the most promising of the first starts, and from the others only if that is not enough."""
+        promising = self._searched(batch)
         best = self._reweighted(self._fitted(promising[:1]))
-        return best if self._is_noise(best) else best.with_others(self._fitted(promising[1:]))
+        return best if self._is_noise(best) else _Ranked.of(best, self._fitted(promising[1:]))
 
-    def _fitted(self, start: NDArray[np.float64]) -> _Ends:
+    def _fitted(self, start: NDArray[np.float64]) -> _Ranked:
         residual = self._target.weighted(self._variance + self._model_variance, self._used)
-        problem = FrfMisfit(self._frfs, residual)
-        found = minimise(problem, start, tolerance=_FIT_TOLERANCE, most_steps=_FIT_STEPS)
-        self._steps += int(found.steps.sum())
-        return _Ends.of(found.position, found.cost, found.curvature)
+        problem = FrfResiduals(self._model, residual)
+        minima = minimise(problem, start, tolerance=_SETTINGS.fit_tolerance, most_steps=_SETTINGS.fit_steps)
+        self._steps += int(minima.steps.sum())
+        return _Ranked.of(minima)
 
-    def _reweighted(self, ends: _Ends) -> _Ends:
-        """Tell the random error anew from what the best fit leaves, leave bad lines out, fit again if that matters."""
-        if not self._told:
-            self._variance = self._target.variance(self._known, self._values(ends))
-        bad = np.zeros_like(self._used) if self._is_noise(ends) else self._target.isolated(self._sizes(ends))
-        if self._told and np.array_equal(bad, ~self._used):
-            return ends
+    def _reweighted(self, minima: _Ranked) -> _Ranked:
+        """Estimate the random error anew from the best fit, leave isolated lines out, fit again if that matters."""
+        known = self._target.variance_known
+        if not known:
+            self._variance = self._target.variance(self._values(minima))
+        bad = np.zeros_like(self._used) if self._is_noise(minima) else self._target.isolated(self._sizes(minima))
+        if known and np.array_equal(bad, ~self._used):
+            return minima
         self._used = ~bad
-        return self._fitted(ends.position[:_REFITTED])
+        return self._fitted(minima.position[: _SETTINGS.refitted])
 
-    def _with_discrepancy(self, ends: _Ends) -> tuple[_Ends, float]:
-        """Find the part of each line's magnitude by which the model is off, and fit with it."""
+    def _with_discrepancy(self, minima: _Ranked) -> tuple[_Ranked, float]:
+        """Estimate the relative error of the model, and fit with it."""
         discrepancy = 0.0
-        for _ in range(_MOST_REWEIGHTED):
+        for _ in range(_SETTINGS.most_discrepancies):
             before = discrepancy
-            values = self._values(ends)
-            discrepancy = self._unexplained(values)
+            values = self._values(minima)
+            discrepancy = self._discrepancy(values)
             self._model_variance = (discrepancy * np.abs(values)) ** 2
-            ends = self._fitted(ends.position[:_REFITTED])
-            if abs(discrepancy - before) <= _SETTLED * discrepancy:
+            minima = self._fitted(minima.position[: _SETTINGS.refitted])
+            if abs(discrepancy - before) <= _SETTINGS.settled * discrepancy:
                 break
-        return ends, discrepancy
+        return minima, discrepancy
 
-    def _unexplained(self, values: NDArray[np.complex128]) -> float:
+    def _discrepancy(self, values: NDArray[np.complex128]) -> float:
         """Return the part of each line's magnitude that makes chi-squared 1."""
         squares = self._target.squares(values)[self._used]
         magnitude, variance = np.abs(values[self._used]), self._variance[self._used]
@@ -191,27 +211,28 @@ class _Refinement:
         def excess(logarithm: float) -> float:
             return float(np.mean(squares / (variance + (np.exp(logarithm) * magnitude) ** 2)) - 1.0)
 
-        least, most = _DISCREPANCIES
+        least, most = np.log(_SETTINGS.least_discrepancy), np.log(_SETTINGS.most_discrepancy)
         if excess(least) <= 0:
             return 0.0
         return float(np.exp(most if excess(most) >= 0 else brentq(excess, least, most)))
 
-    def _values(self, ends: _Ends) -> NDArray[np.complex128]:
-        return np.asarray(self._frfs.frf(self._assembly.from_unit(ends.position[:1]))[0])
+    def _values(self, minima: _Ranked) -> NDArray[np.complex128]:
+        return np.asarray(self._model.frf(self._assembly.from_unit(minima.position[:1]))[0])
 
-    def _sizes(self, ends: _Ends) -> NDArray[np.float64]:
+    def _sizes(self, minima: _Ranked) -> NDArray[np.float64]:
         """Return the size of each line's residual at the best fit, over its standard deviation."""
-        everything = self._target.weighted(self._variance, np.ones_like(self._used))
-        return everything.size(self._values(ends))
+        all_lines = self._target.weighted(self._variance, np.ones_like(self._used))
+        return all_lines.size(self._values(minima))
 
     @property
     def _freedom(self) -> int:
-        return max(1, self._target.residuals_of(self._used) - len(self._assembly.parameters))
+        return max(1, self._target.residual_count(self._used) - len(self._assembly.parameters))
 
-    def _chi_squared(self, ends: _Ends) -> float:
-        return float(ends.cost[0]) / self._freedom
+    def _chi_squared(self, minima: _Ranked) -> float:
+        return float(minima.cost[0]) / self._freedom
 
-    def _is_noise(self, ends: _Ends) -> bool:
-        """Say whether the best fit leaves no more than the random error."""
-        spread = _SURE * np.sqrt(2.0 / self._freedom) + (0.0 if self._told else _UNSURE_SCATTER)
-        return bool(self._chi_squared(ends) <= 1.0 + spread)
+    def _is_noise(self, minima: _Ranked) -> bool:
+        """Say whether the residuals of the best fit are no larger than the random error."""
+        spread = _SETTINGS.significance * np.sqrt(2.0 / self._freedom)
+        spread += 0.0 if self._target.variance_known else _SETTINGS.scatter_error
+        return bool(self._chi_squared(minima) <= 1.0 + spread)

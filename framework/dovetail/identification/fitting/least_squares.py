@@ -1,0 +1,138 @@
+"""Bounded nonlinear least squares in the unit cube, from one start or several."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+__all__ = ["Linearisation", "Minima", "SumOfSquares", "minimise"]
+
+_AT_BOUND = 1e-5
+"""Distance from a face of the cube within which a search that is driven towards it ends on it: the method itself keeps
+all positions inside."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Residuals at n positions and their derivatives.
+
+    Parameters
+    ----------
+    residuals : (n, m) array
+    jacobian : (n, p, m) array
+        Derivatives of the residuals, transposed: J^T.
+    """
+
+    residuals: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
+
+    @cached_property
+    def gradient(self) -> NDArray[np.float64]:
+        """(n, p) J^T r, half the derivative of the sum of squares."""
+        return np.asarray(np.einsum("npm,nm->np", self.jacobian, self.residuals))
+
+    @cached_property
+    def curvature(self) -> NDArray[np.float64]:
+        """(n, p, p) J^T J, half the Gauss-Newton Hessian of the sum of squares."""
+        return np.asarray(self.jacobian @ self.jacobian.transpose(0, 2, 1))
+
+    @cached_property
+    def cost(self) -> NDArray[np.float64]:
+        """(n,) sums of the squared residuals."""
+        return np.asarray(np.einsum("nm,nm->n", self.residuals, self.residuals))
+
+
+class SumOfSquares(Protocol):
+    """The function that is minimised. A position's residuals are the same alone and in any batch."""
+
+    def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at positions (n, p) in the unit cube."""
+        ...
+
+    def linearise(self, position: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives at positions (n, p) in the unit cube."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Minima:
+    """The points where n searches ended.
+
+    Parameters
+    ----------
+    position : (n, p) array
+        In the unit cube.
+    cost : (n,) array
+        Sums of squares.
+    curvature : (n, p, p) array
+        J^T J there.
+    steps : (n,) array
+        How often the derivatives were computed.
+    """
+
+    position: NDArray[np.float64]
+    cost: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+    steps: NDArray[np.int64]
+
+
+def minimise(
+    problem: SumOfSquares, start: NDArray[np.float64], *, tolerance: float, most_steps: int, deadline: float = np.inf
+) -> Minima:
+    """Minimise sums of squares from several starts by the trust-region reflective method.
+
+    Parameters
+    ----------
+    problem : SumOfSquares
+    start : (n, p) array
+        Brought into the unit cube.
+    tolerance : float
+        Decrease of a sum of m squares, per step, that is too small to go on where the sum is about m, as noise leaves
+        it. Where the sum is larger, the decrease may be larger in proportion.
+    most_steps : int
+    deadline : float
+        `time.monotonic()` after which no further step begins.
+
+    References
+    ----------
+    M. A. Branch, T. F. Coleman, Y. Li, A subspace, interior, and conjugate gradient method for large-scale
+    bound-constrained minimization problems, SIAM J. Sci. Comput. 21 (1999) 1-23; as `scipy.optimize.least_squares`.
+    """
+    searches = [_search(problem, point, tolerance, most_steps, deadline) for point in np.clip(start, 0.0, 1.0)]
+    position, cost, curvature, steps = (np.stack(values) for values in zip(*searches, strict=True))
+    return Minima(position, cost, curvature, steps)
+
+
+def _search(
+    problem: SumOfSquares, start: NDArray[np.float64], tolerance: float, most_steps: int, deadline: float
+) -> tuple[NDArray[np.float64], np.float64, NDArray[np.float64], int]:
+    """Return where one search ends, its sum of squares and curvature there, and its number of steps."""
+
+    @lru_cache(maxsize=1)  # the method asks for the Jacobian where it has just asked for the residuals
+    def linearise(position: bytes) -> Linearisation:
+        return problem.linearise(np.frombuffer(position)[np.newaxis])
+
+    def stop_when_late(_: NDArray[np.float64]) -> None:
+        if time.monotonic() > deadline:
+            raise StopIteration
+
+    end = least_squares(
+        lambda position: linearise(position.tobytes()).residuals[0],
+        start,
+        lambda position: linearise(position.tobytes()).jacobian[0].T,
+        bounds=(0.0, 1.0),
+        ftol=tolerance / linearise(start.tobytes()).residuals.size,
+        max_nfev=most_steps,
+        callback=stop_when_late,
+    )
+    position = end.x
+    position[(position < _AT_BOUND) & (end.grad > 0)] = 0.0
+    position[(position > 1.0 - _AT_BOUND) & (end.grad < 0)] = 1.0
+    at_end = linearise(position.tobytes())
+    return position, at_end.cost[0], at_end.curvature[0], linearise.cache_info().misses
