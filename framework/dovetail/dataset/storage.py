@@ -162,7 +162,7 @@ def read_flags(folder: Path, group: Any, name: str) -> NDArray[np.bool_]:
         They cannot be read.
     """
     try:
-        return np.asarray(group[name][:]) != 0
+        return np.asarray(group[name][:], dtype=np.bool_)
     except _READING_ERRORS as error:
         remedy = f"Delete {folder / name / 'c'} and go on with --resume."
         raise DatasetError(Fault(str(folder / name), f"it is damaged ({error}).", remedy=remedy)) from error

@@ -225,8 +225,8 @@ class Engine:
 
     def _padded(self, factor: NDArray[np.complex128] | None) -> NDArray[np.complex128]:
         """Return a factor for each line that the kernel computes."""
-        factor = np.ones(self._lines) if factor is None else factor
-        return np.concatenate([factor, np.repeat(factor[-1:], len(self.system.frequency) - self._lines)])
+        factors = np.ones(self._lines) if factor is None else factor
+        return np.concatenate([factors, np.repeat(factors[-1:], len(self.system.frequency) - self._lines)])
 
     def _run_kernel(
         self,

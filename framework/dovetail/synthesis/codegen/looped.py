@@ -38,8 +38,8 @@ class _LoopedKernel(KernelWriter):
         self._sizes = self._region("sizes", size)
         self._numbered_terms = list(enumerate(layout.terms))
         self._motion = self._region("motion", 2 * size)
-        slots_differentiated = {key[1] for key in (*layout.derivatives, *layout.spectral_derivatives)}
-        self._product_of = {slot: row for row, slot in enumerate(sorted(slots_differentiated))}
+        slots = {slot for _, slot, _ in layout.derivatives} | {slot for _, slot in layout.spectral_derivatives}
+        self._product_of = {slot: row for row, slot in enumerate(sorted(slots))}
         self._products = self._region("products", 2 * len(self._product_of))
 
     def source(self, amplitude: bool) -> str:
