@@ -200,21 +200,21 @@ def test_derivatives_by_joint_and_amount(collet, torque_100):
     problem = PerturbedResiduals(axis, residual)
     position = problem.position(collet.to_unit(torque_100), 0.01)
     assert problem.amount(position[0]) == pytest.approx(0.01)
-    found = problem.linearise(position)
+    linear = problem.linearise(position)
     for column in range(position.shape[1]):
         step = np.zeros_like(position)
         step[0, column] = 1e-6
         difference = (problem.residuals(position + step) - problem.residuals(position - step))[0] / 2e-6
-        assert np.linalg.norm(found.jacobian[0, column] - difference) < 0.01 * np.linalg.norm(difference)
+        assert np.linalg.norm(linear.jacobian[0, column] - difference) < 0.01 * np.linalg.norm(difference)
 
 
 @pytest.mark.slow
 def test_a_tool_that_stands_out_further_is_named(collet, torque_100):
     longer = perturbation(collet, "tool: overhang at 0 mm").apply(np.log(90 / 80))
     misspecification = dovetail.identify(collet, with_unknown_noise(collet, longer.frf(torque_100))).misspecification
-    found = re.fullmatch(r"It looks as if the tool stood out of the collet by (\S+) mm.*", misspecification.looks_like)
-    assert found is not None
-    assert float(found[1]) == pytest.approx(90, abs=3)  # the joint makes up for a millimetre or two
+    match = re.fullmatch(r"It looks as if the tool stood out of the collet by (\S+) mm.*", misspecification.looks_like)
+    assert match is not None
+    assert float(match[1]) == pytest.approx(90, abs=3)  # the joint compensates for a millimetre or two
 
 
 def test_a_resonance_that_every_joint_has_is_missed(collet, torque_100):

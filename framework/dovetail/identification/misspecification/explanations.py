@@ -194,9 +194,10 @@ def _explain_by_clipping(flagged: FlaggedFrf) -> Explanation | None:
 
 def _fit_perturbation(flagged: FlaggedFrf, perturbation: Perturbation, amount: float) -> Explanation | None:
     """Fit the amount of a perturbation from a first estimate, then the joint anew with it if that helps."""
-    start = np.clip(amount, *(_SETTINGS.farthest_start * end for end in (perturbation.lower, perturbation.upper)))
+    farthest = _SETTINGS.farthest_start
+    start = float(np.clip(amount, farthest * perturbation.lower, farthest * perturbation.upper))
     try:
-        solution = _fit_amount(flagged, perturbation, float(start))
+        solution = _fit_amount(flagged, perturbation, start)
         if solution is None or abs(solution[1]) < perturbation.negligible:
             return None
         theta, amount = solution
