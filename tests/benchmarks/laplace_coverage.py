@@ -9,7 +9,6 @@ The first `sampled` of them are sampled as well, and the intervals of both forms
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,21 +18,12 @@ import numpy as np
 
 import dovetail
 from dovetail.dataset import latin_hypercube
+from dovetail.evaluation.mesh_refinement import finer
 from dovetail.identification.fitting import Fit, refine
 from dovetail.identification.posterior import Posterior, laplace_posterior, quantiles, sample_posterior
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISE = 0.01
-
-
-def finer(factor: int) -> dovetail.Assembly:
-    """Return the assembly with `factor` elements in the place of each."""
-    description = json.loads(dovetail.load(ASSEMBLY).description.text)
-    for part in description["substructures"].values():
-        for section in part["sections"]:
-            section["elements"] = int(section.get("elements", 1)) * factor
-    description["joints"]["collet"]["elements_per_segment"] = factor
-    return dovetail.load(description)
 
 
 @dataclass(frozen=True)
@@ -49,7 +39,7 @@ class Case:
 def cases(assembly: dovetail.Assembly, count: int, mesh: int) -> Iterator[Case]:
     """Yield random joints with their noisy FRFs and fits."""
     truth = latin_hypercube(assembly, count, seed=77)
-    values = (assembly if mesh == 1 else finer(mesh)).frf(truth)
+    values = finer(assembly, mesh).frf(truth)
     for index, (place, clean) in enumerate(zip(assembly.to_unit(truth), values, strict=True)):
         deviation = NOISE * clean.std()
         normal = np.random.default_rng([9, index]).standard_normal((2, len(clean)))

@@ -88,7 +88,8 @@ def test_doubtful_parameters_are_named_everywhere(sdof, tmp_path):
     weight = np.full(300, 1 / 300)
     options = {"model_error": 0.0, "searches": 300, "lines": 9, "seconds": 0.1}
     name = sdof.parameters[1].name
-    posterior = replace(Posterior.from_fractions(sdof, fraction, weight, **options), unreliable=(name,))
+    sampled = Posterior.from_fractions(sdof, fraction, weight, **options)
+    posterior = replace(sampled, form="laplace", unreliable=(name,))
     assert name in posterior.warnings[0]
     plain = posterior.to_dict()
     assert plain["form"] == "laplace"
