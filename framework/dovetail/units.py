@@ -1,7 +1,7 @@
-"""Quantities with units at the edge, SI floats inside.
+"""Conversion of quantities with units to SI numbers.
 
-``"583.6 GPa"`` becomes ``583.6e9`` where a pascal is wanted; a bare number is SI already. Pint is loaded when the
-first text with a unit is read, never on import.
+``"583.6 GPa"`` becomes ``583.6e9`` where a pascal is expected; a number without a unit is in SI. Pint is loaded with
+the first unit that is read, not on import.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ __all__ = [
 _LONGEST_TEXT = 100
 _POWER = r"(?:\^|\*\*)\s*-?\d{1,2}(?:\.\d{1,3})?|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]{1,3}"
 _UNIT = re.compile(rf"(?:[^\W\d⁰¹²³⁴⁵⁶⁷⁸⁹]|(?:{_POWER})(?![\d.⁻⁰¹²³⁴⁵⁶⁷⁸⁹]|\s*(?:\^|\*\*))|1(?!\d)|[\s*/·()°%])*+")
-"""Names, small powers and products: a tower of powers would keep pint's parser busy for ever."""
+"""Names, small powers and products. Pint's parser would not return from a tower of powers."""
 
 
 @cache
@@ -50,9 +50,9 @@ def to_si(value: object, unit: str) -> float:
     Parameters
     ----------
     value : float, int or str
-        ``0.01``, ``"10 mm"`` or ``"1e8 N/m"``. A bare number, also as text, is taken in `unit`.
+        ``0.01``, ``"10 mm"`` or ``"1e8 N/m"``. A number without a unit, also as text, is in `unit`.
     unit : str
-        The SI unit wanted, in pint's spelling (``"N m/rad"``); ``"1"`` for a pure number.
+        The SI unit in pint's spelling (``"N m/rad"``); ``"1"`` for a pure number.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def to_si(value: object, unit: str) -> float:
     Raises
     ------
     UnitError
-        The text is no quantity, its dimension differs from that of `unit`, or it is not finite.
+        The text is not a quantity, has another dimension than `unit`, or is not finite.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise UnitError(f"a quantity in {unit} is a number or a text such as '1 {unit}', not {value!r}.")
@@ -73,7 +73,7 @@ def to_si(value: object, unit: str) -> float:
 
 @cache
 def is_unit(unit: str) -> bool:
-    """Return whether `unit` is a unit in pint's spelling that values can be converted to; ``"1"`` is one."""
+    """Return whether `unit` is a unit in pint's spelling to which values can be converted; ``"1"`` is a unit."""
     try:
         _factor(unit, unit, unit)
     except UnitError:
@@ -88,18 +88,18 @@ def _parse_text(text: str, unit: str) -> float:
         pass
     if len(text) > _LONGEST_TEXT:
         raise UnitError(f"a quantity in {unit} was expected, not a text of {len(text)} characters.")
-    number, _, given = text.strip().partition(" ")
-    if not given.strip():
-        number, given = _split_glued(number)
+    number, _, suffix = text.strip().partition(" ")
+    if not suffix.strip():
+        number, suffix = _split_glued(number)
     try:
         magnitude = float(number)
     except ValueError:
         raise UnitError(f"{text!r} is not a quantity: write a number, a space and a unit of {unit}.") from None
-    return magnitude * _factor(given.strip(), unit, text)
+    return magnitude * _factor(suffix.strip(), unit, text)
 
 
 def _split_glued(text: str) -> tuple[str, str]:
-    """Split ``"10mm"`` into ``("10", "mm")``: the longest leading part that is a number."""
+    """Split ``"10mm"`` into ``("10", "mm")``, after the longest beginning that is a number."""
     for end in range(len(text), 0, -1):
         try:
             float(text[:end])
@@ -110,21 +110,21 @@ def _split_glued(text: str) -> tuple[str, str]:
 
 
 @cache
-def _factor(given: str, wanted: str, text: str) -> float:
+def _factor(unit: str, target: str, text: str) -> float:
+    """Return the factor from one unit to another; `text` is for the message."""
     import pint
 
     registry = _registry()
     try:
-        if not _UNIT.fullmatch(given):
-            raise ValueError(given)
-        source, target = registry.Unit(given), registry.Unit(wanted)
-        return float(registry.convert(1.0, source, target))
+        if not _UNIT.fullmatch(unit):
+            raise ValueError(unit)
+        return float(registry.convert(1.0, registry.Unit(unit), registry.Unit(target)))
     except pint.DimensionalityError as error:
         raise UnitError(
-            f"{text!r} has the dimension {error.dim1}, but a unit of {wanted} {error.dim2} was expected."
+            f"{text!r} has the dimension {error.dim1}, but a unit of {target} {error.dim2} was expected."
         ) from None
     except Exception:  # pint's parser raises whatever its tokenizer does
-        raise UnitError(f"{given!r} in {text!r} is not a unit; a unit of {wanted} was expected.") from None
+        raise UnitError(f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected.") from None
 
 
 @dataclass(frozen=True)
@@ -163,10 +163,10 @@ Mass = Annotated[float, Field(ge=0), InUnit("kg")]
 Frequency = Annotated[float, Field(gt=0), InUnit("Hz")]
 
 _DISPLAY = {"m": (1e3, "mm")}
-"""Units that engineers read more easily than the SI unit: factor and name."""
+"""Units that are easier to read than the SI unit: factor and name."""
 
 
 def format_quantity(value: float, unit: str, digits: int = 5) -> str:
-    """Write an SI value for a reader: lengths in mm, everything else in its own unit."""
-    factor, shown = _DISPLAY.get(unit, (1.0, unit))
-    return f"{value * factor:.{digits}g} {shown}".rstrip() if shown != "1" else f"{value:.{digits}g}"
+    """Return an SI value as a text: lengths in mm, all others in their SI unit."""
+    factor, name = _DISPLAY.get(unit, (1.0, unit))
+    return f"{value * factor:.{digits}g} {name}".rstrip() if name != "1" else f"{value:.{digits}g}"

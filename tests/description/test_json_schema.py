@@ -13,9 +13,11 @@ from typing import Any
 
 import jsonschema
 import pytest
-from ruamel.yaml import YAML
 
 from dovetail.assembly import description_schema
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import plain_values
+from dovetail.documents.yaml_reader import read_yaml
 from dovetail.interfaces import KINDS, JointModel
 from dovetail.registry import Registry, installed_components
 
@@ -24,7 +26,7 @@ MADE_BY_THE_USER = {("substructures",), ("joints",)}
 
 
 def read(file: Path) -> Any:
-    return YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
+    return plain_values(read_yaml(str(file), 0, FaultList()))
 
 
 def is_description(file: Path) -> bool:

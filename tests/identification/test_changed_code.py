@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.assembly import SAME, largest_difference
+from dovetail.assembly import FRF_TOLERANCE, largest_frf_difference
 from dovetail.dataset import generation
 from dovetail.errors import BundleError, DatasetError
 
@@ -81,12 +81,12 @@ def test_the_difference_is_relative(assembly):
     sound = assembly()
     theta = np.array([[1e6, 10.0], [3e6, 20.0]])
     kept = sound.accelerance_amplitude(theta)
-    assert largest_difference(sound, theta, kept) == 0
+    assert largest_frf_difference(sound, theta, kept) == 0
     kept[1, 300] *= 1.01
-    assert largest_difference(sound, theta, kept) == pytest.approx(0.01 / 1.01, rel=1e-3)
+    assert largest_frf_difference(sound, theta, kept) == pytest.approx(0.01 / 1.01, rel=1e-3)
     kept[1, 300] = np.nan
-    assert largest_difference(sound, theta, kept) == np.inf
-    assert largest_difference(sound, theta[:0], kept[:0]) == 0
+    assert largest_frf_difference(sound, theta, kept) == np.inf
+    assert largest_frf_difference(sound, theta[:0], kept[:0]) == 0
 
 
 def test_a_dataset_is_not_resumed_with_other_code(assembly, tmp_path, monkeypatch):
@@ -117,7 +117,7 @@ def test_a_dataset_of_which_nothing_is_written_is_resumed(assembly, tmp_path):
 def test_a_model_of_other_code_is_not_loaded(assembly, plugin, tmp_path):
     dovetail.train(assembly()).save(tmp_path / "model")
     dovetail.load_model(tmp_path / "model", plugins=[plugin])
-    plugin.write_text(SPRING.replace("FACTOR", str(1 + 10 * SAME)))
+    plugin.write_text(SPRING.replace("FACTOR", str(1 + 10 * FRF_TOLERANCE)))
     with pytest.raises(BundleError) as error:
         dovetail.load_model(tmp_path / "model", plugins=[plugin])
     (fault,) = error.value.faults

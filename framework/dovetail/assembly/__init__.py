@@ -4,11 +4,11 @@ from dovetail.assembly.assembly import Assembly, PluginPaths, components, load
 from dovetail.assembly.description import Description, IdentificationSettings
 from dovetail.assembly.json_schema import description_schema
 from dovetail.assembly.parameters import ParameterSpace, Theta
-from dovetail.assembly.regression_check import SAME, largest_difference
+from dovetail.assembly.regression_check import FRF_TOLERANCE, largest_frf_difference
 from dovetail.assembly.sections import AugmentationSection
 
 __all__ = [
-    "SAME",
+    "FRF_TOLERANCE",
     "Assembly",
     "AugmentationSection",
     "Description",
@@ -18,6 +18,6 @@ __all__ = [
     "Theta",
     "components",
     "description_schema",
-    "largest_difference",
+    "largest_frf_difference",
     "load",
 ]

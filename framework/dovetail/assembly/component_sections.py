@@ -1,133 +1,128 @@
-"""Sections that name a model, as components."""
+"""Components from the sections that name their model."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Collection
-from dataclasses import replace
-from typing import Any, TypeGuard
+from dataclasses import dataclass, replace
+from typing import Any
 
 from pydantic import BaseModel
 
-from dovetail.documents.fault_list import Findings
-from dovetail.documents.tree import Path, replaced, shown
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import Path, format_value, replace_value
 from dovetail.documents.validation import validate
-from dovetail.errors import DovetailError, PluginError, listing
-from dovetail.interfaces import Component, FileName, Kind
+from dovetail.errors import DovetailError, Fault, PluginError, listing
+from dovetail.interfaces import FileName, Kind
 from dovetail.registry import Offer, Registry
 
-__all__ = ["Built", "build", "read_property"]
+__all__ = ["LabelledComponent", "build_component", "read_property"]
 
 
-class Built:
-    """A component and how messages name it."""
+@dataclass(frozen=True)
+class LabelledComponent:
+    """A component, and its label in messages: ``"joint model 'collet' (dovetail-frf 0.1.0)"``."""
 
-    def __init__(self, component: Any, label: str) -> None:
-        self.component = component
-        self.label = label
+    component: Any
+    label: str
 
 
-def build(
+def build_component(
     kind: Kind,
     path: Path,
-    findings: Findings,
+    faults: FaultList,
     registry: Registry,
     *,
     reserved: Collection[str] = (),
     default: str | None = None,
-) -> Built | None:
+) -> LabelledComponent | None:
     """Make the component that the section at `path` describes.
 
     Parameters
     ----------
     kind : str
     path : Path
-    findings : Findings
-        Takes in the faults.
+    faults : FaultList
+        Collects the faults.
     registry : Registry
     reserved : collection of str
-        Keys of the section, beside ``model``, that are not the component's.
+        Keys of the section, beside ``model``, that are not options of the component.
     default : str, optional
-        The model where the section is left out.
+        The model if the description lacks the section.
 
     Returns
     -------
-    Built or None
-        None where there are faults.
+    LabelledComponent or None
+        None if the section has faults.
     """
-    offer = _offer(kind, path, findings, registry, default)
+    offer = _offer(kind, path, faults, registry, default)
     if offer is None:
         return None
     label = f"{kind} model '{offer.component.name}' ({offer.source})"
     keys = ("model", *reserved)
-    _locate_files(offer.component.Config, path, findings)
-    config = validate(offer.component.Config, path, findings, label, reserved=keys, data={})
+    _locate_files(offer.component.Config, path, faults)
+    config = validate(offer.component.Config, path, faults, label, reserved=keys, data={})
     if config is None:
         return None
     try:
-        return Built(offer.component(config), label)
+        return LabelledComponent(offer.component(config), label)
     except Exception as error:  # a plugin's constructor may raise anything
-        accepted, remedy = (error.faults[0].accepted, error.faults[0].remedy) if _explained(error) else ("", "")
-        findings.add(path, f"{label} cannot be made from this section: {_reason(error)}", accepted, remedy, key=True)
+        fault = error.faults[0] if isinstance(error, DovetailError) and len(error.faults) == 1 else Fault("", "")
+        problem = f"{label} cannot be made from this section: {_reason(error)}"
+        faults.add(path, problem, fault.accepted, fault.remedy, key=True)
         return None
 
 
-def _locate_files(config: type[BaseModel], path: Path, findings: Findings) -> None:
-    """Take the names of files from the folder of the description that says them, so that its text stands alone."""
+def _locate_files(config: type[BaseModel], path: Path, faults: FaultList) -> None:
+    """Make the file names of the section absolute, relative to the description that states them."""
     for name, field in config.model_fields.items():
-        item = findings.root.at((*path, name))
+        item = faults.root.at((*path, name))
         if item is None or not any(isinstance(mark, FileName) for mark in field.metadata):
             continue
         if isinstance(item.value, str) and item.value:
             folder = os.path.dirname(os.path.abspath(item.mark.file)) if item.mark.line else os.getcwd()
-            located = os.path.normpath(os.path.join(folder, item.value))
-            findings.root = replaced(findings.root, (*path, name), located)
+            file = os.path.normpath(os.path.join(folder, item.value))
+            faults.root = replace_value(faults.root, (*path, name), file)
 
 
-def _offer(kind: Kind, path: Path, findings: Findings, registry: Registry, default: str | None) -> Offer | None:
-    section = findings.root.at(path)
+def _offer(kind: Kind, path: Path, faults: FaultList, registry: Registry, default: str | None) -> Offer | None:
+    section = faults.root.at(path)
     name: object = default
     if section is not None:
         if not section.is_mapping:
-            problem = f"{shown(section.value)} is not a section of keys and values."
-            findings.add(path, problem, "a section that begins with 'model:'")
+            problem = f"{format_value(section.value)} is not a section of keys and values."
+            faults.add(path, problem, "a section that begins with 'model:'")
             return None
         if "model" not in section.entries:
-            findings.add((*path, "model"), f"the {kind} lacks 'model'.", listing(registry.names(kind)), key=True)
+            faults.add((*path, "model"), f"the {kind} lacks 'model'.", listing(registry.names(kind)), key=True)
             return None
         name = section.entries["model"].item.value
     if not isinstance(name, str):
-        findings.add((*path, "model"), f"{shown(name)} is not the name of a model.", listing(registry.names(kind)))
+        faults.add((*path, "model"), f"{format_value(name)} is not the name of a model.", listing(registry.names(kind)))
         return None
     try:
         return registry.find(kind, name)
     except PluginError as error:
         fault = error.faults[0]
-        others = [offer.component.kind for offer in registry.named(name)]
-        if others:
-            fault = replace(
-                fault, problem=f"'{name}' is a {others[0]} model; a {kind} model is wanted here.", remedy=""
-            )
-        findings.add((*path, "model"), fault.problem, fault.accepted, fault.remedy)
+        other_kinds = [offer.component.kind for offer in registry.named(name)]
+        if other_kinds:
+            problem = f"'{name}' is a {other_kinds[0]} model; a {kind} model is wanted here."
+            fault = replace(fault, problem=problem, remedy="")
+        faults.add((*path, "model"), fault.problem, fault.accepted, fault.remedy)
         return None
 
 
-def read_property(built: Built, name: str, path: Path, findings: Findings) -> Any:
-    """Return a property of a component, or None, with a fault, where it raises."""
-    component: Component = built.component
+def read_property(model: LabelledComponent, name: str, path: Path, faults: FaultList) -> Any:
+    """Return a property of a component; where it raises, add a fault and return None."""
     try:
-        return getattr(component, name)
+        return getattr(model.component, name)
     except Exception as error:  # a plugin's property may raise anything
-        findings.add(path, f"{built.label} cannot give its {name}: {_reason(error)}", key=True)
+        faults.add(path, f"{model.label} cannot give its {name}: {_reason(error)}", key=True)
         return None
-
-
-def _explained(error: Exception) -> TypeGuard[DovetailError]:
-    return isinstance(error, DovetailError) and len(error.faults) == 1
 
 
 def _reason(error: Exception) -> str:
-    """Say what went wrong, as a sentence."""
+    """Return what a component raised as a sentence."""
     if isinstance(error, DovetailError):
         text = " ".join(f"{fault.where}: {fault.problem}" if fault.where else fault.problem for fault in error.faults)
     elif isinstance(error, ValueError):

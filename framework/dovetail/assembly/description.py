@@ -1,4 +1,4 @@
-"""A validated description: everything an assembly is made of, as components and numbers."""
+"""A validated description: the components and numbers of which an assembly is made."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class JointEntry:
     parameters : tuple of Parameter
         All parameters of the model in its order, with the description's ranges and scales.
     fixed : mapping of str to float
-        SI values of the parameters that are known.
+        SI values of the known parameters, which are not identified.
     """
 
     connection: Connection
@@ -40,7 +40,7 @@ class JointEntry:
 
 @dataclass(frozen=True)
 class Response:
-    """The drive point: a node of a substructure, a direction and the quantity reported."""
+    """A drive point: a node of a substructure, a direction and the quantity of its FRF."""
 
     substructure: str
     node: int
@@ -49,13 +49,13 @@ class Response:
 
     @property
     def rotation(self) -> bool:
-        """Whether the drive point is turned by a moment, not moved by a force."""
+        """Whether a moment turns the drive point, in place of a force that moves it."""
         return self.direction == "rz"
 
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """How the network is trained; without `augmentation`, on the dataset's FRFs as they are."""
+    """Training of the network; without `augmentation` it sees the dataset's FRFs unchanged."""
 
     samples: int
     seed: int
@@ -68,21 +68,21 @@ class IdentificationSettings:
 
 @dataclass(frozen=True)
 class Description:
-    """A description whose every fault has been ruled out.
+    """A description without faults.
 
     Parameters
     ----------
     name : str
     source : str
-        The file it was read from, or ``<dict>``.
+        Its file, or ``<dict>``.
     text : str
-        The whole description with `extends` resolved, as JSON (which is YAML): reading it again gives the same.
+        The whole description as JSON, which is YAML too, with `extends` resolved. To read it gives this description.
     frequency : (n_freq,) array
         Hz.
     substructures : mapping of str to SubstructureModel
     joints : mapping of str to JointEntry
     responses : tuple of Response
-        Where force and response are measured; one of them or several.
+        At least one.
     identification : IdentificationSettings
     """
 
@@ -97,33 +97,33 @@ class Description:
 
     @property
     def response(self) -> Response:
-        """The first of the responses: what shows a single FRF shows this one."""
+        """The first response, whose FRF `Assembly.frf` gives."""
         return self.responses[0]
 
     @property
     def response_labels(self) -> tuple[str, ...]:
-        """Where each response is, for a reader: ``"tool, 10 mm"``."""
+        """The position of each response in words: ``"tool, 10 mm"``."""
         return tuple(self._label(response) for response in self.responses)
 
     def _label(self, response: Response) -> str:
         nodes = self.substructures[response.substructure].nodes
         node = nodes[response.node]
         unique = sum(other.position == node.position for other in nodes) == 1
-        place = format_quantity(node.position, "m") if unique else f"node {node.label}"
-        return f"{response.substructure}, {place}{', rz' if response.rotation else ''}"
+        position = format_quantity(node.position, "m") if unique else f"node {node.label}"
+        return f"{response.substructure}, {position}{', rz' if response.rotation else ''}"
 
     def at(self, index: int) -> Description:
-        """Return the description with one of its responses alone, in its text too."""
+        """Return the description with one of its responses only, also in its text."""
         whole = json.loads(self.text)
         if "responses" in whole:
             section = whole["responses"][index]
             whole = {"response" if key == "responses" else key: value for key, value in whole.items()}
             whole["response"] = section
-        return replace(self, text=_written(whole), responses=(self.responses[index],))
+        return replace(self, text=_as_json(whole), responses=(self.responses[index],))
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of everything that the FRFs depend on: frequency, substructures, joints and responses."""
+        """SHA-256 of all that determines the FRFs: frequency, substructures, joints and responses."""
         whole = json.loads(self.text)
         physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
         if "responses" in whole:
@@ -131,19 +131,19 @@ class Description:
         return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()
 
     def with_identification(self, section: Mapping[str, object], **settings: Any) -> Description:
-        """Return the description with other training, in its text and in its settings.
+        """Return the description with other settings of the training.
 
         Parameters
         ----------
         section : mapping
-            Keys of the text's `identification` section, as they are written.
+            Keys of the `identification` section as they stand in the text.
         **settings
-            The same keys' values in `IdentificationSettings`.
+            The values of the same keys in `IdentificationSettings`.
         """
         whole = json.loads(self.text)
         whole["identification"] = {**(whole.get("identification") or {}), **section}
-        return replace(self, text=_written(whole), identification=replace(self.identification, **settings))
+        return replace(self, text=_as_json(whole), identification=replace(self.identification, **settings))
 
 
-def _written(whole: Mapping[str, Any]) -> str:
+def _as_json(whole: Mapping[str, Any]) -> str:
     return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)

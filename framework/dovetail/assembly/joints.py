@@ -1,131 +1,133 @@
-"""The joints of a description: where they attach, and what is known of their parameters."""
+"""The joints of a description: their models, the nodes to which their ports attach, and their parameters.
+
+Also the search for a node by its position or label, and the check that every part is connected to the response.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from dovetail.assembly.component_sections import Built, build
+from dovetail.assembly.component_sections import LabelledComponent, build_component
 from dovetail.assembly.description import JointEntry
 from dovetail.assembly.parameter_sections import check_ranges, read_parameters
 from dovetail.assembly.sections import AttachmentSection
-from dovetail.documents.fault_list import Findings
-from dovetail.documents.tree import Path, shown
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import Path, format_value
 from dovetail.documents.validation import validate
-from dovetail.errors import did_you_mean, listing
+from dovetail.errors import Fault, did_you_mean, listing
 from dovetail.interfaces import Node, Port, SubstructureModel, joint_faults, source_file
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_quantity
 
-__all__ = ["Substructures", "check_connected", "find_node", "node_positions", "read_joint"]
+__all__ = ["Substructures", "add_model_faults", "check_connected", "find_node", "is_at", "read_joint"]
 
 Substructures = Mapping[str, SubstructureModel | None]
-"""The substructures by name; None for one that has faults."""
+"""Substructures by name; None in place of one with faults."""
 
 
-def read_joint(name: str, substructures: Substructures, findings: Findings, registry: Registry) -> JointEntry | None:
-    """Read the joint of this name; None, with faults, where it cannot be used."""
+def read_joint(name: str, substructures: Substructures, faults: FaultList, registry: Registry) -> JointEntry | None:
+    """Return the joint of this name, or None if it has faults."""
     path = ("joints", name)
-    before = len(findings)
-    built = build("joint", path, findings, registry, reserved=("connect", "parameters"))
-    if built is None:
+    before = len(faults)
+    model = build_component("joint", path, faults, registry, reserved=("connect", "parameters"))
+    if model is None:
         return None
-    if not _check_declarations(built, path, findings):
+    add_model_faults(model, joint_faults(model.component), path, faults)
+    if len(faults) > before:
         return None
-    attachments = _Connect(built, path, substructures, findings).read(built.component.ports)
-    ranges, fixed = read_parameters(built, path, built.component.parameters, findings)
-    if len(findings) == before:
-        check_ranges(built, path, ranges, fixed, findings)
-    if len(findings) > before or None in attachments:
+    attachments = _Connect(model, path, substructures, faults).read(model.component.ports)
+    parameters, fixed = read_parameters(model, path, model.component.parameters, faults)
+    if len(faults) == before:
+        check_ranges(model, path, parameters, fixed, faults)
+    if len(faults) > before or None in attachments:
         return None
-    attached = tuple(attachment for attachment in attachments if attachment is not None)
-    return JointEntry(Connection(built.component, attached), ranges, MappingProxyType(fixed))
+    complete = tuple(attachment for attachment in attachments if attachment is not None)
+    return JointEntry(Connection(model.component, complete), parameters, MappingProxyType(fixed))
 
 
-def _check_declarations(built: Built, path: Path, findings: Findings) -> bool:
-    """Report what is wrong with the joint model itself, which no description can mend."""
-    faults = joint_faults(built.component)
-    remedy = f"Mend it in {source_file(built.component)}." if source_file(built.component) else ""
-    for fault in faults:
-        findings.add(path, f"{built.label} {fault.problem}", fault.accepted, remedy, key=True)
-    return not faults
+def add_model_faults(model: LabelledComponent, model_faults: Sequence[Fault], path: Path, faults: FaultList) -> None:
+    """Report the faults of a model's code, which no description can correct."""
+    remedy = f"Mend it in {source_file(model.component)}." if source_file(model.component) else ""
+    for fault in model_faults:
+        faults.add(path, f"{model.label} {fault.problem}", fault.accepted, remedy, key=True)
 
 
 class _Connect:
     """The section ``connect:`` of a joint."""
 
-    def __init__(self, built: Built, joint: Path, substructures: Substructures, findings: Findings) -> None:
-        self._built = built
+    def __init__(self, model: LabelledComponent, joint: Path, substructures: Substructures, faults: FaultList) -> None:
+        self._model = model
         self._path: Path = (*joint, "connect")
         self._substructures = substructures
-        self._findings = findings
+        self._faults = faults
 
     def read(self, ports: tuple[Port, ...]) -> tuple[Attachment | None, ...]:
-        section = self._findings.root.at(self._path)
+        section = self._faults.root.at(self._path)
         names = [port.name for port in ports]
         if section is None and not names:
             return ()
         if section is None or not section.is_mapping:
-            problem = f"{self._built.label} lacks 'connect'."
+            problem = f"{self._model.label} lacks 'connect'."
             if section is not None:
-                problem = f"{shown(section.value)} is not a section of keys and values."
-            self._findings.add(self._path, problem, f"a section with the ports {listing(names)}", key=True)
+                problem = f"{format_value(section.value)} is not a section of keys and values."
+            self._faults.add(self._path, problem, f"a section with the ports {listing(names)}", key=True)
             return (None,) * len(ports)
         misspelt = [self._unknown(key, names) for key in section.entries if key not in names]
         for name in names:
             if name not in section.entries and not any(f"'{name}'" in hint for hint in misspelt):
-                problem = f"the port '{name}' of {self._built.label} is not connected."
+                problem = f"the port '{name}' of {self._model.label} is not connected."
                 accepted = f"{name}: {{to: SUBSTRUCTURE, at: [POSITION, ...]}}"
-                self._findings.add((*self._path, name), problem, accepted, key=True)
+                self._faults.add((*self._path, name), problem, accepted, key=True)
         attachments = tuple(self._attachment(port) if port.name in section.entries else None for port in ports)
         self._check_distinct(ports, attachments)
         return attachments
 
     def _unknown(self, key: str, names: list[str]) -> str:
-        """Report a port that the model does not have, and return the hint at the one that may be meant."""
+        """Report a port that the model does not have, and return a hint at the port that was probably meant."""
         hint = did_you_mean(key, names)
-        problem = f"{shown(key)} is not a port of {self._built.label}."
-        self._findings.add((*self._path, key), problem, listing(names), hint, key=True)
+        problem = f"{format_value(key)} is not a port of {self._model.label}."
+        self._faults.add((*self._path, key), problem, listing(names), hint, key=True)
         return hint
 
     def _attachment(self, port: Port) -> Attachment | None:
         path: Path = (*self._path, port.name)
-        section = validate(AttachmentSection, path, self._findings, f"the port '{port.name}'")
+        section = validate(AttachmentSection, path, self._faults, f"the port '{port.name}'")
         if section is None:
             return None
         if section.to not in self._substructures:
             names = list(self._substructures)
             if names:
-                problem = f"there is no substructure {shown(section.to)}."
-                self._findings.add((*path, "to"), problem, listing(names), did_you_mean(section.to, names))
+                problem = f"there is no substructure {format_value(section.to)}."
+                self._faults.add((*path, "to"), problem, listing(names), did_you_mean(section.to, names))
             return None
         if len(section.at) != port.nodes:
-            problem = f"the port '{port.name}' of {self._built.label} takes {_counted(port.nodes, 'node')}"
-            self._findings.add((*path, "at"), f"{problem}, not {len(section.at)}.")
+            problem = f"the port '{port.name}' of {self._model.label} takes {_counted(port.nodes, 'node')}"
+            self._faults.add((*path, "at"), f"{problem}, not {len(section.at)}.")
             return None
         substructure = self._substructures[section.to]
         return None if substructure is None else self._on_nodes(section, substructure, path)
 
     def _on_nodes(self, section: AttachmentSection, substructure: SubstructureModel, path: Path) -> Attachment | None:
-        found = [
-            find_node(section.to, substructure, position, (*path, "at", index), self._findings)
+        nodes = [
+            find_node(section.to, substructure, position, (*path, "at", index), self._faults)
             for index, position in enumerate(section.at)
         ]
-        nodes = tuple(node for node in found if node is not None)
-        return Attachment(section.to, nodes) if len(nodes) == len(found) else None
+        complete = tuple(node for node in nodes if node is not None)
+        return Attachment(section.to, complete) if len(complete) == len(nodes) else None
 
     def _check_distinct(self, ports: tuple[Port, ...], attachments: tuple[Attachment | None, ...]) -> None:
         taken: set[tuple[str, int]] = set()
         for port, attachment in zip(ports, attachments, strict=True):
-            part = self._substructures.get(attachment.substructure) if attachment is not None else None
-            if attachment is None or part is None or part.grounded:
+            substructure = self._substructures.get(attachment.substructure) if attachment is not None else None
+            if attachment is None or substructure is None or substructure.grounded:
                 continue
             for index, node in enumerate(attachment.nodes):
                 if (attachment.substructure, node) in taken:
-                    place = format_quantity(part.nodes[node].position, "m")
-                    problem = f"the node of '{attachment.substructure}' at {place} is already taken by this joint."
-                    self._findings.add((*self._path, port.name, "at", index), problem)
+                    position = format_quantity(substructure.nodes[node].position, "m")
+                    problem = f"the node of '{attachment.substructure}' at {position} is already taken by this joint."
+                    self._faults.add((*self._path, port.name, "at", index), problem)
                 taken.add((attachment.substructure, node))
 
 
@@ -134,71 +136,70 @@ def _counted(count: int, noun: str) -> str:
 
 
 def check_connected(
-    substructures: Mapping[str, SubstructureModel], joints: Mapping[str, JointEntry], response: str, findings: Findings
+    substructures: Mapping[str, SubstructureModel], joints: Mapping[str, JointEntry], response: str, faults: FaultList
 ) -> None:
-    """Report substructures and joints that the response cannot feel; motion does not pass through the ground."""
-    parts = {
+    """Report substructures and joints without any path to the response; the ground transmits no motion."""
+    neighbours = {
         name: {attachment.substructure for attachment in joint.connection.attachments} for name, joint in joints.items()
     }
-    reached, new = {response}, [response]
-    while new:
-        part = new.pop()
-        for attached in parts.values():
-            if part in attached and not substructures[part].grounded:
-                new.extend(attached - reached)
+    reached, waiting = {response}, [response]
+    while waiting:
+        substructure = waiting.pop()
+        for attached in neighbours.values():
+            if substructure in attached and not substructures[substructure].grounded:
+                waiting.extend(attached - reached)
                 reached |= attached
     for name in substructures:
         if name not in reached:
             problem = f"no joint connects '{name}' with '{response}', where the response is."
-            findings.add(("substructures", name), problem, remedy="Connect it or remove it.", key=True)
-    for name, attached in parts.items():
-        if attached and all(substructures[part].grounded for part in attached):
+            faults.add(("substructures", name), problem, remedy="Connect it or remove it.", key=True)
+    for name, attached in neighbours.items():
+        if attached and all(substructures[neighbour].grounded for neighbour in attached):
             problem = f"the joint '{name}' attaches to nothing that moves."
-            findings.add(("joints", name), problem, remedy="Connect it to a part that moves, or remove it.", key=True)
-
-
-_ABSOLUTE, _RELATIVE = 1e-9, 1e-6
-"""How far a position may be from its node [m], and relative to itself."""
+            faults.add(("joints", name), problem, remedy="Connect it to a part that moves, or remove it.", key=True)
 
 
 def find_node(
-    name: str, substructure: SubstructureModel, place: float | str, path: Path, findings: Findings
+    name: str, substructure: SubstructureModel, position: float | str, path: Path, faults: FaultList
 ) -> int | None:
-    """Return the index of the node at a position [m] or of a label, or None with a fault."""
-    if isinstance(place, str):
-        return _find_label(name, substructure, place, path, findings)
-    nodes, position = substructure.nodes, place
-    tolerance = _ABSOLUTE + _RELATIVE * abs(position)
-    there = [index for index, node in enumerate(nodes) if abs(node.position - position) <= tolerance]
-    shown = format_quantity(position, "m", 8)
-    if len(there) == 1 or (there and substructure.grounded):
-        return there[0]
-    if there:
-        labels = listing(nodes[index].label for index in there)
-        findings.add(path, f"{shown} of substructure '{name}' could be any of its nodes {labels}.")
+    """Return the index of the node at a position [m] or with a label; None, with a fault, if there is none."""
+    if isinstance(position, str):
+        return _find_label(name, substructure, position, path, faults)
+    nodes = substructure.nodes
+    indices = [index for index, node in enumerate(nodes) if is_at(node.position, position)]
+    text = format_quantity(position, "m", 8)
+    if len(indices) == 1 or (indices and substructure.grounded):
+        return indices[0]
+    if indices:
+        labels = listing(nodes[index].label for index in indices)
+        faults.add(path, f"{text} of substructure '{name}' could be any of its nodes {labels}.")
     else:
         remedy = _nearest(nodes, position)
-        findings.add(path, f"substructure '{name}' has no node at {shown}.", node_positions(nodes), remedy)
+        faults.add(path, f"substructure '{name}' has no node at {text}.", _node_positions(nodes), remedy)
     return None
 
 
-def _find_label(name: str, substructure: SubstructureModel, label: str, path: Path, findings: Findings) -> int | None:
+def is_at(node: float, position: float) -> bool:
+    """Return whether a node is at a position, both in m, up to rounding in the description."""
+    return abs(node - position) <= 1e-9 + 1e-6 * abs(position)
+
+
+def _find_label(name: str, substructure: SubstructureModel, label: str, path: Path, faults: FaultList) -> int | None:
     labels = [node.label for node in substructure.nodes]
     if label in labels:
         return labels.index(label)
     problem = f"substructure '{name}' has no node '{label}'."
-    findings.add(path, problem, f"{listing(labels)}; or a position", did_you_mean(label, labels))
+    faults.add(path, problem, f"{listing(labels)}; or a position", did_you_mean(label, labels))
     return None
 
 
-def node_positions(nodes: Sequence[Node]) -> str:
-    """List where the nodes are."""
+def _node_positions(nodes: Sequence[Node]) -> str:
     return listing(format_quantity(node.position, "m") for node in nodes)
 
 
 def _nearest(nodes: Sequence[Node], position: float) -> str:
-    nearest = sorted({node.position for node in nodes}, key=lambda place: abs(place - position))[:2]
-    places = [format_quantity(place, "m", 8) for place in sorted(nearest)]
-    if len(places) == 1:
-        return f"The only node is at {places[0]}."
-    return f"The nearest nodes are at {places[0]} and {places[1]}."
+    distinct = sorted({node.position for node in nodes}, key=lambda other: abs(other - position))
+    nearest = [format_quantity(other, "m", 8) for other in sorted(distinct[:2])]
+    if len(nearest) == 1:
+        return f"The only node is at {nearest[0]}."
+    return f"The nearest nodes are at {nearest[0]} and {nearest[1]}."

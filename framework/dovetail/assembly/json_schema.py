@@ -1,4 +1,4 @@
-"""The description as JSON Schema, with the options of every model at hand: for completion in editors."""
+"""The JSON Schema of a description, with the options of every registered model, for completion in editors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Schema = dict[str, Any]
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _PARTIAL = "+"
-"""Behind the name of a definition: the same with nothing required, for what overrides another description."""
+"""Suffix of a definition in which nothing is required, for a description that overrides another one."""
 _NO_EXAMPLES = inspect.getattr_static(Component, "examples")
 _QUANTITY: Schema = {"type": ["number", "string"]}
 
@@ -39,18 +39,19 @@ def description_schema(registry: Registry) -> Schema:
     Parameters
     ----------
     registry : Registry
-        Whose models a description may name.
+        The models that a description may name.
 
     Returns
     -------
     dict
-        A description with ``extends`` may leave out what the other one says.
+        A description with ``extends`` may omit what the other description states.
 
     Notes
     -----
-    What depends on another part of the description (that a position is a node, that a range is not empty) is for
-    ``dovetail check``. The keys at the top stand there twice, since editors complete those outside of if and then. A
-    joint whose parameters or ports depend on its options takes those of its examples, or any where it gives none.
+    ``dovetail check`` tests what depends on another part of the description: that a position is a node, that a range
+    is not empty. The keys at the top are repeated outside of `if` and `then`, since editors complete only those. If
+    the parameters or ports of a joint depend on its options, the schema has those of its examples, or allows any if it
+    has no examples.
     """
     definitions: dict[str, Schema] = {}
     for model in (FrequencySection, ResponseSection, AttachmentSection, ParameterSection, IdentificationSection):
@@ -101,7 +102,7 @@ def _description() -> Schema:
 
 
 def _complete_sections(definitions: dict[str, Schema]) -> None:
-    """Say what pydantic does not know of the sections, since their validators do."""
+    """Add what only the validators of the sections know, and pydantic does not."""
     position = definitions["attachment"]["properties"]["at"]
     position["anyOf"] = [position.pop("items"), {"type": "array", "items": _QUANTITY, "minItems": 1}]
     for key in ("type", "x-unit"):
@@ -115,7 +116,7 @@ def _complete_sections(definitions: dict[str, Schema]) -> None:
 
 
 def _choice(kind: Kind, offers: Iterable[Offer]) -> Schema:
-    """Return the schema of a section that names a model: the model decides about the other keys."""
+    """Return the schema of a section that names a model, on which the other keys depend."""
     models = {offer.component.name: offer for offer in offers}
     return {
         "type": "object",
@@ -135,7 +136,7 @@ def _component_schema(offer: Offer) -> Schema:
     component = offer.component
     try:
         schema = option_schema(component.Config)
-    except Exception:  # options of a type that JSON does not know: none of them is checked here
+    except Exception:  # options of a type that JSON does not know: the schema allows any
         schema = {"type": "object", "properties": {}, "additionalProperties": True}
     schema["title"] = f"{component.kind} {component.name}"
     schema["description"] = f"{component.summary} ({offer.source})"
@@ -149,26 +150,26 @@ def _component_schema(offer: Offer) -> Schema:
 
 
 def _connect(model: type[JointModel]) -> Schema:
-    names, fixed = _declared(model, "ports")
+    ports, complete = _declared(model, "ports")
     static = inspect.getattr_static(model, "ports")
     return {
         "type": "object",
         "description": "Where each port attaches.",
-        "properties": {port.name: {"$ref": "#/$defs/attachment"} for port in names},
-        "additionalProperties": False if fixed else {"$ref": "#/$defs/attachment"},
-        **({"required": [port.name for port in names]} if isinstance(static, tuple) else {}),
+        "properties": {port.name: {"$ref": "#/$defs/attachment"} for port in ports},
+        "additionalProperties": False if complete else {"$ref": "#/$defs/attachment"},
+        **({"required": [port.name for port in ports]} if isinstance(static, tuple) else {}),
     }
 
 
 def _parameters(model: type[JointModel]) -> Schema:
-    parameters, fixed = _declared(model, "parameters")
+    parameters, complete = _declared(model, "parameters")
     known = {parameter.name: _parameter(parameter) for parameter in parameters}
     entry = {"anyOf": [{"$ref": "#/$defs/parameter"}, _QUANTITY]}
     return {
         "type": "object",
         "description": "What is known of the parameters: ranges in which they are sought, or values.",
         "properties": known,
-        "additionalProperties": False if fixed else entry,
+        "additionalProperties": False if complete else entry,
     }
 
 
@@ -183,42 +184,42 @@ def _parameter(parameter: Parameter) -> Schema:
 
 
 def _declared(model: type[JointModel], name: str) -> tuple[tuple[Any, ...], bool]:
-    """Return a joint's parameters or ports, and whether there are no others.
+    """Return a joint's parameters or ports, and whether it can have no others.
 
-    Where they depend on options, those of its examples: all there are if the joint gives examples of its own.
+    If they depend on options, those of its examples are returned; they are all if the joint defines examples.
     """
     value = inspect.getattr_static(model, name)
     if isinstance(value, tuple):
         return tuple(entry for entry in value if isinstance(entry, (Parameter, Port))), True
-    found: dict[str, Any] = {}
+    by_name: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder, suppress(Exception):  # a plugin may raise anything
         for options in model.examples(Path(folder)):
             joint = model(model.Config.model_validate(dict(options)))
-            found.update({entry.name: entry for entry in getattr(joint, name)})
-        return tuple(found.values()), inspect.getattr_static(model, "examples") is not _NO_EXAMPLES
-    return tuple(found.values()), False
+            by_name.update({entry.name: entry for entry in getattr(joint, name)})
+        return tuple(by_name.values()), inspect.getattr_static(model, "examples") is not _NO_EXAMPLES
+    return tuple(by_name.values()), False
 
 
 def _define(definitions: dict[str, Schema], name: str, schema: Schema) -> None:
-    """Enter a schema of pydantic's, and the definitions that it refers to, under names of their own."""
+    """Add a schema of pydantic, and the definitions to which it refers, under names that begin with `name`."""
     inner = schema.pop("$defs", {})
-    places = {f"#/$defs/{key}": f"#/$defs/{name}.{key}" for key in inner}
-    definitions[name] = _redirected(_with_units(schema), places)
+    references = {f"#/$defs/{key}": f"#/$defs/{name}.{key}" for key in inner}
+    definitions[name] = _redirect(_with_units(schema), references)
     for key, section in inner.items():
-        definitions[f"{name}.{key}"] = _redirected(_with_units(section), places)
+        definitions[f"{name}.{key}"] = _redirect(_with_units(section), references)
 
 
-def _redirected(node: Any, places: Mapping[str, str]) -> Any:
+def _redirect(node: Any, references: Mapping[str, str]) -> Any:
     if isinstance(node, dict):
         return {
-            key: places.get(value, value) if key == "$ref" else _redirected(value, places)
+            key: references.get(value, value) if key == "$ref" else _redirect(value, references)
             for key, value in node.items()
         }
-    return [_redirected(entry, places) for entry in node] if isinstance(node, list) else node
+    return [_redirect(entry, references) for entry in node] if isinstance(node, list) else node
 
 
 def _with_units(section: Schema) -> Schema:
-    """Put the unit behind the description of each option that has one and does not say it."""
+    """Append the unit to the description of each option that has a unit and does not state it."""
     for entry in section.get("properties", {}).values():
         units = sorted(set(_units(entry)))
         text = entry.get("description", "")
@@ -238,13 +239,13 @@ def _units(node: Any) -> Iterable[str]:
 
 
 def _without_required(definition: Schema) -> Schema:
-    """Return a definition in which nothing is required; a section that names no model must suit one of them."""
+    """Return a definition in which nothing is required; a section without a model must fit one of the models."""
     partial: Schema = _partial(definition)
     rules = partial.pop("allOf", ())
     if rules:
-        names_one = {"required": ["model"]}
-        partial["allOf"] = [{"if": {**rule["if"], **names_one}, "then": rule["then"]} for rule in rules]
-        partial |= {"if": names_one, "else": {"anyOf": [rule["then"] for rule in rules]}}
+        has_model = {"required": ["model"]}
+        partial["allOf"] = [{"if": {**rule["if"], **has_model}, "then": rule["then"]} for rule in rules]
+        partial |= {"if": has_model, "else": {"anyOf": [rule["then"] for rule in rules]}}
     return partial
 
 

@@ -1,4 +1,4 @@
-"""The identified parameters of an assembly: names across joints, and vectors to and from the joints' own."""
+"""The identified parameters of an assembly, and their mapping to the parameters of each joint."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Theta: TypeAlias = ArrayLike | Mapping[str, float | str] | None
 
 
 class ParameterSpace:
-    """The parameters that are sought, in the order of the joints and of their models.
+    """The identified parameters, in the order of the joints and of their models.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class ParameterSpace:
 
     Notes
     -----
-    A single joint's parameters bear their own names; those of several joints are told apart as ``joint.parameter``.
+    With a single joint, parameters have the names of its model; with several, they are named ``joint.parameter``.
     """
 
     def __init__(self, joints: Mapping[str, JointEntry]) -> None:
@@ -37,32 +37,32 @@ class ParameterSpace:
         parametric = [name for name, joint in joints.items() if joint.parameters]
         self._bare = len(parametric) <= 1
         self._columns: dict[str, list[int]] = {}
-        found: list[Parameter] = []
+        parameters: list[Parameter] = []
         self._aliases: dict[str, str] = {}
         for name, joint in joints.items():
             self._columns[name] = []
             for parameter in joint.parameters:
                 if parameter.name in joint.fixed:
                     continue
-                full = f"{name}.{parameter.name}"
-                shown = parameter.name if self._bare else full
-                self._aliases[full] = shown
-                self._columns[name].append(len(found))
-                found.append(replace(parameter, name=shown))
-        self.parameters = tuple(found)
+                full_name = f"{name}.{parameter.name}"
+                public_name = parameter.name if self._bare else full_name
+                self._aliases[full_name] = public_name
+                self._columns[name].append(len(parameters))
+                parameters.append(replace(parameter, name=public_name))
+        self.parameters = tuple(parameters)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the sought parameters."""
+        """Names of the identified parameters."""
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
     def nominal(self) -> NDArray[np.float64]:
-        """(n_params,) middle of each range on the parameter's scale."""
+        """(n_params,) middle of each range on the scale of the parameter."""
         return np.array([float(parameter.from_unit(np.array(0.5))) for parameter in self.parameters])
 
     def batch(self, theta: Theta) -> tuple[NDArray[np.float64], bool]:
-        """Return theta as (n, n_params), and whether one vector was given.
+        """Return theta as (n, n_params), and whether it was a single vector.
 
         Raises
         ------
@@ -93,15 +93,15 @@ class ParameterSpace:
     def _from_mapping(self, theta: Mapping[str, float | str]) -> NDArray[np.float64]:
         faults, values = [], {}
         units = {parameter.name: parameter.unit for parameter in self.parameters}
-        for given, value in theta.items():
-            name = self._aliases.get(given, given)
+        for key, value in theta.items():
+            name = self._aliases.get(key, key)
             if name not in units:
-                faults.append(self._unknown(given))
+                faults.append(self._unknown(key))
                 continue
             try:
                 values[name] = to_si(value.item() if isinstance(value, np.generic) else value, units[name])
             except UnitError as error:
-                faults.append(Fault(f"parameter {given}", error.faults[0].problem))
+                faults.append(Fault(f"parameter {key}", error.faults[0].problem))
         missing = [name for name in self.names if name not in values]
         if missing and not faults:
             faults.append(Fault("theta", f"no value is given for {listing(missing)}."))
@@ -109,34 +109,27 @@ class ParameterSpace:
             raise ParameterError(*faults)
         return np.array([values[name] for name in self.names])
 
-    def _unknown(self, given: str) -> Fault:
-        if self._fixed_value(given) is not None:
-            return Fault(f"parameter {given}", f"it is fixed to {self._fixed_value(given):g} in the description.")
-        return Fault(
-            f"parameter {given}", "the assembly has no such parameter.", listing(self.names, 20),
-            did_you_mean(given, self.names),
-        )  # fmt: skip
-
-    def _fixed_value(self, given: str) -> float | None:
-        for name, joint in self._joints.items():
-            for parameter, value in joint.fixed.items():
-                if given in (f"{name}.{parameter}", parameter if self._bare else ""):
-                    return value
-        return None
+    def _unknown(self, name: str) -> Fault:
+        for joint, entry in self._joints.items():
+            for parameter, value in entry.fixed.items():
+                if name in (f"{joint}.{parameter}", parameter if self._bare else ""):
+                    return Fault(f"parameter {name}", f"it is fixed to {value:g} in the description.")
+        hint = did_you_mean(name, self.names)
+        return Fault(f"parameter {name}", "the assembly has no such parameter.", listing(self.names, 20), hint)
 
     def by_joint(self, batch: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Split (n, n_params) into all parameters of each joint, (n, all of its parameters), fixed ones filled in."""
-        split = {}
+        """Return all parameters of each joint, the known ones included, as (n, parameters of the joint)."""
+        theta_of_joint = {}
         for name, joint in self._joints.items():
             values = np.empty((len(batch), len(joint.parameters)))
-            sought = iter(self._columns[name])
+            identified = iter(self._columns[name])
             for column, parameter in enumerate(joint.parameters):
                 known = joint.fixed.get(parameter.name)
-                values[:, column] = batch[:, next(sought)] if known is None else known
-            split[name] = values
-        return split
+                values[:, column] = batch[:, next(identified)] if known is None else known
+            theta_of_joint[name] = values
+        return theta_of_joint
 
-    def sought_columns(self, joint: str) -> list[int]:
-        """Return which of a joint's own parameters are sought, as columns of its theta."""
+    def identified_columns(self, joint: str) -> list[int]:
+        """Return the columns of a joint's theta that hold identified parameters."""
         entry = self._joints[joint]
         return [column for column, parameter in enumerate(entry.parameters) if parameter.name not in entry.fixed]

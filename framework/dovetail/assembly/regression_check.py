@@ -1,4 +1,4 @@
-"""Whether an assembly still gives the FRFs that it gave before: a plugin's code may have changed since."""
+"""Comparison of an assembly's FRFs with stored ones, to notice that the code of a plugin has changed."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.assembly import Assembly
 
-__all__ = ["SAME", "largest_difference"]
+__all__ = ["FRF_TOLERANCE", "largest_frf_difference"]
 
-SAME = 1e-6
-"""Relative difference up to which amplitudes, kept in single precision, count as the same."""
+FRF_TOLERANCE = 1e-6
+"""Relative difference up to which amplitudes are the same; they are stored in single precision."""
 
 _FLOOR = 1e-3
-"""Part of an FRF's median amplitude below which differences are told by that amplitude: rounding in antiresonances."""
+"""Fraction of an FRF's median amplitude. Smaller amplitudes, in antiresonances, are compared relative to it."""
 
 
-def largest_difference(assembly: Assembly, theta: NDArray[np.float64], amplitude: ArrayLike) -> float:
-    """Return by how much an assembly's FRFs differ from those that were kept.
+def largest_frf_difference(assembly: Assembly, theta: NDArray[np.float64], amplitude: ArrayLike) -> float:
+    """Return the largest relative difference between an assembly's FRFs and stored ones.
 
     Parameters
     ----------
@@ -25,17 +25,17 @@ def largest_difference(assembly: Assembly, theta: NDArray[np.float64], amplitude
     theta : (n, n_params) array
         SI.
     amplitude : (n, n_responses n_freq) array
-        Of the accelerance for each of `theta`, as it was computed before, in m/(N s^2).
+        Stored amplitude of the accelerance for each vector of `theta`, in m/(N s^2).
 
     Returns
     -------
     float
-        The greatest difference over all lines, relative to what was kept; infinite where something is not finite.
+        Over all lines, relative to the stored amplitude; infinite if any amplitude is not finite.
     """
-    kept = np.asarray(amplitude, dtype=np.float64)
-    if not len(kept):
+    stored = np.asarray(amplitude, dtype=np.float64)
+    if not len(stored):
         return 0.0
-    difference = np.abs(assembly.accelerance_amplitude(theta) - kept)
-    scale = np.maximum(kept, _FLOOR * np.median(kept, axis=1, keepdims=True))
+    difference = np.abs(assembly.accelerance_amplitude(theta) - stored)
+    scale = np.maximum(stored, _FLOOR * np.median(stored, axis=1, keepdims=True))
     relative = difference / np.maximum(scale, np.finfo(np.float64).tiny)
     return float(np.max(relative)) if np.isfinite(relative).all() else float("inf")

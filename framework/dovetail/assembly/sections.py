@@ -1,4 +1,7 @@
-"""The part of a description that is the same for every assembly, as pydantic models."""
+"""The sections of a description as pydantic models, except for the options of components.
+
+`dovetail.assembly.reader` validates a description by them, `dovetail.assembly.json_schema` publishes them.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ __all__ = [
 ]
 
 FORMAT = 1
-"""Version of the description's format, which is what ``dovetail:`` says."""
+"""Version of the format, the value of the key ``dovetail:``."""
 
 
 def _no_truth_value(value: object) -> object:

@@ -1,13 +1,13 @@
-"""`extends`: a description that overrides another one, key by key."""
+"""`extends`: a document that overrides another one key by key."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
 
-from dovetail.documents.fault_list import Findings
+from dovetail.documents.fault_list import FaultList
 from dovetail.documents.mapping_reader import DICT, read_mapping
-from dovetail.documents.tree import Entry, Item, Path, shown
+from dovetail.documents.tree import Entry, Item, Path, format_value
 from dovetail.documents.yaml_reader import read_yaml
 from dovetail.errors import DescriptionError
 
@@ -17,14 +17,14 @@ LONGEST_CHAIN = 16
 _EXTENDS = "extends"
 
 
-def read_source(source: str | os.PathLike[str] | Mapping[str, object], findings: Findings) -> tuple[str, Item]:
+def read_source(source: str | os.PathLike[str] | Mapping[str, object], faults: FaultList) -> tuple[str, Item]:
     """Read a description and everything that it extends.
 
     Parameters
     ----------
     source : path or mapping
-        The files that a mapping extends are sought from the working directory.
-    findings : Findings
+        The files that a mapping extends are taken relative to the working directory.
+    faults : FaultList
 
     Returns
     -------
@@ -39,64 +39,65 @@ def read_source(source: str | os.PathLike[str] | Mapping[str, object], findings:
         A file cannot be read at all, or extends itself.
     """
     if isinstance(source, Mapping):
-        name, file, item = DICT, "", read_mapping(source, findings)
+        name, file, item = DICT, "", read_mapping(source, faults)
     else:
         name = file = os.fspath(source)
-        item = read_yaml(file, 0, findings)
+        item = read_yaml(file, 0, faults)
     chain = [item]
     seen = [os.path.realpath(file)] if file else []
-    while (base := _base(chain[-1], file, findings)) is not None:
+    while (base := _base(chain[-1], file, faults)) is not None:
         if os.path.realpath(base) in seen or len(chain) == LONGEST_CHAIN:
-            raise _endless(chain, base, os.path.realpath(base) in seen, findings)
-        _check_there(chain[-1], base, findings)
+            raise _endless(chain, base, os.path.realpath(base) in seen, faults)
+        _check_exists(chain[-1], base, faults)
         file = base
         seen.append(os.path.realpath(file))
-        chain.append(read_yaml(file, len(chain), findings))
+        chain.append(read_yaml(file, len(chain), faults))
     merged = chain.pop()
     while chain:
         merged = _merge(merged, chain.pop(), ())
     return name, Item(merged.mark, {key: entry for key, entry in merged.entries.items() if key != _EXTENDS})
 
 
-def _base(item: Item, file: str, findings: Findings) -> str | None:
-    """Return the path of the file that an item extends."""
+def _base(item: Item, file: str, faults: FaultList) -> str | None:
+    """Return the path of the file that an item extends, or None."""
     entry = item.entries.get(_EXTENDS)
     if entry is None:
         return None
-    named = entry.item.value
-    if not isinstance(named, str) or not named:
-        findings.add_at(entry.item.mark, (_EXTENDS,), f"{shown(named or None)} is not a file.", "the path of a file")
-        raise findings.error()
-    return os.path.normpath(os.path.join(os.path.dirname(file), named))
+    base = entry.item.value
+    if not isinstance(base, str) or not base:
+        problem = f"{format_value(base or None)} is not a file."
+        faults.add_at(entry.item.mark, (_EXTENDS,), problem, "the path of a file")
+        raise faults.error()
+    return os.path.normpath(os.path.join(os.path.dirname(file), base))
 
 
-def _endless(chain: list[Item], base: str, cyclic: bool, findings: Findings) -> DescriptionError:
+def _endless(chain: list[Item], base: str, cyclic: bool, faults: FaultList) -> DescriptionError:
     mark = chain[-1].entries[_EXTENDS].item.mark
     reason = "extends itself in the end." if cyclic else f"is the end of a chain of more than {LONGEST_CHAIN} files."
-    findings.add_at(mark, (_EXTENDS,), f"'{base}' {reason}")
-    return findings.error()
+    faults.add_at(mark, (_EXTENDS,), f"'{base}' {reason}")
+    return faults.error()
 
 
-def _check_there(item: Item, base: str, findings: Findings) -> None:
+def _check_exists(item: Item, base: str, faults: FaultList) -> None:
     if not os.path.exists(base):
         problem = f"there is no file '{base}'."
         remedy = "The path is taken from the file that names it."
-        findings.add_at(item.entries[_EXTENDS].item.mark, (_EXTENDS,), problem, remedy=remedy)
-        raise findings.error()
+        faults.add_at(item.entries[_EXTENDS].item.mark, (_EXTENDS,), problem, remedy=remedy)
+        raise faults.error()
 
 
 def _merge(base: Item, over: Item, path: Path) -> Item:
-    """Override `base`: sections key by key, everything else whole.
+    """Override `base` by `over`: sections key by key, any other value as a whole.
 
-    A section that names another model is another component, so nothing of the old one is kept.
+    A section that names another model describes another component, so nothing of the old one is kept.
     """
     if not (base.is_mapping and over.is_mapping) or _names_another_model(base, over):
         return over
     displaced = _displaced_keys(over, path)
     entries = {key: entry for key, entry in base.entries.items() if key not in displaced}
     for key, entry in over.entries.items():
-        kept = entries.get(key)
-        item = entry.item if kept is None else _merge(kept.item, entry.item, (*path, key))
+        old = entries.get(key)
+        item = entry.item if old is None else _merge(old.item, entry.item, (*path, key))
         entries[key] = Entry(entry.key, item)
     return Item(over.mark, entries)
 
@@ -107,8 +108,7 @@ def _names_another_model(base: Item, over: Item) -> bool:
 
 
 def _displaced_keys(over: Item, path: Path) -> set[str]:
-    """Return the keys of the base that exclude what `over` says."""
-    displaced: set[str] = set()
+    """Return the keys of the base that contradict a key of `over`."""
     if path == ():
         exclusive = [("response", "responses"), ("responses", "response")]
     elif path == ("frequency",):
@@ -116,8 +116,5 @@ def _displaced_keys(over: Item, path: Path) -> set[str]:
     elif len(path) == 4 and path[0] == "joints" and path[2] == "parameters":
         exclusive = [("value", "range"), ("value", "scale"), ("range", "value"), ("scale", "value")]
     else:
-        return displaced
-    for new, old in exclusive:
-        if new in over.entries and old not in over.entries:
-            displaced.add(old)
-    return displaced
+        return set()
+    return {old for new, old in exclusive if new in over.entries and old not in over.entries}

@@ -1,4 +1,4 @@
-"""What a description says and where it says it: a tree of plain values with the position of each."""
+"""The content of a document: a tree of plain values, each with its position."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-__all__ = ["Entry", "Item", "Mark", "Path", "Scalar", "dotted", "plain", "replaced", "shown"]
+__all__ = ["Entry", "Item", "Mark", "Path", "Scalar", "format_path", "format_value", "plain_values", "replace_value"]
 
 Scalar: TypeAlias = str | int | float | bool | None
 Path: TypeAlias = tuple[str | int, ...]
-"""Keys and list indices from the root of the description."""
+"""Keys and list indices from the root of the document."""
 
-_LONGEST_SHOWN = 60
+_LONGEST_TEXT = 60
 
 
 @dataclass(frozen=True, order=True)
 class Mark:
-    """A place in a source.
+    """A position in a file or a dict.
 
     Parameters
     ----------
     rank : int
-        Number of the file in a chain of `extends`, the first read being 0.
+        Number of the file in a chain of `extends`, from 0 for the file that is read first.
     line, column : int
-        Counted from 1; line 0 is a source without lines, whose `column` is the order in which things stand.
+        Counted from 1. A dict has no lines: there `line` is 0 and `column` counts the values in their order.
     file : str
     """
 
@@ -39,7 +39,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Entry:
-    """What stands behind a key of a mapping."""
+    """The value of a key in a mapping, and the position of the key."""
 
     key: Mark
     item: Item
@@ -47,14 +47,14 @@ class Entry:
 
 @dataclass(frozen=True)
 class Item:
-    """A value and its place: a scalar, a tuple of items, or a mapping of texts to entries."""
+    """A value and its position: a scalar, a tuple of items, or a mapping of texts to entries."""
 
     mark: Mark
     value: Scalar | tuple[Item, ...] | Mapping[str, Entry]
 
     @property
     def entries(self) -> Mapping[str, Entry]:
-        """The entries of a mapping; none for anything else."""
+        """The entries of a mapping; empty for any other value."""
         return self.value if isinstance(self.value, Mapping) else {}
 
     @property
@@ -63,47 +63,44 @@ class Item:
         return isinstance(self.value, Mapping)
 
     def steps(self, path: Path) -> Iterator[tuple[Mark, Item]]:
-        """Walk along `path` as far as it exists, giving the place of each key or list element and what is there."""
+        """Walk along `path` as far as it exists; give the position of each key or list element, and its item."""
         item = self
         for step in path:
             if isinstance(item.value, Mapping) and isinstance(step, str) and step in item.value:
                 entry = item.value[step]
-                place, item = entry.key, entry.item
+                mark, item = entry.key, entry.item
             elif isinstance(item.value, tuple) and isinstance(step, int) and step < len(item.value):
                 item = item.value[step]
-                place = item.mark
+                mark = item.mark
             else:
                 return
-            yield place, item
+            yield mark, item
 
     def at(self, path: Path) -> Item | None:
-        """Return what stands at `path`, or None."""
-        found = [item for _, item in self.steps(path)]
-        if len(found) < len(path):
-            return None
-        return found[-1] if found else self
+        """Return the item at `path`, or None."""
+        items = [self, *(item for _, item in self.steps(path))]
+        return items[-1] if len(items) > len(path) else None
 
 
-def replaced(item: Item, path: Path, value: Scalar) -> Item:
-    """Return the tree with another value at a path of keys that is there."""
+def replace_value(item: Item, path: Path, value: Scalar) -> Item:
+    """Return the tree with another value at a path of keys, which must exist."""
     if not path:
         return Item(item.mark, value)
     key, entry = str(path[0]), item.entries[str(path[0])]
-    changed = Entry(entry.key, replaced(entry.item, path[1:], value))
-    return Item(item.mark, {**item.entries, key: changed})
+    return Item(item.mark, {**item.entries, key: Entry(entry.key, replace_value(entry.item, path[1:], value))})
 
 
-def plain(item: Item) -> Any:
-    """Return the values alone, as dicts, lists and scalars."""
+def plain_values(item: Item) -> Any:
+    """Return the values without their positions, as dicts, lists and scalars."""
     if isinstance(item.value, Mapping):
-        return {key: plain(entry.item) for key, entry in item.value.items()}
+        return {key: plain_values(entry.item) for key, entry in item.value.items()}
     if isinstance(item.value, tuple):
-        return [plain(element) for element in item.value]
+        return [plain_values(element) for element in item.value]
     return item.value
 
 
-def dotted(path: Path) -> str:
-    """Write a path for a reader: ``joints.collet.connect.tool.at[1]``."""
+def format_path(path: Path) -> str:
+    """Write a path for a message: ``joints.collet.connect.tool.at[1]``."""
     text = ""
     for step in path:
         if isinstance(step, int):
@@ -113,8 +110,8 @@ def dotted(path: Path) -> str:
     return text
 
 
-def shown(value: object) -> str:
-    """Write a value of a description for a reader, shortened where it is long."""
+def format_value(value: object) -> str:
+    """Write a value for a message; a long text is cut."""
     if value is None:
         return "an empty value"
     if isinstance(value, bool):
@@ -127,4 +124,4 @@ def shown(value: object) -> str:
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+    return text if len(text) <= _LONGEST_TEXT else f"{text[:_LONGEST_TEXT]}..."

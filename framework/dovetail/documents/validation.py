@@ -1,4 +1,4 @@
-"""Pydantic's errors as faults with positions, in plain words."""
+"""Validation of a section by a pydantic model; its errors become faults with positions, in plain words."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from dovetail.documents.fault_list import Findings
-from dovetail.documents.tree import Item, Path, dotted, plain, shown
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import Item, Path, format_path, format_value, plain_values
 from dovetail.errors import did_you_mean, listing
 from dovetail.units import InUnit
 
@@ -28,7 +28,7 @@ _KINDS = {
     "dict_type": _SECTION, "mapping_type": _SECTION, "model_type": _SECTION, "model_attributes_type": _SECTION,
     "none_required": "an empty value",
 }  # fmt: skip
-"""What a value of the wrong type should have been."""
+"""The type that pydantic expected, by the type of its error."""
 
 _BOUNDS = {
     "greater_than": ("gt", "must be greater than {}"),
@@ -44,7 +44,7 @@ _BOUNDS = {
 
 
 def validate(
-    model: type[_Model], path: Path, findings: Findings, owner: str, *, reserved: Collection[str] = (), data: Any = None
+    model: type[_Model], path: Path, faults: FaultList, owner: str, *, reserved: Collection[str] = (), data: Any = None
 ) -> _Model | None:
     """Validate the section at `path`.
 
@@ -52,30 +52,30 @@ def validate(
     ----------
     model : pydantic model class
     path : Path
-    findings : Findings
-        Takes in the faults.
+    faults : FaultList
+        Collects the faults.
     owner : str
-        Whose keys these are, for messages: ``"joint model 'collet' (dovetail-frf 0.1.0)"``.
+        The component to which the keys belong, for messages: ``"joint model 'collet' (dovetail-frf 0.1.0)"``.
     reserved : collection of str
-        Keys of the section that are not the model's.
+        Keys of the section that are not options of the model.
     data : optional
-        The section, where it is not in the description.
+        Default of a section that the document lacks.
 
     Returns
     -------
     model or None
-        None where there are faults.
+        None if the section has faults.
     """
-    item = findings.root.at(path)
-    given = plain(item) if item is not None else data
-    if isinstance(given, Mapping):
-        given = {key: value for key, value in given.items() if key not in reserved}
+    item = faults.root.at(path)
+    section = plain_values(item) if item is not None else data
+    if isinstance(section, Mapping):
+        section = {key: value for key, value in section.items() if key not in reserved}
     try:
-        return model.model_validate(given)
+        return model.model_validate(section)
     except ValidationError as error:
-        _Translation(model, path, findings, owner, reserved, item).report(error)
+        _Translation(model, path, faults, owner, reserved, item).report(error)
     except Exception as error:  # a plugin's validator may raise anything
-        findings.add(path, f"{owner} cannot check this section: {type(error).__name__}: {error}", key=True)
+        faults.add(path, f"{owner} cannot check this section: {type(error).__name__}: {error}", key=True)
     return None
 
 
@@ -84,35 +84,35 @@ class _Translation:
         self,
         model: type[BaseModel],
         path: Path,
-        findings: Findings,
+        faults: FaultList,
         owner: str,
         reserved: Collection[str],
         item: Item | None,
     ) -> None:
         self._model = model
         self._path = path
-        self._findings = findings
+        self._faults = faults
         self._owner = owner
         self._reserved = reserved
         self._item = item
 
     def report(self, error: ValidationError) -> None:
-        """Add a fault for each value, however many alternatives of its type refused it."""
+        """Add one fault for each value, although each alternative of its type gives an error of its own."""
         by_path: dict[Path, list[Any]] = {}
         for detail in error.errors(include_url=False):
             by_path.setdefault(self._data_path(detail), []).append(detail)
-        meant: set[Path] = set()
+        misspelt: set[Path] = set()
         for path, details in by_path.items():
             if details[0]["type"] == "extra_forbidden":
-                meant.add((*path[:-1], self._unknown(path)))
+                misspelt.add((*path[:-1], self._unknown(path)))
         for path, details in by_path.items():
-            if details[0]["type"] == "missing" and path not in meant:
+            if details[0]["type"] == "missing" and path not in misspelt:
                 self._missing(path)
             elif details[0]["type"] not in ("missing", "extra_forbidden") and not _follows(path, details, by_path):
                 self._unfit(path, details)
 
     def _data_path(self, detail: Any) -> Path:
-        """Keep those steps of the error's location that lead through the data; the others name alternatives."""
+        """Return the steps of the error's location that lead through the data; the others name alternatives."""
         path: Path = ()
         *steps, last = detail["loc"] or [None]
         for step in [*steps, last]:
@@ -126,34 +126,34 @@ class _Translation:
         unit = keys.get(str(path[-1]), "")
         section = self._title(path[:-1])
         accepted = f"a quantity in {unit}" if unit else ""
-        self._findings.add((*self._path, *path), f"{section} lacks '{path[-1]}'.", accepted, key=True)
+        self._faults.add((*self._path, *path), f"{section} lacks '{path[-1]}'.", accepted, key=True)
 
     def _unknown(self, path: Path) -> str:
-        """Report a key that is not known, and return the one that may have been meant."""
+        """Report an unknown key, and return the key that the author probably meant, or an empty text."""
         keys = _keys_of(_models_at(self._model, path[:-1]))
         names = [*self._reserved, *keys] if len(path) == 1 else list(keys)
-        problem = f"{shown(path[-1])} is not a key of {self._title(path[:-1])}."
+        problem = f"{format_value(path[-1])} is not a key of {self._title(path[:-1])}."
         accepted = listing(f"{name} [{keys[name]}]" if keys.get(name) else name for name in names) or "no keys"
         hint = did_you_mean(str(path[-1]), names)
-        self._findings.add((*self._path, *path), problem, accepted, hint, key=True)
+        self._faults.add((*self._path, *path), problem, accepted, hint, key=True)
         return next((name for name in names if f"'{name}'" in hint), "")
 
     def _unfit(self, path: Path, details: list[Any]) -> None:
         item = self._item.at(path) if self._item is not None else None
-        value = shown(plain(item)) if item is not None else "this"
+        value = format_value(plain_values(item)) if item is not None else "this"
         full = (*self._path, *path)
         kinds = list(dict.fromkeys(_KINDS[d["type"]] for d in details if d["type"] in _KINDS))
         specific = next((detail for detail in details if detail["type"] not in _KINDS), None)
         if specific is None:
-            self._findings.add(full, f"{value} is not {' or '.join(kinds)}.")
+            self._faults.add(full, f"{value} is not {' or '.join(kinds)}.")
             return
         if specific["type"] == "unit" and (item is None or type(item.value) not in (str, int, float)):
-            self._findings.add(full, f"{value} is not a quantity{self._in_unit(path)}.")
+            self._faults.add(full, f"{value} is not a quantity{self._in_unit(path)}.")
             return
-        found, accepted, remedy = _explain(specific, value, item)
+        problem, accepted, remedy = _explain(specific, value, item)
         if kinds:
             accepted = " or ".join([*kinds, accepted] if accepted else kinds)
-        self._findings.add(full, found, accepted, remedy)
+        self._faults.add(full, problem, accepted, remedy)
 
     def _in_unit(self, path: Path) -> str:
         keys = [step for step in path if isinstance(step, str)]
@@ -161,25 +161,25 @@ class _Translation:
         return f" in {unit}" if unit else ""
 
     def _title(self, path: Path) -> str:
-        return f"'{dotted(path)}' of {self._owner}" if path else self._owner
+        return f"'{format_path(path)}' of {self._owner}" if path else self._owner
 
 
 def _follows(path: Path, details: list[Any], by_path: Collection[Path]) -> bool:
-    """Tell whether a list is short only because its elements were refused."""
+    """Return whether a list is too short only because its elements were refused."""
     beneath = any(other[: len(path)] == path and len(other) > len(path) for other in by_path)
     return beneath and details[0]["type"] in ("too_short", "too_long")
 
 
 def _explain(detail: Any, value: str, item: Item | None) -> tuple[str, str, str]:
-    """Return what is found, what is accepted and a remedy."""
+    """Return the problem, the accepted values and a remedy."""
     kind, context = detail["type"], detail.get("ctx", {})
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
         return f"{value} {words.format(_bound(context[key]))}.", "", ""
     if kind in ("literal_error", "enum"):
         choices = re.findall(r"'([^']*)'", str(context["expected"]))
-        given = item.value if item is not None else ""
-        hint = did_you_mean(given, choices) if isinstance(given, str) else ""
+        text = item.value if item is not None else ""
+        hint = did_you_mean(text, choices) if isinstance(text, str) else ""
         return f"{value} is not one of the choices.", listing(choices) or str(context["expected"]), hint
     if kind == "union_tag_invalid":
         return f"'{context['tag']}' is not a choice for {context['discriminator']}.", str(context["expected_tags"]), ""
@@ -196,12 +196,12 @@ def _bound(bound: Any) -> str:
 
 
 def _keys_of(models: Collection[type[BaseModel]]) -> dict[str, str]:
-    """Return the keys that sections of these models take, each with its unit or an empty text."""
+    """Return the keys of these models, each with its unit or an empty text."""
     return {field.alias or name: _unit_of(field) for model in models for name, field in model.model_fields.items()}
 
 
 def _models_at(model: type[BaseModel], path: Path) -> list[type[BaseModel]]:
-    """Return the models that may stand at `path` inside `model`."""
+    """Return the models that a section at `path` inside `model` may have."""
     models = [model]
     for step in path:
         if isinstance(step, str):

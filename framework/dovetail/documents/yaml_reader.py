@@ -1,4 +1,7 @@
-"""A YAML file as a tree of values and positions, read with bounds that a hostile file meets quickly."""
+"""A YAML file as a tree of values and positions, read within limits that stop a hostile file early.
+
+PyYAML gives the events of the file with their positions. Scalars are resolved here, by the core schema of YAML 1.2.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,13 @@ import os
 import re
 import stat
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError
+import yaml
 
-from dovetail.documents.fault_list import Findings
-from dovetail.documents.tree import Entry, Item, Mark, Path, Scalar, shown
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import Entry, Item, Mark, Path, Scalar, format_value
 from dovetail.errors import DescriptionError
 
 __all__ = ["LARGEST_FILE", "LARGEST_TREE", "LARGEST_WHOLE", "MOST_LEVELS", "UNPRINTABLE", "read_yaml"]
@@ -21,7 +24,7 @@ __all__ = ["LARGEST_FILE", "LARGEST_TREE", "LARGEST_WHOLE", "MOST_LEVELS", "UNPR
 LARGEST_FILE = 256 * 1024
 """Bytes."""
 LARGEST_TREE = 50_000
-"""Values, those that aliases repeat counted each time."""
+"""Values; what an alias repeats is counted each time."""
 MOST_LEVELS = 32
 LARGEST_WHOLE = 2**63 - 1
 
@@ -42,9 +45,10 @@ _IN_OTHER_WORDS = (
     (r"could not find expected ':'", "a ':' with a space behind it is missing"),
     (r"(.*)'<stream end>'", r"\1the end of the file"),
 )
+_AFTER_ANCHOR = "\0 \t\r\n\x85\u2028\u2029,[]{}"
 
 
-def read_yaml(file: str, rank: int, findings: Findings) -> Item:
+def read_yaml(file: str, rank: int, faults: FaultList) -> Item:
     """Read one YAML file.
 
     Parameters
@@ -53,8 +57,8 @@ def read_yaml(file: str, rank: int, findings: Findings) -> Item:
         Path, also used in messages.
     rank : int
         Number of the file in a chain of `extends`.
-    findings : Findings
-        Takes in what is wrong with single keys and values.
+    faults : FaultList
+        Collects the faults of single keys and values.
 
     Returns
     -------
@@ -64,47 +68,47 @@ def read_yaml(file: str, rank: int, findings: Findings) -> Item:
     Raises
     ------
     DescriptionError
-        It is no YAML mapping at all, or larger than a description may be.
+        The file is not a YAML mapping, or exceeds the limits.
     """
-    text = _read_text(file, rank, findings)
-    return _Composer(file, rank, findings).compose(text)
+    text = _read_text(file, rank, faults)
+    return _Composer(file, rank, faults).compose(text)
 
 
-def _read_text(file: str, rank: int, findings: Findings) -> str:
+def _read_text(file: str, rank: int, faults: FaultList) -> str:
     start = Mark(rank, 0, 0, file)
     try:
         status = os.stat(file)
         if not stat.S_ISREG(status.st_mode):
-            findings.add_at(start, (), "this is not a file.")
-            raise findings.error()
+            faults.add_at(start, (), "this is not a file.")
+            raise faults.error()
         with open(file, "rb") as stream:
             data = stream.read(LARGEST_FILE + 1)
     except FileNotFoundError:
-        findings.add_at(start, (), "there is no such file.")
-        raise findings.error() from None
+        faults.add_at(start, (), "there is no such file.")
+        raise faults.error() from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        findings.add_at(start, (), f"the file cannot be read: {reason}.")
-        raise findings.error() from None
+        faults.add_at(start, (), f"the file cannot be read: {reason}.")
+        raise faults.error() from None
     if len(data) > LARGEST_FILE:
         size = f"the file has {status.st_size} bytes; a description has {LARGEST_FILE} at most."
-        findings.add_at(start, (), size)
-        raise findings.error()
-    return _decode(data, file, rank, findings)
+        faults.add_at(start, (), size)
+        raise faults.error()
+    return _decode(data, file, rank, faults)
 
 
-def _decode(data: bytes, file: str, rank: int, findings: Findings) -> str:
+def _decode(data: bytes, file: str, rank: int, faults: FaultList) -> str:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = data[: error.start].decode("utf-8-sig")
         problem = f"the byte 0x{data[error.start]:02x} is not UTF-8."
-        findings.add_at(_mark_after(before, file, rank), (), problem, remedy="Save the file as UTF-8.")
-        raise findings.error() from None
+        faults.add_at(_mark_after(before, file, rank), (), problem, remedy="Save the file as UTF-8.")
+        raise faults.error() from None
     if match := UNPRINTABLE.search(text):
         mark = _mark_after(text[: match.start()], file, rank)
-        findings.add_at(mark, (), f"the character U+{ord(match.group()):04X} cannot stand in a description.")
-        raise findings.error()
+        faults.add_at(mark, (), f"the character U+{ord(match.group()):04X} cannot stand in a description.")
+        raise faults.error()
     return text
 
 
@@ -112,13 +116,42 @@ def _mark_after(text: str, file: str, rank: int) -> Mark:
     return Mark(rank, text.count("\n") + 1, len(text) - text.rfind("\n"), file)
 
 
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
+    """PyYAML's loader, with three rules of YAML 1.2 in place of those of YAML 1.1."""
+
+    def scan_to_next_token(self) -> None:
+        """Skip blanks and comments; in a flow collection tabs are blanks too."""
+        super().scan_to_next_token()
+        while self.flow_level and self.peek() == "\t":
+            self.forward()
+            super().scan_to_next_token()
+
+    def scan_anchor(self, token: type[yaml.Token]) -> yaml.Token:
+        """Read the name of an anchor or an alias, which may hold any letter and sign but blanks and brackets."""
+        length = 1
+        while self.peek(length) not in _AFTER_ANCHOR:
+            length += 1
+        if length == 1:
+            return super().scan_anchor(token)  # which says what is wrong
+        start, name = self.get_mark(), self.prefix(length)[1:]
+        self.forward(length)
+        return token(name, start, self.get_mark())
+
+    def parse_block_mapping_key(self) -> yaml.Event:
+        """Give the key of an entry; where only a ':' stands, an empty one."""
+        if self.check_token(yaml.ValueToken):
+            self.state = self.parse_block_mapping_value
+            return self.process_empty_scalar(self.peek_token().start_mark)
+        return super().parse_block_mapping_key()
+
+
 class _Composer:
     """Builds the tree of one file from the events of its parser."""
 
-    def __init__(self, file: str, rank: int, findings: Findings) -> None:
+    def __init__(self, file: str, rank: int, faults: FaultList) -> None:
         self._file = file
         self._rank = rank
-        self._findings = findings
+        self._faults = faults
         self._count = 0
         self._last = Mark(rank, 1, 1, file)
         self._anchors: dict[str, tuple[Item, int, int] | None] = {}
@@ -128,26 +161,27 @@ class _Composer:
         self._events = self._parse(text)
         next(self._events)
         event = next(self._events)
-        if type(event).__name__ == "StreamEndEvent":
+        if isinstance(event, yaml.StreamEndEvent):
             raise self._fatal(self._last, "the file is empty.", "a description, which begins with 'dovetail: 1'")
         if event.version not in (None, (1, 2)):
-            asked = ".".join(str(number) for number in event.version)
-            raise self._fatal(self._last, f"the file asks for YAML {asked}.", "YAML 1.2")
+            version = ".".join(str(number) for number in event.version)
+            mark = replace(self._last, line=event.end_mark.line + 1)  # of the '---' behind the directive
+            raise self._fatal(mark, f"the file asks for YAML {version}.", "YAML 1.2")
         root, _ = self._node(next(self._events), (), 1)
         if not root.is_mapping:
-            raise self._fatal(root.mark, f"the file holds {shown(root.value)}.", "a section of keys and values")
+            raise self._fatal(root.mark, f"the file holds {format_value(root.value)}.", "a section of keys and values")
         next(self._events)
-        if type(event := next(self._events)).__name__ != "StreamEndEvent":
+        if not isinstance(next(self._events), yaml.StreamEndEvent):
             raise self._fatal(self._last, "a second document begins here.", "one document in a file")
         return root
 
     def _parse(self, text: str) -> Iterator[Any]:
-        """Yield the parser's events; whatever it raises becomes a fault."""
+        """Yield the parser's events; an error of the parser becomes a fault."""
         try:
-            for event in YAML(typ="safe", pure=True).parse(text):
+            for event in yaml.parse(text, Loader=_Loader):
                 self._last = self._mark(event.start_mark)
                 yield event
-        except MarkedYAMLError as error:
+        except yaml.MarkedYAMLError as error:
             mark = self._mark(error.problem_mark) if error.problem_mark else self._last
             problem = (error.problem or "it cannot be parsed").strip()
             if problem == "found unexpected end of stream" and error.context_mark:
@@ -155,20 +189,20 @@ class _Composer:
             for pattern, words in _IN_OTHER_WORDS:
                 problem = re.sub(f"^{pattern}$", words, problem)
             raise self._fatal(mark, f"this is not YAML: {problem}.") from None
-        except (ValueError, OverflowError, ArithmeticError, LookupError, AssertionError, NotImplementedError):
+        except (ValueError, ArithmeticError, LookupError):
             raise self._fatal(self._last, "this is not YAML: an escape or a directive cannot be read.") from None
 
-    def _mark(self, mark: Any) -> Mark:
+    def _mark(self, mark: yaml.Mark) -> Mark:
         return Mark(self._rank, mark.line + 1, mark.column + 1, self._file)
 
-    def _fatal(self, mark: Mark, found: str, accepted: str = "", path: Path = ()) -> DescriptionError:
-        self._findings.add_at(mark, path, found, accepted)
-        return self._findings.error()
+    def _fatal(self, mark: Mark, problem: str, accepted: str = "", path: Path = ()) -> DescriptionError:
+        self._faults.add_at(mark, path, problem, accepted)
+        return self._faults.error()
 
     def _node(self, event: Any, path: Path, level: int) -> tuple[Item, int]:
-        """Return an item and the number of levels that it has."""
+        """Return an item and its number of levels."""
         mark = self._mark(event.start_mark)
-        if type(event).__name__ == "AliasEvent":
+        if isinstance(event, yaml.AliasEvent):
             return self._alias(event.anchor, mark, path, level)
         if level > MOST_LEVELS:
             raise self._fatal(mark, f"this is nested more than {MOST_LEVELS} levels deep.")
@@ -176,13 +210,12 @@ class _Composer:
         self._grow(1, mark)
         if event.anchor is not None:
             self._anchors[event.anchor] = None
-        match type(event).__name__:
-            case "MappingStartEvent":
-                item, height = self._mapping(event, mark, path, level)
-            case "SequenceStartEvent":
-                item, height = self._sequence(event, mark, path, level)
-            case _:
-                item, height = Item(mark, self._scalar(event, mark, path)), 1
+        if isinstance(event, yaml.MappingStartEvent):
+            item, height = self._mapping(event, mark, path, level)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            item, height = self._sequence(event, mark, path, level)
+        else:
+            item, height = Item(mark, self._scalar(event, mark, path)), 1
         if event.anchor is not None:
             self._anchors[event.anchor] = item, height, self._count - before
         return item, height
@@ -208,19 +241,19 @@ class _Composer:
         self._check_tag(event, mark, path, "map")
         entries: dict[str, Entry] = {}
         height = 0
-        while type(event := next(self._events)).__name__ != "MappingEndEvent":
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             key_mark = self._mark(event.start_mark)
             key, _ = self._node(event, path, level + 1)
             name = key.value if isinstance(key.value, str) else None
             if name is None:
                 remedy = "Put it in quotes." if isinstance(key.value, (int, float)) else ""
-                self._findings.add_at(key_mark, path, f"the key is {shown(key.value)}.", "a text", remedy)
+                self._faults.add_at(key_mark, path, f"the key is {format_value(key.value)}.", "a text", remedy)
             item, below = self._node(next(self._events), (*path, str(name)), level + 1)
             height = max(height, below)
             if name in entries:
                 line = entries[name].key.line
                 problem = f"the key '{name}' stands here a second time; the first is in line {line}."
-                self._findings.add_at(key_mark, (*path, name), problem, remedy="Remove one of them.")
+                self._faults.add_at(key_mark, (*path, name), problem, remedy="Remove one of them.")
             elif name is not None:
                 entries[name] = Entry(key_mark, item)
         return Item(mark, entries), height + 1
@@ -229,54 +262,54 @@ class _Composer:
         self._check_tag(event, mark, path, "seq")
         items: list[Item] = []
         height = 0
-        while type(event := next(self._events)).__name__ != "SequenceEndEvent":
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
             item, below = self._node(event, (*path, len(items)), level + 1)
             items.append(item)
             height = max(height, below)
         return Item(mark, tuple(items)), height + 1
 
     def _check_tag(self, event: Any, mark: Mark, path: Path, wanted: str) -> None:
-        if event.ctag is not None and str(event.ctag) not in ("!", _CORE + wanted):
-            self._refuse_tag(str(event.ctag), mark, path)
+        if event.tag not in (None, "!", _CORE + wanted):
+            self._refuse_tag(event.tag, mark, path)
 
     def _refuse_tag(self, tag: str, mark: Mark, path: Path) -> None:
         short = f"!!{tag.removeprefix(_CORE)}" if tag.startswith(_CORE) else tag
-        problem = f"the tag {shown(short)} is not allowed here; a description holds plain values."
-        self._findings.add_garbled(mark, path, problem, _CORE_TAGS, "Remove it.")
+        problem = f"the tag {format_value(short)} is not allowed here; a description holds plain values."
+        self._faults.add_garbled(mark, path, problem, _CORE_TAGS, "Remove it.")
 
     def _scalar(self, event: Any, mark: Mark, path: Path) -> Scalar:
-        tag = None if event.ctag is None else str(event.ctag)
-        text = str(event.value)
+        tag, text = event.tag, event.value
         if match := UNPRINTABLE.search(text):
             problem = f"the character U+{ord(match.group()):04X} cannot stand in a description."
-            self._findings.add_garbled(mark, path, problem)
+            self._faults.add_garbled(mark, path, problem)
             return UNPRINTABLE.sub("?", text)
         if tag in ("!", f"{_CORE}str") or (tag is None and event.style):
-            return text
-        value, reason = _resolve(text)
-        if reason:
-            self._findings.add_garbled(mark, path, reason)
+            return str(text)
+        value, problem = _resolve(text)
+        if problem:
+            self._faults.add_garbled(mark, path, problem)
         if tag is not None and tag != _CORE + _tag_of(value) and not (tag == f"{_CORE}float" and _is_number(value)):
             if tag in _SCALAR_TAGS:
-                self._findings.add_garbled(
-                    mark, path, f"{shown(text)} is not what its tag '!!{_SCALAR_TAGS[tag]}' says."
-                )
+                problem = f"{format_value(text)} is not what its tag '!!{_SCALAR_TAGS[tag]}' says."
+                self._faults.add_garbled(mark, path, problem)
             else:
                 self._refuse_tag(tag, mark, path)
         return value
 
 
 def _resolve(text: str) -> tuple[Scalar, str]:
-    """Return the value of a plain scalar by the core schema of YAML 1.2, and what is wrong with it."""
+    """Return the value of a plain scalar by the core schema of YAML 1.2, and its problem or an empty text."""
     if text in _NULL:
         return None, ""
     if text in _TRUTH:
         return _TRUTH[text], ""
     if _WHOLE.fullmatch(text) or _BASED.fullmatch(text):
         number = int(text, 0 if _BASED.fullmatch(text) else 10) if len(text) <= 64 else LARGEST_WHOLE + 1
-        return (number, "") if abs(number) <= LARGEST_WHOLE else (text, f"{shown(text)} is too large a whole number.")
+        if abs(number) <= LARGEST_WHOLE:
+            return number, ""
+        return text, f"{format_value(text)} is too large a whole number."
     if _NOT_FINITE.fullmatch(text) or (_REAL.fullmatch(text) and not math.isfinite(float(text))):
-        return text, f"{shown(text)} is not a finite number."
+        return text, f"{format_value(text)} is not a finite number."
     return (float(text), "") if _REAL.fullmatch(text) else (text, "")
 
 

@@ -1,12 +1,12 @@
-"""What a plugin implements, a contract a file."""
+"""What a plugin implements; each contract in a file of its own."""
 
-from dovetail.interfaces.component import KINDS, Component, ComponentConfig, Kind
+from dovetail.interfaces.component import INTERFACE_VERSION, KINDS, Component, ComponentConfig, Kind
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
+from dovetail.interfaces.error_attribution import plugin_errors, source_file
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.joint import JointModel, Parameter, Port, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.option_schema import option_schema
-from dovetail.interfaces.plugin_errors import blamed_on, source_file
 from dovetail.interfaces.progress import Progress, silent
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor
@@ -16,6 +16,7 @@ from dovetail.interfaces.substructure import Node, SubstructureModel
 
 __all__ = [
     "DIRECTIONS",
+    "INTERFACE_VERSION",
     "KINDS",
     "Component",
     "ComponentConfig",
@@ -36,11 +37,11 @@ __all__ = [
     "State",
     "StructuralMatrices",
     "SubstructureModel",
-    "blamed_on",
     "joint_faults",
     "node_faults",
     "option_schema",
     "parameter_faults",
+    "plugin_errors",
     "port_faults",
     "silent",
     "source_file",

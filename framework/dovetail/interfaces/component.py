@@ -1,4 +1,4 @@
-"""What every plugin component has: a name, a summary, references and a Config that is its YAML section."""
+"""The base class of every component: name, summary, references, interface versions, and options as `Config`."""
 
 from __future__ import annotations
 
@@ -9,51 +9,57 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-__all__ = ["KINDS", "Component", "ComponentConfig", "Kind"]
+__all__ = ["INTERFACE_VERSION", "KINDS", "Component", "ComponentConfig", "Kind"]
 
 Kind = Literal["substructure", "joint", "reducer", "regressor"]
 KINDS: tuple[Kind, ...] = ("substructure", "joint", "reducer", "regressor")
+INTERFACE_VERSION = 1
+"""Version of the plugin interface; it rises with each change that can break a component."""
 
 
 class ComponentConfig(BaseModel):
-    """Base of every component's options: frozen, and a key it does not know is an error."""
+    """Base of every component's options: frozen, and an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Component(ABC):
-    """A recipe that a description names: constructed with its Config, never changed afterwards.
+    """A model that a description names; made from its options and never changed afterwards.
 
     Attributes
     ----------
     kind : str
-        Which of the four contracts it fulfils; set by the contract's base class.
+        The contract that it fulfils; set by the base class of the contract.
     name : str
         The word after ``model:`` in a description.
     summary : str
         One line for ``dovetail plugins``.
     references : tuple of str
-        Where the model is published.
+        Publications of the model.
+    interface_versions : tuple of int
+        Lowest and highest version of the plugin interface for which the component was written, as in ``(1, 2)``.
+        Dovetail refuses the component if its `INTERFACE_VERSION` is outside this range.
     """
 
     kind: ClassVar[Kind]
     name: ClassVar[str]
     summary: ClassVar[str]
     references: ClassVar[tuple[str, ...]] = ()
+    interface_versions: ClassVar[tuple[int, int]] = (1, 1)
 
     class Config(ComponentConfig):
         """A component without options."""
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return sets of options, as a description has them, with which ``dovetail check-plugin`` tries the component.
+        """Return sets of options, as in a description, with which ``dovetail check-plugin`` tests the component.
 
-        One set without any option unless overridden, which a component with options that have no default must do.
+        By default one set without options. A component with a required option must override this method.
 
         Parameters
         ----------
         folder : Path
-            An empty folder, for files that options name.
+            An empty folder for files that options name.
         """
         return ({},)
 

@@ -1,4 +1,4 @@
-"""What a joint and a substructure declare, checked: parameters, ports, degrees of freedom, nodes."""
+"""Checks of what a joint or a substructure declares: parameters, ports, degrees of freedom, nodes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["joint_faults", "node_faults", "parameter_faults", "port_faults"]
 
 
 def joint_faults(model: JointModel) -> tuple[Fault, ...]:
-    """Return everything that is wrong with what a joint declares of itself; none for a sound one.
+    """Return the faults in the declarations of a joint.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def joint_faults(model: JointModel) -> tuple[Fault, ...]:
     Returns
     -------
     tuple of Fault
-        `Fault.where` names the property, `Fault.problem` is a sentence whose subject is the joint.
+        `Fault.where` is the name of the property, `Fault.problem` a sentence whose subject is the joint.
     """
     faults = [*_read(model, "parameters", parameter_faults), *_read(model, "ports", port_faults)]
     if not faults:
@@ -39,13 +39,13 @@ def joint_faults(model: JointModel) -> tuple[Fault, ...]:
 
 
 def parameter_faults(parameters: object) -> list[Fault]:
-    """Return what is wrong with a joint's parameters: their types, names and units."""
+    """Return the faults of a joint's parameters: their types, names and units."""
     accepted = 'a tuple such as (Parameter("k", "N/m", 1e5, 1e7, "log", "stiffness"),)'
     if faults := _member_faults("parameters", parameters, Parameter, accepted):
         return faults
-    listed: Sequence[Parameter] = parameters  # type: ignore[assignment]
-    faults = _name_faults("parameters", [parameter.name for parameter in listed])
-    for parameter in listed:
+    members: Sequence[Parameter] = parameters  # type: ignore[assignment]
+    faults = _name_faults("parameters", [parameter.name for parameter in members])
+    for parameter in members:
         if not is_unit(parameter.unit):
             problem = f"has the parameter '{parameter.name}' in '{parameter.unit}', which is not a unit."
             faults.append(Fault("parameters", problem, "SI units in pint's spelling: N/m, N m/rad, N s/m, kg, m; 1"))
@@ -53,22 +53,22 @@ def parameter_faults(parameters: object) -> list[Fault]:
 
 
 def port_faults(ports: object) -> list[Fault]:
-    """Return what is wrong with a joint's ports: their types and names."""
+    """Return the faults of a joint's ports: their types and names."""
     if faults := _member_faults("ports", ports, Port, 'a tuple such as (Port("a", 1), Port("b", 1))'):
         return faults
-    listed: Sequence[Port] = ports  # type: ignore[assignment]
-    return _name_faults("ports", [port.name for port in listed])
+    members: Sequence[Port] = ports  # type: ignore[assignment]
+    return _name_faults("ports", [port.name for port in members])
 
 
 def node_faults(nodes: object) -> list[Fault]:
-    """Return what is wrong with a substructure's nodes: their types, labels and positions."""
+    """Return the faults of a substructure's nodes: their types, labels and positions."""
     accepted = 'a tuple such as (Node("left", 0.0), Node("right", 0.1))'
     if faults := _member_faults("nodes", nodes, Node, accepted):
         return faults
-    listed: Sequence[Node] = nodes  # type: ignore[assignment]
-    for node in listed:
+    members: Sequence[Node] = nodes  # type: ignore[assignment]
+    for node in members:
         if isinstance(node.position, bool) or not isinstance(node.position, Real) or not math.isfinite(node.position):
-            problem = f"has {_shown(node.position)} for the position of the node '{node.label}'."
+            problem = f"has {_cut(node.position)} for the position of the node '{node.label}'."
             return [Fault("nodes", problem, "a finite number of metres")]
     return []
 
@@ -77,23 +77,23 @@ def _read(model: Component, name: str, faults_of: Callable[[Any], list[Fault]]) 
     try:
         value = getattr(model, name)
     except PluginError as error:
-        bad = [(f"cannot give its {name}: {fault.where}: {fault.problem}", fault.accepted) for fault in error.faults]
-        return [Fault(name, problem, accepted) for problem, accepted in bad]
+        lead = f"cannot give its {name}:"
+        return [Fault(name, f"{lead} {fault.where}: {fault.problem}", fault.accepted) for fault in error.faults]
     except Exception as error:  # a plugin's property may raise anything
         return [Fault(name, f"cannot give its {name}: {type(error).__name__}: {error}.")]
     return faults_of(value)
 
 
-def _shown(value: object) -> str:
+def _cut(value: object) -> str:
     return f"{value!r:.60}"
 
 
-def _member_faults(name: str, given: object, member: type, accepted: str) -> list[Fault]:
-    if not isinstance(given, (tuple, list)):
-        return [Fault(name, f"has {_shown(given)} for its {name}, not a tuple.", accepted)]
-    strangers = [entry for entry in given if not isinstance(entry, member)]
-    lacking = f"which is not a {member.__name__}"
-    return [Fault(name, f"has {_shown(entry)} among its {name}, {lacking}.", accepted) for entry in strangers[:1]]
+def _member_faults(name: str, value: object, member: type, accepted: str) -> list[Fault]:
+    if not isinstance(value, (tuple, list)):
+        return [Fault(name, f"has {_cut(value)} for its {name}, not a tuple.", accepted)]
+    strangers = [entry for entry in value if not isinstance(entry, member)]
+    reason = f"which is not a {member.__name__}"
+    return [Fault(name, f"has {_cut(entry)} among its {name}, {reason}.", accepted) for entry in strangers[:1]]
 
 
 def _name_faults(name: str, words: Sequence[str]) -> list[Fault]:
@@ -113,18 +113,18 @@ def _name_faults(name: str, words: Sequence[str]) -> list[Fault]:
     ]
 
 
-def _internal_faults(given: object) -> list[Fault]:
-    if isinstance(given, int) and not isinstance(given, bool) and given >= 0:
+def _internal_faults(count: object) -> list[Fault]:
+    if isinstance(count, int) and not isinstance(count, bool) and count >= 0:
         return []
-    return [Fault("internal_dofs", f"has {_shown(given)} for its internal_dofs.", "a whole number, 0 or more")]
+    return [Fault("internal_dofs", f"has {_cut(count)} for its internal_dofs.", "a whole number, 0 or more")]
 
 
-def _pair_faults(given: object, size: int) -> list[Fault]:
+def _pair_faults(pairs: object, size: int) -> list[Fault]:
     accepted = f"pairs of local DOFs from 0 to {size - 1}; {len(DIRECTIONS)} to a node of each port"
-    if not isinstance(given, (tuple, list)):
-        return [Fault("merged_dofs", f"has {_shown(given)} for its merged_dofs, not a tuple.", accepted)]
-    for pair in given:
-        whole = isinstance(pair, (tuple, list)) and all(isinstance(dof, int) and 0 <= dof < size for dof in pair)
-        if not whole or len(pair) != 2:
-            return [Fault("merged_dofs", f"has {_shown(pair)} among its merged_dofs.", accepted)]
+    if not isinstance(pairs, (tuple, list)):
+        return [Fault("merged_dofs", f"has {_cut(pairs)} for its merged_dofs, not a tuple.", accepted)]
+    for pair in pairs:
+        are_dofs = isinstance(pair, (tuple, list)) and all(isinstance(dof, int) and 0 <= dof < size for dof in pair)
+        if not are_dofs or len(pair) != 2:
+            return [Fault("merged_dofs", f"has {_cut(pair)} among its merged_dofs.", accepted)]
     return []

@@ -1,4 +1,4 @@
-"""The mark of an option that names a file."""
+"""Annotation of options that name a file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["FileName"]
 
 @dataclass(frozen=True)
 class FileName:
-    """Annotation of a text in a component's Config: the name of a file, taken from the description that says it.
+    """Annotation of a text option: the name of a file, relative to the description that states it.
 
     Examples
     --------

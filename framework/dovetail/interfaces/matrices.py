@@ -15,18 +15,22 @@ DIRECTIONS = ("x", "rz")
 
 @dataclass(frozen=True, eq=False, init=False)
 class StructuralMatrices:
-    """Matrices of the dynamic stiffness Z = K + iD + i omega C - omega^2 M (Eq. 3 of the reference method).
+    """Matrices of the dynamic stiffness Z = K + iD + i omega C - omega^2 M.
 
     Parameters
     ----------
     M, K, C, D : (..., d, d) arrays
-        Mass [kg], stiffness [N/m], viscous damping [N s/m] and structural damping [N/m], in the units that
-        their DOFs imply (x in m, rz in rad). `C` and `D` are zero when they are not given. A leading axis is a batch.
+        Mass [kg], stiffness [N/m], viscous damping [N s/m] and structural damping [N/m] for DOFs in m; the
+        corresponding units for rotations in rad. `C` and `D` are zero by default. Leading axes are a batch.
 
     Raises
     ------
     ValueError
         The matrices are not square or their shapes differ.
+
+    Notes
+    -----
+    Equation 3 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
     """
 
     M: NDArray[np.float64]
@@ -38,8 +42,8 @@ class StructuralMatrices:
         stiffness = np.asarray(K, dtype=np.float64)
         if stiffness.ndim < 2 or stiffness.shape[-1] != stiffness.shape[-2]:
             raise ValueError(f"K has the shape {stiffness.shape}; square matrices (..., d, d) are expected.")
-        for name, given in (("M", M), ("K", K), ("C", C), ("D", D)):
-            matrix = np.zeros_like(stiffness) if given is None else np.asarray(given, dtype=np.float64)
+        for name, values in (("M", M), ("K", K), ("C", C), ("D", D)):
+            matrix = np.zeros_like(stiffness) if values is None else np.asarray(values, dtype=np.float64)
             if matrix.shape != stiffness.shape:
                 raise ValueError(f"{name} has the shape {matrix.shape}, but K has {stiffness.shape}.")
             object.__setattr__(self, name, matrix)

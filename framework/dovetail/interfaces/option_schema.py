@@ -1,4 +1,4 @@
-"""The JSON Schema of a component's options, with what its docstrings say of them."""
+"""The JSON Schema of a component's options, with descriptions from its docstring."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ __all__ = ["option_schema"]
 
 
 def option_schema(config: type[BaseModel]) -> dict[str, Any]:
-    """Return the JSON Schema of a Config, each option with a description where its author gave one.
+    """Return the JSON Schema of a Config with a description of each option, where its author wrote one.
 
     Parameters
     ----------
     config : pydantic model class
-        Options are described by ``Field(description=...)`` or in the Attributes section of the docstring.
+        Its options are described by ``Field(description=...)`` or in the Attributes section of its docstring.
 
     Returns
     -------
     dict
-        As pydantic gives it; ``x-unit`` is the SI unit of an option that may be written with a unit.
+        The schema of pydantic; ``x-unit`` is the SI unit of an option that may be written with a unit.
 
     Raises
     ------
     Exception
-        Whatever pydantic raises for a type that JSON does not know.
+        The exception of pydantic for a type that JSON does not know.
     """
     schema = config.model_json_schema()
     for section in (schema, *schema.get("$defs", {}).values()):
@@ -37,19 +37,17 @@ def option_schema(config: type[BaseModel]) -> dict[str, Any]:
 
 def _describe(section: dict[str, Any]) -> None:
     text = section.get("description", "")
-    said = _attribute_section(text)
+    descriptions = _attribute_section(text)
     for name, entry in section["properties"].items():
-        if name in said:
-            entry.setdefault("description", said[name])
+        if name in descriptions:
+            entry.setdefault("description", descriptions[name])
     section["description"] = re.split(r"\n+\w[\w ]*\n-{3,}\n", text)[0]
 
 
 def _attribute_section(docstring: str) -> dict[str, str]:
-    """Return what the Attributes section of a numpydoc docstring says of each name."""
-    _, found, section = docstring.partition("Attributes\n----------\n")
+    """Return the text of each name in the Attributes section of a numpydoc docstring."""
+    section = docstring.partition("Attributes\n----------\n")[2]
     texts: dict[str, str] = {}
-    if not found:
-        return texts
     names: list[str] = []
     for line in section.split("\n"):
         if re.fullmatch(r"-{3,}", line):  # the underline of the next section

@@ -1,4 +1,4 @@
-"""How long work tells the caller how far it is."""
+"""Progress of long computations."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["Progress", "silent"]
 
 
 class Progress(Protocol):
-    """Called now and then with what is done, out of how much, and a note for the reader."""
+    """Function that is called from time to time with the steps done, their total number, and a note."""
 
     def __call__(self, stage: str, done: int, total: int, note: str = "") -> None:
         """Report `done` of `total` steps of `stage`."""

@@ -1,4 +1,4 @@
-"""The contract of a reducer: many FRF lines in, a few features out."""
+"""The contract of a reducer: from many FRF lines to a few features."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["FittedReducer", "Reducer"]
 
 
 class FittedReducer(ABC):
-    """What fitting a reducer gives."""
+    """A reducer after fitting."""
 
     @abstractmethod
     def transform(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -28,13 +28,13 @@ class FittedReducer(ABC):
         Returns
         -------
         (n_samples, n_components) array
-            Each row depends on its own row of `features` alone, so that one FRF gives the same answer alone and in
-            any batch.
+            Each row depends only on the same row of `features`, so that an FRF gives the same result alone and in any
+            batch.
         """
 
     @abstractmethod
     def state(self) -> State:
-        """Return everything `Reducer.restore` needs, as arrays and plain values only."""
+        """Return all that `Reducer.restore` needs, as arrays and plain values."""
 
 
 class Reducer(Component):
@@ -48,4 +48,4 @@ class Reducer(Component):
 
     @abstractmethod
     def restore(self, state: State) -> FittedReducer:
-        """Rebuild what `state` was taken from."""
+        """Rebuild the fitted reducer from its state."""

@@ -1,4 +1,4 @@
-"""The contract of a regressor: reduced features in, scaled joint parameters out."""
+"""The contract of a regressor: from reduced features to scaled joint parameters."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from dovetail.interfaces.state import State
 __all__ = ["Epoch", "FittedRegressor", "Regressor"]
 
 Epoch = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float64]]]
-"""Gives the features (n_samples, n_features) and targets (n_samples, n_targets) of an epoch, by its number from 0."""
+"""From the number of an epoch, from 0, to its features (n_samples, n_features) and targets (n_samples, n_targets)."""
 
 _EPOCHS_AT_ONCE = 4
 
 
 class FittedRegressor(ABC):
-    """What fitting a regressor gives."""
+    """A regressor after fitting."""
 
     @abstractmethod
     def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -35,12 +35,12 @@ class FittedRegressor(ABC):
         Returns
         -------
         (n_samples, n_targets) array
-            Each row depends on its own row of `features` alone.
+            Each row depends only on the same row of `features`.
         """
 
     @abstractmethod
     def state(self) -> State:
-        """Return everything `Regressor.restore` needs, as arrays and plain values only."""
+        """Return all that `Regressor.restore` needs, as arrays and plain values."""
 
 
 class Regressor(Component):
@@ -60,16 +60,16 @@ class Regressor(Component):
         """Fit to standardised features (n_samples, n_features) and scaled targets (n_samples, n_targets)."""
 
     def fit_epochs(self, epoch: Epoch, *, seed: int, progress: Progress = silent) -> FittedRegressor:
-        """Fit to samples whose features change from epoch to epoch: robust training.
+        """Fit to samples whose features change from epoch to epoch, for robust training.
 
-        Here, for regressors that know no epochs: `fit` to the first four together. One that goes through its samples
-        many times overrides it and asks for each epoch as it comes to it.
+        By default `fit` to the samples of the first four epochs together. A regressor that passes over its samples many
+        times overrides this method and calls `epoch` for each pass.
 
         Parameters
         ----------
         epoch : callable
-            Row i of any epoch stands for the same FRF with other noise, or, where samples are drawn anew, for
-            another FRF; every epoch has as many rows.
+            Row i of each epoch is the same FRF with other noise or, if samples are drawn anew, another FRF. All epochs
+            have the same number of rows.
         """
         first = [epoch(number) for number in range(_EPOCHS_AT_ONCE)]
         features = np.concatenate([features for features, _ in first])
@@ -78,4 +78,4 @@ class Regressor(Component):
 
     @abstractmethod
     def restore(self, state: State) -> FittedRegressor:
-        """Rebuild what `state` was taken from."""
+        """Rebuild the fitted regressor from its state."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_array
+from scipy.sparse import csc_array
 
 __all__ = ["SparseMatrices"]
 
@@ -20,7 +18,7 @@ class SparseMatrices:
     Parameters
     ----------
     M, K, C, D : (d, d) scipy sparse arrays or matrices, or arrays
-        As in `StructuralMatrices`; kept as compressed columns of float64. `C` and `D` are zero when they are not given.
+        As in `StructuralMatrices`; stored as compressed columns of float64. `C` and `D` are zero by default.
 
     Raises
     ------
@@ -34,13 +32,11 @@ class SparseMatrices:
     D: csc_array
 
     def __init__(self, M: Any, K: Any, C: Any = None, D: Any = None) -> None:
-        from scipy.sparse import csc_array
-
         stiffness = csc_array(K, dtype=np.float64)
         if stiffness.shape[0] != stiffness.shape[1]:
             raise ValueError(f"K has the shape {stiffness.shape}; a square matrix (d, d) is expected.")
-        for name, given in (("M", M), ("K", stiffness), ("C", C), ("D", D)):
-            matrix = csc_array(stiffness.shape if given is None else given, dtype=np.float64)
+        for name, values in (("M", M), ("K", stiffness), ("C", C), ("D", D)):
+            matrix = csc_array(stiffness.shape if values is None else values, dtype=np.float64)
             if matrix.shape != stiffness.shape:
                 raise ValueError(f"{name} has the shape {matrix.shape}, but K has {stiffness.shape}.")
             object.__setattr__(self, name, matrix)

@@ -1,4 +1,4 @@
-"""The state of a fitted reducer or regressor: arrays and plain values, nothing that could be code."""
+"""The state of a fitted reducer or regressor: arrays and plain values, never code."""
 
 from __future__ import annotations
 
@@ -11,4 +11,4 @@ __all__ = ["State"]
 
 StateValue = NDArray[np.generic] | int | float | str | bool
 State = Mapping[str, StateValue]
-"""Name to array, number, text or truth value; arrays go to safetensors, the others to JSON."""
+"""From names to arrays, numbers, texts or truth values; arrays are stored as safetensors, the others as JSON."""

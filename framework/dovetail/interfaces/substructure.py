@@ -1,4 +1,4 @@
-"""The contract of a substructure: nodes, and matrices or an FRF."""
+"""The contract of a substructure: its nodes, and its matrices or receptances."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Node:
     ----------
     label : str
     position : float
-        Distance from the substructure's own origin [m]; descriptions address nodes by it.
+        Distance from the origin of the substructure [m], by which descriptions address the node.
     """
 
     label: str
@@ -33,15 +33,15 @@ class Node:
 
 
 class SubstructureModel(Component):
-    """A part whose dynamics are known.
+    """A part with known dynamics.
 
-    DOF ``2 * i`` is x of node ``i`` and DOF ``2 * i + 1`` its rz. What matrices have beyond the nodes' DOFs are inner
-    DOFs, which no joint and no response can reach.
+    DOF ``2 * i`` is x of node ``i`` and DOF ``2 * i + 1`` its rz. Further DOFs of the matrices are inner DOFs, to which
+    no joint and no response can attach.
 
     Attributes
     ----------
     grounded : bool
-        True for a part that does not move: whatever is connected to it is held.
+        True for a part that does not move.
     """
 
     kind: ClassVar[Kind] = "substructure"
@@ -49,24 +49,24 @@ class SubstructureModel(Component):
 
     @property
     def held(self) -> bool:
-        """True for a part that something outside the assembly holds, so that moving it as a whole takes effort."""
+        """True for a part that is supported from outside the assembly, so that its rigid-body motion needs a force."""
         return False
 
     def refined(self, factor: int) -> SubstructureModel | None:  # noqa: ARG002
-        """Return the same part with a mesh `factor` times as fine, or None where there is no mesh to refine."""
+        """Return the same part with a mesh `factor` times as fine, or None if it has no mesh."""
         return None
 
     @property
     def absent_dofs(self) -> frozenset[int]:
-        """DOFs of the nodes that a part known by its FRFs has no receptance at: no force acts there; none by default.
+        """DOFs of the nodes at which a part known by its FRFs has no receptance; none by default.
 
-        What a joint does there the part does not feel, as at a mass without rotary inertia.
+        A joint exerts no force on the part there, as on the rotation of a mass without rotary inertia.
         """
         return frozenset()
 
     @property
     def condensation_tolerance(self) -> float:
-        """Relative error up to which matrices may be condensed on a reduced basis; 0, the default, for exactly."""
+        """Relative error up to which matrices may be condensed on a reduced basis; 0, the default, means exactly."""
         return 0.0
 
     @property
@@ -76,7 +76,7 @@ class SubstructureModel(Component):
 
     @abstractmethod
     def matrices(self) -> StructuralMatrices | SparseMatrices | None:
-        """Return the (d, d) matrices over the nodes' DOFs and the inner ones; None for a part known by FRFs only."""
+        """Return the (d, d) matrices over the nodes' DOFs and the inner DOFs; None for a part with FRFs only."""
 
     def receptance(self, frequency: NDArray[np.float64], dofs: Sequence[int]) -> NDArray[np.complex128]:
         """Return the receptance matrix between `dofs`.
@@ -96,34 +96,34 @@ class SubstructureModel(Component):
         matrices = self.matrices()
         if matrices is None:
             raise NotImplementedError(f"'{self.name}' has no matrices, so it has to give its own receptance.")
-        chosen = np.asarray(dofs, dtype=np.intp)
+        ports = np.asarray(dofs, dtype=np.intp)
         lines = np.asarray(frequency, dtype=np.float64)
         if isinstance(matrices, SparseMatrices):
-            return np.stack([_sparse_receptance(matrices, float(line), chosen) for line in lines])
-        filled = np.logical_or.reduce([(part != 0).any(axis=0) for part in (matrices.M, matrices.K)])
-        active = np.union1d(np.flatnonzero(filled), chosen)
-        places = np.searchsorted(active, chosen)
-        unit_loads = np.eye(len(active))[:, places]
+            return np.stack([_sparse_receptance(matrices, float(line), ports) for line in lines])
+        filled = (matrices.M != 0).any(axis=0) | (matrices.K != 0).any(axis=0)
+        active = np.union1d(np.flatnonzero(filled), ports)
+        rows = np.searchsorted(active, ports)
+        unit_loads = np.eye(len(active))[:, rows]
         receptance: list[NDArray[np.complex128]] = [
-            np.linalg.solve(matrices.dynamic_stiffness(line)[0][np.ix_(active, active)], unit_loads)[places]
+            np.linalg.solve(matrices.dynamic_stiffness(line)[0][np.ix_(active, active)], unit_loads)[rows]
             for line in lines[:, None]
         ]
         return np.stack(receptance)
 
     def dof_label(self, dof: int) -> str:
-        """Name a DOF for a reader: its node's position and direction."""
+        """Return the position and direction of a DOF in words."""
         node = self.nodes[dof // len(DIRECTIONS)]
         return f"{node.position * 1e3:g} mm {DIRECTIONS[dof % len(DIRECTIONS)]}"
 
 
-def _sparse_receptance(matrices: SparseMatrices, frequency: float, chosen: NDArray[np.intp]) -> NDArray[np.complex128]:
-    """Solve for unit loads on the chosen DOFs at one frequency [Hz]; DOFs without any entry stay out."""
+def _sparse_receptance(matrices: SparseMatrices, frequency: float, ports: NDArray[np.intp]) -> NDArray[np.complex128]:
+    """Solve for unit loads on the ports' DOFs at one frequency [Hz], without DOFs that have no entry."""
     from scipy.sparse.linalg import splu
 
     Z = matrices.dynamic_stiffness(frequency)
-    active = np.union1d(np.flatnonzero(np.diff(Z.indptr)), chosen)
-    loads = np.zeros((len(active), len(chosen)), dtype=np.complex128)
-    places = np.searchsorted(active, chosen)
-    loads[places, np.arange(len(chosen))] = 1.0
-    solved: NDArray[np.complex128] = splu(Z[active][:, active].tocsc()).solve(loads)[places]
-    return solved
+    active = np.union1d(np.flatnonzero(np.diff(Z.indptr)), ports)
+    rows = np.searchsorted(active, ports)
+    loads = np.zeros((len(active), len(ports)), dtype=np.complex128)
+    loads[rows, np.arange(len(ports))] = 1.0
+    receptance: NDArray[np.complex128] = splu(Z[active][:, active].tocsc()).solve(loads)[rows]
+    return receptance

@@ -1,4 +1,4 @@
-"""Discovery of components: one hook, entry points, single files."""
+"""Discovery of components by one hook, from installed packages and single files."""
 
 from dovetail.registry.hookspec import GROUP, hookimpl
 from dovetail.registry.registry import HOW_TO_OFFER, LoadFailure, Offer, Registry, installed_components

@@ -1,4 +1,4 @@
-"""The one hook by which components come in."""
+"""The hook by which a plugin offers its components."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ GROUP = "dovetail"
 """Entry-point group, and pluggy's project name."""
 
 hookimpl = pluggy.HookimplMarker(GROUP)
-"""Marks a plugin's ``dovetail_components`` function."""
+"""Decorator of a plugin's function ``dovetail_components``."""
 
 _hookspec = pluggy.HookspecMarker(GROUP)
 
 
 class HookSpecification:
-    """What a plugin module may define."""
+    """The functions that a plugin may define."""
 
     @staticmethod
     @_hookspec

@@ -1,4 +1,4 @@
-"""Discovery of components: entry points and single files, robust against any one of them being broken."""
+"""The components at hand, from entry points and single files; a broken plugin affects no other."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ import pluggy
 
 from dovetail.errors import DovetailError, Fault, PluginError, did_you_mean, listing
 from dovetail.interfaces import (
+    INTERFACE_VERSION,
     KINDS,
     Component,
     ComponentConfig,
@@ -33,13 +34,13 @@ __all__ = ["HOW_TO_OFFER", "LoadFailure", "Offer", "Registry", "installed_compon
 
 _CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor)
 _HOOK = "dovetail_components"
-_PART_WITH_ONE = "Uninstall one of the packages, leave out one of the plugin files, or give one model another name."
+_CLASH_REMEDY = "Uninstall one of the packages, leave out one of the plugin files, or give one model another name."
 HOW_TO_OFFER = "A model of your own needs '--plugin FILE.py', or 'plugins=' in Python."
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A component class and who offers it (a distribution with its version, or a file)."""
+    """A component class and its source: a distribution with its version, or a file."""
 
     component: type[Component]
     source: str
@@ -47,7 +48,7 @@ class Offer:
 
 @dataclass(frozen=True)
 class LoadFailure:
-    """A plugin, or one component of it, that could not be taken in."""
+    """A plugin, or one of its components, that could not be loaded."""
 
     source: str
     reason: str
@@ -58,8 +59,8 @@ class Registry:
 
     Notes
     -----
-    A plugin that fails to load is kept in `failures` and takes no other down. A name that two plugins offer for
-    one kind stays unusable until one of them goes, and asking for it names both.
+    A plugin that fails to load is listed in `failures` and affects no other. A name that two plugins offer for one
+    kind cannot be used; the error names both.
     """
 
     def __init__(self) -> None:
@@ -69,18 +70,18 @@ class Registry:
 
     @property
     def failures(self) -> tuple[LoadFailure, ...]:
-        """What could not be loaded, and why."""
+        """The plugins and components that could not be loaded, with reasons."""
         return tuple(self._failures)
 
     @property
     def conflicts(self) -> dict[tuple[Kind, str], tuple[str, ...]]:
-        """Names offered more than once, with their sources."""
+        """Names that are offered more than once, with their sources."""
         return {key: tuple(o.source for o in offers) for key, offers in self._offers.items() if len(offers) > 1}
 
     def offers(self, kind: Kind) -> tuple[Offer, ...]:
-        """Return what is offered of one kind, by name."""
-        found = [offers[0] for (its_kind, _), offers in self._offers.items() if its_kind == kind and len(offers) == 1]
-        return tuple(sorted(found, key=lambda offer: offer.component.name))
+        """Return the usable offers of one kind, ordered by name."""
+        usable = [offers[0] for key, offers in self._offers.items() if key[0] == kind and len(offers) == 1]
+        return tuple(sorted(usable, key=lambda offer: offer.component.name))
 
     def names(self, kind: Kind) -> tuple[str, ...]:
         """Return the usable names of one kind."""
@@ -92,18 +93,18 @@ class Registry:
         Raises
         ------
         PluginError
-            Nobody offers it, or more than one does.
+            No plugin offers it, or more than one.
         """
         offers = self._offers.get((kind, name), [])
         if len(offers) == 1:
             return offers[0]
         if offers:
             sources = " and ".join(offer.source for offer in offers)
-            raise PluginError(Fault("", f"the {kind} model '{name}' is offered by {sources}.", remedy=_PART_WITH_ONE))
+            raise PluginError(Fault("", f"the {kind} model '{name}' is offered by {sources}.", remedy=_CLASH_REMEDY))
         raise PluginError(self.unknown(kind, name))
 
     def unknown(self, kind: Kind, name: str) -> Fault:
-        """Describe the fault of naming a model that is not there."""
+        """Return the fault of an unknown model name."""
         remedy = did_you_mean(name, self.names(kind))
         for failure in self._failures:
             remedy += f"{' ' if remedy else ''}(Not loaded: {failure.source}: {failure.reason})"
@@ -111,20 +112,20 @@ class Registry:
         return Fault("", f"'{name}' is not a {kind} model.", listing(self.names(kind), 30), remedy)
 
     def named(self, name: str) -> tuple[Offer, ...]:
-        """Return the offers of this name, of whatever kind."""
+        """Return the offers of this name of any kind."""
         return tuple(offer for kind in KINDS for offer in self.offers(kind) if offer.component.name == name)
 
     def load_entry_points(self) -> None:
-        """Take in every installed plugin; the broken ones go to `failures`."""
+        """Load every installed plugin; a broken one is added to `failures`."""
         for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
             owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
             try:
-                self.add(_loaded(entry, owner), owner)
+                self.add(_load(entry, owner), owner)
             except PluginError as error:
                 self._failures.append(LoadFailure(owner, error.faults[0].problem))
 
     def load_file(self, path: str | Path) -> None:
-        """Take in one plugin file.
+        """Load one plugin file.
 
         Raises
         ------
@@ -136,8 +137,8 @@ class Registry:
             raise PluginError(Fault(str(path), "there is no such plugin file."))
         if file.resolve() in self._files:
             return
-        place = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]
-        name = f"dovetail_plugin_file_{file.stem}_{place}"  # files of one name in two folders are two modules
+        digest = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]
+        name = f"dovetail_plugin_file_{file.stem}_{digest}"  # files of the same name in two folders are two modules
         spec = importlib.util.spec_from_file_location(name, file)
         if spec is None or spec.loader is None:
             raise PluginError(Fault(str(path), "this is not a Python file.", "a file that ends in .py"))
@@ -147,26 +148,26 @@ class Registry:
             spec.loader.exec_module(module)
         except (Exception, SystemExit) as error:
             del sys.modules[name]
-            raise PluginError(Fault(_place(error, file), _reason(error))) from error
+            raise PluginError(Fault(_failing_line(error, file), _reason(error))) from error
         self.add(module, str(path), strict=True)
         self._files.add(file.resolve())
 
     def add(self, plugin: ModuleType | object, source: str, *, strict: bool = False) -> None:
-        """Take in a plugin module or object.
+        """Add the components of a plugin module or object.
 
         Parameters
         ----------
         plugin : module or object
-            What holds the hook.
+            Has the hook.
         source : str
-            Whom to name in messages.
+            Its name in messages.
         strict : bool
-            Raise for a single unfit component too, in place of putting it aside.
+            Raise an error for a single unfit component, in place of adding it to `failures`.
 
         Raises
         ------
         PluginError
-            The hook is missing, misspelt, fails, or returns something else than component classes.
+            The hook is missing, misspelt, fails, or does not return component classes.
         """
         for component in _components_of(plugin, source):
             reason = _unfitness(component)
@@ -180,8 +181,8 @@ class Registry:
                 offers.append(Offer(component, source))
 
 
-def _loaded(entry: EntryPoint, owner: str) -> object:
-    """Import what an entry point names."""
+def _load(entry: EntryPoint, owner: str) -> object:
+    """Import the object that an entry point names."""
     try:
         plugin: object = entry.load()
         return plugin
@@ -190,7 +191,7 @@ def _loaded(entry: EntryPoint, owner: str) -> object:
 
 
 def _reason(error: BaseException) -> str:
-    """Say in one sentence what an import raised."""
+    """Return the error of an import as one sentence."""
     if not isinstance(error, DovetailError):
         return f"{type(error).__name__}: {error}"
     fault = error.faults[0]
@@ -226,11 +227,13 @@ def _is_marked(plugin: ModuleType | object, name: str) -> bool:
 
 
 def _unfitness(component: Any) -> str:
-    """Say why a class cannot be taken in, or nothing."""
+    """Return why a class cannot be used as a component, or an empty text."""
     if not isinstance(component, type) or not issubclass(component, _CONTRACTS):
         contracts = ", ".join(contract.__name__ for contract in _CONTRACTS)
         return f"{component!r} is not a component class (a subclass of {contracts})."
     label = component.__qualname__
+    if problem := _version_problem(component.interface_versions):
+        return f"{label} {problem}"
     for attribute in ("name", "summary"):
         if not isinstance(getattr(component, attribute, None), str) or not getattr(component, attribute):
             return f"{label} has no '{attribute}'."
@@ -246,8 +249,19 @@ def _unfitness(component: Any) -> str:
     return ""
 
 
-def _place(error: BaseException, file: Path) -> str:
-    """Return file:line of where a plugin file failed."""
+def _version_problem(versions: Any) -> str:
+    """Return why a component with this range of interface versions cannot be used, or an empty text."""
+    match versions:
+        case (int(lowest), int(highest)) if lowest <= highest:
+            if lowest <= INTERFACE_VERSION <= highest:
+                return ""
+            accepted = f"version {lowest}" if lowest == highest else f"versions {lowest} to {highest}"
+            return f"was written for {accepted} of the plugin interface; this dovetail-frf has {INTERFACE_VERSION}."
+    return f"has {versions!r:.60} for its interface_versions, not its lowest and highest version, such as (1, 1)."
+
+
+def _failing_line(error: BaseException, file: Path) -> str:
+    """Return file:line at which a plugin file failed."""
     if isinstance(error, SyntaxError) and error.lineno:
         return f"{file}:{error.lineno}"
     line, trace = 0, error.__traceback__
@@ -260,7 +274,7 @@ def _place(error: BaseException, file: Path) -> str:
 
 @cache
 def installed_components() -> Registry:
-    """Return the registry of everything installed, discovered once."""
+    """Return the registry of all installed components, which is made once."""
     registry = Registry()
     registry.load_entry_points()
     return registry

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from dovetail.errors import DovetailError, Fault, PluginError, listing
-from dovetail.interfaces import KINDS, Component, Kind, blamed_on
+from dovetail.interfaces import KINDS, Component, Kind, plugin_errors
 from dovetail.registry import Registry, installed_components
 from dovetail.testing import (
     declared_checks,
@@ -35,7 +35,7 @@ _MODULES: Mapping[Kind, tuple[ModuleType, ...]] = {
 }
 
 _MAKING = "examples_make_components"
-_GROUND_FOR_OTHERS = frozenset(
+_PREREQUISITES = frozenset(
     {
         _MAKING,
         "ports_parameters_and_dofs_are_declared",
@@ -91,14 +91,14 @@ def components_named(name: str, registry: Registry | None = None) -> tuple[type[
     PluginError
         There are none, or it is offered more than once.
     """
-    found = registry or installed_components()
-    for kind, conflicting in found.conflicts:
+    registry = registry or installed_components()
+    for kind, conflicting in registry.conflicts:
         if conflicting == name:
-            found.find(kind, name)
-    offers = found.named(name)
+            registry.find(kind, name)
+    offers = registry.named(name)
     if not offers:
-        known = listing(sorted({word for kind in KINDS for word in found.names(kind)}), 30)
-        failures = " ".join(f"(Not loaded: {failure.source}: {failure.reason})" for failure in found.failures)
+        known = listing(sorted({word for kind in KINDS for word in registry.names(kind)}), 30)
+        failures = " ".join(f"(Not loaded: {failure.source}: {failure.reason})" for failure in registry.failures)
         raise PluginError(Fault("", f"there is no model '{name}'.", known, failures))
     return tuple(offer.component for offer in offers)
 
@@ -125,7 +125,7 @@ def _check_model(model: type[Component]) -> Iterator[CheckResult]:
         )
         yield making
         missing = "" if making.passed else making.name
-        subjects = [(each, each.component, _said(each, specimens)) for each in specimens]
+        subjects = [(each, each.component, _example_label(each, specimens)) for each in specimens]
         for module in _MODULES[model.kind]:
             for name, check in _named(module).items():
                 if missing:
@@ -134,7 +134,7 @@ def _check_model(model: type[Component]) -> Iterator[CheckResult]:
                     continue
                 result = _outcome(label, name, check, subjects)
                 yield result
-                if result.outcome == "failed" and name in _GROUND_FOR_OTHERS:
+                if result.outcome == "failed" and name in _PREREQUISITES:
                     missing = name
 
 
@@ -155,7 +155,7 @@ def _specimens(model: type[Component], folder: Path) -> list[Specimen]:
     return specimens
 
 
-def _said(specimen: Specimen, specimens: list[Specimen]) -> str:
+def _example_label(specimen: Specimen, specimens: list[Specimen]) -> str:
     """Say which example a fault is of, where there are several."""
     return f"with {dict(specimen.options)!r:.120}: " if len(specimens) > 1 else ""
 
@@ -165,14 +165,14 @@ def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any,
     reasons = []
     for subject, component, said in subjects:
         try:
-            with blamed_on(component, label):
+            with plugin_errors(component, label):
                 check(subject)
         except NotApplicable as reason:
             reasons.append(str(reason))
         except Nonconformity as fault:
             return CheckResult(label, name, "failed", f"{said}{fault.problem}", fault.remedy)
         except Exception as error:  # a plugin may raise anything, and answer with anything
-            return CheckResult(label, name, "failed", f"{said}{_told(error)}", _REMEDY)
+            return CheckResult(label, name, "failed", f"{said}{_failure_text(error)}", _REMEDY)
     if len(reasons) == len(subjects):
         return CheckResult(label, name, "not applicable", reasons[0])
     return CheckResult(label, name, "passed")
@@ -181,7 +181,7 @@ def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any,
 _REMEDY = "The check could not go on."
 
 
-def _told(error: Exception) -> str:
+def _failure_text(error: Exception) -> str:
     if not isinstance(error, DovetailError):
         return f"{type(error).__name__}: {error}"
     fault = error.faults[0]

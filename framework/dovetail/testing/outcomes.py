@@ -1,4 +1,4 @@
-"""What a check of the conformance kit finds."""
+"""The outcome of a check of the conformance kit."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ class Nonconformity(Exception):  # noqa: N818  not an error of the kit
 
     Parameters
     ----------
-    found : str
+    problem : str
         One sentence.
     remedy : str
         What its author should do, as a sentence.
     """
 
-    def __init__(self, found: str, remedy: str = "") -> None:
-        super().__init__(found)
-        self.found = found
+    def __init__(self, problem: str, remedy: str = "") -> None:
+        super().__init__(problem)
+        self.problem = problem
         self.remedy = remedy
 
 
@@ -43,8 +43,8 @@ class CheckResult:
         Of the check.
     outcome : 'passed', 'failed', 'not run' or 'not applicable'
         A check is not run where an earlier one, on which it builds, has failed.
-    found : str
-        What was found, as a sentence; the reason where the check was not run or does not apply.
+    problem : str
+        What is wrong, as a sentence; the reason where the check was not run or does not apply.
     remedy : str
         What to do about it.
     """
@@ -52,12 +52,12 @@ class CheckResult:
     component: str
     name: str
     outcome: Outcome
-    found: str = ""
+    problem: str = ""
     remedy: str = ""
 
     @property
     def passed(self) -> bool:
-        """Whether the check was run and found nothing."""
+        """Whether the check was run and nothing was wrong."""
         return self.outcome == "passed"
 
     @property
@@ -68,5 +68,5 @@ class CheckResult:
     def __str__(self) -> str:
         line = f"{self.outcome:<15} {self.name.replace('_', ' ')}"
         if self.outcome != "failed":
-            return f"{line}: {self.found}" if self.found else line
-        return "\n".join([line, *(f"{'':<15}   {text}" for text in (self.found, self.remedy) if text)])
+            return f"{line}: {self.problem}" if self.problem else line
+        return "\n".join([line, *(f"{'':<15}   {text}" for text in (self.problem, self.remedy) if text)])
