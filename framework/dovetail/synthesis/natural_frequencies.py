@@ -102,6 +102,6 @@ def _elastic_modes(K: Any, M: Any, shapes: NDArray[np.float64], strain_floor: fl
     """Yield the frequencies [Hz] of those shapes that deform the structure."""
     stiffness = abs(K)
     for shape in shapes.T:
-        strain = shape @ (K @ shape)
-        if strain > strain_floor * (abs(shape) @ (stiffness @ abs(shape))):
-            yield np.sqrt(strain / (shape @ (M @ shape))) / (2.0 * np.pi)
+        strain = shape @ K @ shape
+        if strain > strain_floor * (abs(shape) @ stiffness @ abs(shape)):
+            yield np.sqrt(strain / (shape @ M @ shape)) / (2.0 * np.pi)
