@@ -1,4 +1,4 @@
-"""The components that ship with Dovetail; they come in by the same door as anybody's."""
+"""The components that ship with Dovetail, registered by the same hook as any plugin's."""
 
 from __future__ import annotations
 

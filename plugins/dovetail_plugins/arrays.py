@@ -1,4 +1,4 @@
-"""Checks of the arrays that reducers and regressors are given."""
+"""Checks of the arrays that reducers and regressors take, and of those in their states."""
 
 from __future__ import annotations
 

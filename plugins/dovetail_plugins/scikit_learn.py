@@ -1,7 +1,7 @@
 """Estimators of scikit-learn by their names, and their state as arrays.
 
-Only what scikit-learn itself exports is found, options are plain values, and a state holds arrays and plain values:
-neither a description nor a model's folder can run code by it.
+Only scikit-learn's own estimators can be named, options are plain values, and a state holds arrays and plain values.
+So neither a description nor a model's folder can run code by it.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -35,22 +33,10 @@ _STRUCTURE = "structure"
 
 @cache
 def _exported() -> dict[str, type]:
-    """Return the estimators that scikit-learn's public modules export, by name."""
-    import sklearn
-    from sklearn.base import BaseEstimator
+    """Return the estimators of scikit-learn by their names."""
+    from sklearn.utils import all_estimators
 
-    found = {}
-    for name in sklearn.__all__:
-        if find_spec(f"sklearn.{name}") is None:
-            continue
-        module = import_module(f"sklearn.{name}")
-        defined = {word: entry for word, entry in vars(module).items() if not word.startswith("_")}
-        own = [word for word, entry in defined.items() if getattr(entry, "__module__", "") == module.__name__]
-        for word in getattr(module, "__all__", own):
-            entry = defined.get(word)
-            if isinstance(entry, type) and issubclass(entry, BaseEstimator) and not inspect.isabstract(entry):
-                found[word] = entry
-    return found
+    return dict(all_estimators())
 
 
 def estimator_class(name: str, method: str) -> Any:
@@ -246,7 +232,7 @@ def _decode(node: Any, arrays: Mapping[str, Any]) -> Any:
     if not isinstance(node, dict):
         return node
     if "estimator" in node:
-        model = _exported()[node["estimator"]]
+        model: Any = _exported()[node["estimator"]]
         estimator = model.__new__(model)
         vars(estimator).update({name: _decode(entry, arrays) for name, entry in node["with"].items()})
         return estimator

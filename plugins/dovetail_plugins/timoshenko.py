@@ -142,15 +142,11 @@ def chain(elements: StructuralMatrices) -> StructuralMatrices:
     """
     count = elements.K.shape[-3]
     joined = StructuralMatrices.zeros(*elements.K.shape[:-3], 2 * (count + 1))
-    for whole, parts in (
-        (joined.M, elements.M),
-        (joined.K, elements.K),
-        (joined.C, elements.C),
-        (joined.D, elements.D),
-    ):
+    for name in "MKCD":
+        matrix, blocks = getattr(joined, name), getattr(elements, name)
         for index in range(count):
-            here = slice(2 * index, 2 * index + 4)
-            whole[..., here, here] += parts[..., index, :, :]
+            dofs = slice(2 * index, 2 * index + 4)
+            matrix[..., dofs, dofs] += blocks[..., index, :, :]
     return joined
 
 

@@ -173,3 +173,61 @@ def test_matrices_are_symmetric_and_cost_nothing_in_rigid_motion(model, options,
     positions = 0.02 * np.arange(nodes)
     motion = np.column_stack([np.tile([1.0, 0.0], 2 * nodes), np.tile(np.c_[positions, np.ones(nodes)].ravel(), 2)])
     assert np.abs(matrices.K @ motion).max() < 1e-9 * np.abs(matrices.K).max()
+
+
+class Spring(dovetail.JointModel):
+    """A spring whose stiffness is linear in k, not in the exponent p, and grows no more beyond the range of k."""
+
+    name, summary = "spring", "Test joint"
+    parameters = (dovetail.Parameter("k", "N/m", 1e3, 1e6, "log"), dovetail.Parameter("p", "1", 0.5, 2.0))
+    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+
+    def stiffness(self, k, p):
+        return np.minimum(k, 2e6) + 1e5 * p**3
+
+    def matrices(self, theta):
+        made = dovetail.StructuralMatrices.zeros(len(theta), 4)
+        made.K[:] = self.stiffness(*theta.T)[:, None, None] * np.outer([1, 0, -1, 0], [1, 0, -1, 0])
+        return made
+
+
+class Kinked(Spring):
+    """The same with a stiffness that bends inside the range of k."""
+
+    def stiffness(self, k, p):
+        return k + np.maximum(k - 9.9e5, 0.0) + 1e5 * p**3
+
+
+class Product(Spring):
+    """Linear in k, with a slope that depends on p."""
+
+    def stiffness(self, k, p):
+        return k * p**3
+
+
+THETA = np.array([[2e3, 0.7], [5e5, 1.0], [9.95e5, 1.9], [1.5e6, 1.2], [3e6, 1.0], [0.0, 0.0]])
+K, P = THETA.T
+
+
+@pytest.mark.parametrize(
+    ("model", "by_k", "by_p"),
+    [
+        (Spring, K < 2e6, 3e5 * P**2),
+        (Kinked, 1.0 + (K > 9.9e5), 3e5 * P**2),
+        (Product, P**3, 3 * K * P**2),
+    ],
+)
+def test_derivatives_are_exact_where_linear_and_accurate_elsewhere(model, by_k, by_p):
+    derivatives = model().matrices_jacobian(THETA)
+    np.testing.assert_allclose(derivatives[0].K[:, 0, 0], by_k, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(derivatives[1].K[:, 0, 0], by_p, rtol=1e-10, atol=1e-3)
+    for row in range(len(THETA)):
+        for alone, together in zip(model().matrices_jacobian(THETA[row : row + 1]), derivatives, strict=True):
+            np.testing.assert_array_equal(alone.K[0], together.K[row])
+    assert all(
+        np.array_equal(derivative.K[0], derivative.K[0].T) and not derivative.M.any() for derivative in derivatives
+    )
+
+
+def test_a_joint_without_parameters_has_no_derivatives():
+    assert joint("rigid").matrices_jacobian(np.empty((3, 0))) == []

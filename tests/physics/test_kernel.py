@@ -84,13 +84,17 @@ def test_amplitude_is_the_magnitude_in_single_precision(collet):
     np.testing.assert_allclose(amplitude, np.abs(collet.frf(theta)), rtol=3e-7)
 
 
-def test_the_collets_own_derivatives_are_the_differences_of_its_matrices(collet):
+def test_the_collets_derivatives_are_the_differences_of_its_matrices(collet):
     model = collet.graph.connections["collet"].model
     theta = latin_hypercube(collet, 4, seed=9)
-    for own, difference in zip(model.matrices_jacobian(theta), JointModel.matrices_jacobian(model, theta), strict=True):
+    for column, derivative in enumerate(model.matrices_jacobian(theta)):
+        step = 1e-5 * theta * np.eye(theta.shape[1])[column]
+        above, below = model.matrices(theta + step), model.matrices(theta - step)
         for part in "MKCD":
-            expected = getattr(difference, part)
-            np.testing.assert_allclose(getattr(own, part), expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
+            expected = (getattr(above, part) - getattr(below, part)) / (2 * step[:, column, None, None])
+            np.testing.assert_allclose(
+                getattr(derivative, part), expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max()
+            )
 
 
 def test_no_samples_give_no_frfs(collet):

@@ -5,21 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
+from broken import breaks
 from pydantic import ConfigDict, Field
 
 from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
 
-BROKEN: dict[str, type[JointModel]] = {}
 BETWEEN = np.outer([1.0, 0.0, -1.0, 0.0], [1.0, 0.0, -1.0, 0.0])
 TILT = np.outer([0.0, 1.0, 0.0, -1.0], [0.0, 1.0, 0.0, -1.0])
-
-
-def breaks(check: str):
-    def enter(model):
-        BROKEN[check] = model
-        return model
-
-    return enter
 
 
 class SoundJoint(JointModel):

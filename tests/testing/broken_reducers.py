@@ -5,26 +5,9 @@ from __future__ import annotations
 import pickle
 
 import numpy as np
+from broken import breaks, checked
 
-from dovetail import DovetailError, FittedReducer, Reducer
-
-BROKEN: dict[str, type[Reducer]] = {}
-
-
-def breaks(check: str):
-    def enter(model):
-        BROKEN[check] = model
-        return model
-
-    return enter
-
-
-def checked(features, width=None):
-    if not np.isfinite(features).all():
-        raise DovetailError("a feature is not finite.")
-    if width not in (None, features.shape[1]):
-        raise DovetailError("another width.")
-    return features
+from dovetail import FittedReducer, Reducer
 
 
 class FittedProjection(FittedReducer):

@@ -3,26 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from broken import breaks, checked
 
-from dovetail import DovetailError, FittedRegressor, Regressor, silent
-
-BROKEN: dict[str, type[Regressor]] = {}
-
-
-def breaks(check: str):
-    def enter(model):
-        BROKEN[check] = model
-        return model
-
-    return enter
-
-
-def checked(features, width=None):
-    if not np.isfinite(features).all():
-        raise DovetailError("a feature is not finite.")
-    if width not in (None, features.shape[1]):
-        raise DovetailError("another width.")
-    return features.astype(float)
+from dovetail import FittedRegressor, Regressor, silent
 
 
 class FittedLine(FittedRegressor):
@@ -32,7 +15,7 @@ class FittedLine(FittedRegressor):
         self.weights, self.mean = weights, mean
 
     def predict(self, features):
-        return checked(features, len(self.weights)) @ self.weights + self.mean
+        return checked(features, len(self.weights)).astype(float) @ self.weights + self.mean
 
     def state(self):
         return {"weights": self.weights.copy(), "mean": self.mean.copy()}
@@ -47,7 +30,7 @@ class SoundRegressor(Regressor):
     def fit(self, features, targets, *, seed, progress=silent):
         """Solve for the weights."""
         mean = targets.mean(axis=0)
-        weights = np.linalg.lstsq(checked(features), targets - mean, rcond=None)[0]
+        weights = np.linalg.lstsq(checked(features).astype(float), targets - mean, rcond=None)[0]
         progress("regressor", 1, 1, "done")
         return FittedLine(weights, mean)
 

@@ -5,20 +5,12 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
+from broken import breaks
 from pydantic import Field
 
 from dovetail import ComponentConfig, Node, StructuralMatrices, SubstructureModel
 
-BROKEN: dict[str, type[SubstructureModel]] = {}
 _LENGTH, _MASS, _BENDING = 0.4, 2.0, 200.0
-
-
-def breaks(check: str):
-    def enter(model):
-        BROKEN[check] = model
-        return model
-
-    return enter
 
 
 def euler_beam(elements: int) -> StructuralMatrices:

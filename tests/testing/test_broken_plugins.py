@@ -5,19 +5,20 @@ from __future__ import annotations
 import importlib
 
 import pytest
+from broken import BROKEN
 
 from dovetail.testing import check_component, check_names
 
 KINDS = {"joint": "joints", "substructure": "substructures", "reducer": "reducers", "regressor": "regressors"}
 PLUGINS = {kind: importlib.import_module(f"broken_{name}") for kind, name in KINDS.items()}
-CASES = [(kind, check) for kind, module in PLUGINS.items() for check in module.BROKEN]
+CASES = [(kind, check) for kind in PLUGINS for check in BROKEN[kind]]
 
 
 @pytest.mark.parametrize(("kind", "check"), CASES)
 def test_the_fault_is_found_by_the_check_that_is_there_for_it(kind, check):
-    results = check_component(PLUGINS[kind].BROKEN[check])
-    assert [(result.name, result.found) for result in results if result.outcome == "failed"] == [
-        (check, results[[result.name for result in results].index(check)].found)
+    results = check_component(BROKEN[kind][check])
+    assert [(result.name, result.problem) for result in results if result.outcome == "failed"] == [
+        (check, results[[result.name for result in results].index(check)].problem)
     ]
     assert [result.name for result in results] == list(check_names(kind))
 
@@ -29,7 +30,7 @@ def test_the_sound_one_passes_every_check(kind):
 
 
 def test_no_check_is_without_its_broken_plugin():
-    caught = {check for module in PLUGINS.values() for check in module.BROKEN}
+    caught = {check for kind in PLUGINS for check in BROKEN[kind]}
     assert {check for kind in KINDS for check in check_names(kind)} == caught
 
 
@@ -41,7 +42,7 @@ def test_there_are_more_than_ten_checks_of_each_kind(kind):
 def test_a_pickle_hidden_in_an_array_is_found():
     (red,) = [result for result in check_component(PLUGINS["reducer"].Pickled) if result.outcome == "failed"]
     assert red.name == "a_fresh_process_gives_the_same_answers"
-    assert "unpickles numpy" in red.found
+    assert "unpickles numpy" in red.problem
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ import ast
 from pathlib import Path
 
 import pytest
-from broken_joints import BROKEN, SoundJoint
+from broken import BROKEN
+from broken_joints import SoundJoint
 
 import dovetail.testing
 from dovetail.errors import PluginError
@@ -32,7 +33,7 @@ def test_the_parametrisation_gives_a_test_for_each_check(check):
 
 
 def test_the_parametrisation_names_model_and_check_and_fails_with_the_reason():
-    checks = conformance("none", BROKEN["matrices_are_symmetric"]).args[1]
+    checks = conformance("none", BROKEN["joint"]["matrices_are_symmetric"]).args[1]
     assert len(checks) == len(check_names("reducer")) + len(check_names("joint"))
     assert checks[0].id == "none-name_summary_and_references_are_texts"
     (red,) = [c.values[0] for c in checks if c.id == "sound_joint-matrices_are_symmetric"]
@@ -41,7 +42,7 @@ def test_the_parametrisation_names_model_and_check_and_fails_with_the_reason():
 
 
 def test_what_builds_on_a_failed_check_is_listed_as_not_run():
-    results = check_component(BROKEN["matrices_have_the_shape_of_the_dofs"])
+    results = check_component(BROKEN["joint"]["matrices_have_the_shape_of_the_dofs"])
     names = list(check_names("joint"))
     after = names[names.index("matrices_have_the_shape_of_the_dofs") + 1 :]
     assert [result.name for result in results if result.outcome == "not run"] == after
@@ -50,7 +51,7 @@ def test_what_builds_on_a_failed_check_is_listed_as_not_run():
 
 @pytest.mark.parametrize("switch", ["_skip_test", "skip", "checks", "_checks", "conformance"])
 def test_nothing_in_a_class_switches_checks_off(switch):
-    quiet = type("Quiet", (BROKEN["matrices_are_symmetric"],), {"__doc__": "Quiet.", switch: True})
+    quiet = type("Quiet", (BROKEN["joint"]["matrices_are_symmetric"],), {"__doc__": "Quiet.", switch: True})
     (red,) = [result for result in check_component(quiet) if result.outcome == "failed"]
     assert red.name == "matrices_are_symmetric"
 
@@ -83,8 +84,8 @@ def test_an_exception_in_a_plugin_is_told_with_its_place():
 
     (red,) = [result for result in check_component(Raising) if result.outcome == "failed"]
     assert red.name == "matrices_have_the_shape_of_the_dofs"
-    assert "test_check_component.py:" in red.found
-    assert "ZeroDivisionError: division by zero" in red.found
+    assert "test_check_component.py:" in red.problem
+    assert "ZeroDivisionError: division by zero" in red.problem
 
 
 def test_a_name_that_is_not_there_says_what_failed_to_load():

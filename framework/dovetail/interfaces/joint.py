@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from numbers import Integral, Real
 from typing import ClassVar, Literal, get_args
 
@@ -13,18 +14,17 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
+from dovetail.interfaces.differentiation import STENCIL, Differentiation, difference_steps
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 
 __all__ = ["JointModel", "Parameter", "Port", "Scale"]
 
 Scale = Literal["linear", "log"]
-_STIFFNESS_STEP = 1e-3
-"""Step of differences of the dynamic stiffness, as a part of the parameter."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a joint and the range in which it is sought.
+    """A parameter of a joint and the range in which it is identified.
 
     Parameters
     ----------
@@ -82,8 +82,8 @@ class Parameter:
     def to_unit(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map values in `unit` to fractions of the range (0 to 1, on the parameter's scale)."""
         low, high = self._ends()
-        given = np.asarray(value, dtype=np.float64)
-        return ((np.log(given) if self.scale == "log" else given) - low) / (high - low)
+        position = np.asarray(value, dtype=np.float64)
+        return ((np.log(position) if self.scale == "log" else position) - low) / (high - low)
 
     def _ends(self) -> tuple[float, float]:
         if self.scale == "log":
@@ -120,10 +120,9 @@ class Port:
 
 
 class JointModel(Component):
-    """A connection whose parameters are sought.
+    """A connection whose parameters are identified.
 
-    Its local DOFs are those of its ports, port by port and node by node, x then rz, followed by `internal_dofs`
-    of its own.
+    Its local DOFs are those of its ports, port by port and node by node, x then rz. Its internal DOFs follow.
     """
 
     kind: ClassVar[Kind] = "joint"
@@ -140,7 +139,7 @@ class JointModel(Component):
 
     @property
     def internal_dofs(self) -> int:
-        """Number of DOFs that belong to the joint alone, behind those of its ports."""
+        """Number of DOFs that belong to the joint alone, after those of its ports."""
         return 0
 
     @property
@@ -154,7 +153,7 @@ class JointModel(Component):
 
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:
-        """Pairs of local DOFs that are one and the same, as in a rigid joint."""
+        """Pairs of local DOFs that are the same DOF, as in a rigid joint."""
         return ()
 
     @property
@@ -185,7 +184,8 @@ class JointModel(Component):
             By the name of the parameter at fault, a sentence that says what is wrong with its range.
         """
         objections = {}
-        for name, parameter in ((parameter.name, parameter) for parameter in self.parameters):
+        for parameter in self.parameters:
+            name = parameter.name
             if parameter.lower >= 0 > lower[name]:
                 ends = dict.fromkeys(f"{end:g}" for end in (lower[name], upper[name]))
                 objections[name] = f"{name} must not be negative, but is {' to '.join(ends)} {parameter.unit} here."
@@ -207,7 +207,11 @@ class JointModel(Component):
         """
 
     def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
-        """Return the derivatives of `matrices` by each parameter, by central differences unless overridden.
+        """Return the derivatives of `matrices` by each parameter.
+
+        A joint need not override it. Where the matrices are linear in a parameter over its whole range, whatever the
+        others are, the derivative is exact; elsewhere it is a central difference of fourth order, whose error is some
+        1e-12 of the entry over the parameter.
 
         Parameters
         ----------
@@ -218,23 +222,18 @@ class JointModel(Component):
         sequence of n_params StructuralMatrices
             Of (n, d, d) arrays, per unit of the parameter.
         """
-        derivatives = []
-        for column, parameter in enumerate(self.parameters):
-            step = 1e-5 * np.maximum(np.abs(theta[:, column]), 1e-3 * (parameter.upper - parameter.lower))
-            above, below = theta.copy(), theta.copy()
-            above[:, column] += step
-            below[:, column] -= step
-            high, low = self.matrices(above), self.matrices(below)
-            width = (above[:, column] - below[:, column])[:, None, None]
-            derivatives.append(
-                StructuralMatrices(
-                    (high.M - low.M) / width,
-                    (high.K - low.K) / width,
-                    (high.C - low.C) / width,
-                    (high.D - low.D) / width,
-                )
-            )
-        return derivatives
+        return self._differentiation.jacobian(theta)
+
+    @cached_property
+    def _range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper ends of the parameters' ranges, (n_params,) each."""
+        ends = [(parameter.lower, parameter.upper) for parameter in self.parameters]
+        lower, upper = np.array(ends, dtype=np.float64).reshape(-1, 2).T
+        return lower, upper
+
+    @cached_property
+    def _differentiation(self) -> Differentiation:
+        return Differentiation(self.matrices, self.size, *self._range)
 
     def dynamic_stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return Z = K + iD + i omega C - omega^2 M; override it for a joint that depends on frequency otherwise.
@@ -256,9 +255,9 @@ class JointModel(Component):
     ) -> Iterable[NDArray[np.complex128]]:
         """Return the derivatives of `dynamic_stiffness` by each parameter.
 
-        By default they come from `matrices_jacobian`, or, for a joint that overrides `dynamic_stiffness`, from its
-        central differences of fourth order over two steps of a thousandth of the parameter either way. Their error is
-        below 1e-9 of the derivative where the parameter matters; override this method where it can be had exactly.
+        By default they come from `matrices_jacobian`. For a joint that overrides `dynamic_stiffness` they are central
+        differences of fourth order, with an error below 1e-9 of the derivative where the parameter matters. Override
+        this method where they can be had exactly.
 
         Parameters
         ----------
@@ -278,13 +277,12 @@ class JointModel(Component):
     def _stiffness_difference(
         self, frequency: NDArray[np.float64], theta: NDArray[np.float64], column: int
     ) -> NDArray[np.complex128]:
-        """Differentiate the dynamic stiffness by one parameter: (8 (Z+ - Z-) - (Z++ - Z--)) / 12 h."""
-        parameter = self.parameters[column]
-        step = _STIFFNESS_STEP * np.maximum(np.abs(theta[:, column]), 1e-3 * (parameter.upper - parameter.lower))
+        """Differentiate the dynamic stiffness by one parameter, by differences, without holding more than one term."""
+        step = difference_steps(theta, *self._range)[:, column]
         total = np.zeros((len(theta), len(frequency), self.size, self.size), dtype=np.complex128)
-        for steps, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+        for distance, weight in STENCIL:
             moved = theta.copy()
-            moved[:, column] += steps * step
+            moved[:, column] += distance * step
             total += weight * self.dynamic_stiffness(frequency, moved)
         total /= 12.0 * step[:, None, None, None]
         return total

@@ -1,4 +1,4 @@
-"""Checks that reducers and regressors share: what fitting gives, and what is left of it in a file."""
+"""Checks that reducers and regressors share: what fitting gives, and what a file keeps of it."""
 
 from __future__ import annotations
 
@@ -70,14 +70,16 @@ def check_one_alone_is_as_in_a_batch(specimen: FittedSpecimen) -> None:
     """One FRF gives the same answer by itself and among others: a measurement comes alone."""
     batch = specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())
     alone = [specimen.answer(specimen.fitted, specimen.features[row : row + 1].copy())[0] for row in range(_FEW)]
-    _alike(np.stack(alone), batch, "a row alone gives another answer than in a batch", "Let each row depend on itself.")
+    _compare(
+        np.stack(alone), batch, "a row alone gives another answer than in a batch", "Let each row depend on itself."
+    )
 
 
 def check_the_order_of_rows_does_not_matter(specimen: FittedSpecimen) -> None:
     """Rows in another order give the same answers in that order."""
     batch = specimen.answer(specimen.fitted, specimen.features.copy())
     turned = specimen.answer(specimen.fitted, specimen.features[::-1].copy())[::-1]
-    _alike(turned, batch, "rows in another order give other answers", "Let each row depend on itself, not its place.")
+    _compare(turned, batch, "rows in another order give other answers", "Let each row depend on itself, not its place.")
 
 
 def check_asking_changes_nothing(specimen: FittedSpecimen) -> None:
@@ -124,7 +126,7 @@ def check_restoring_brings_back_the_answers(specimen: FittedSpecimen) -> None:
     again = specimen.component.restore(specimen.fitted.state())
     answer = specimen.answer(again, specimen.features[:_FEW].copy())
     fitted = specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())
-    _alike(answer, fitted, "restored from its state it answers otherwise", "Put all that was fitted into state().")
+    _compare(answer, fitted, "restored from its state it answers otherwise", "Put all that was fitted into state().")
 
 
 def check_a_fresh_process_gives_the_same_answers(specimen: FittedSpecimen) -> None:
@@ -132,7 +134,7 @@ def check_a_fresh_process_gives_the_same_answers(specimen: FittedSpecimen) -> No
     answer = answer_of_a_fresh_process(specimen, specimen.features[:_FEW])
     fitted = specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())
     problem = "in a fresh process it answers otherwise"
-    _alike(answer, fitted, problem, "Let restore depend on the state and the Config alone.")
+    _compare(answer, fitted, problem, "Let restore depend on the state and the Config alone.")
 
 
 def check_values_that_are_not_finite_are_refused(specimen: FittedSpecimen) -> None:
@@ -160,7 +162,7 @@ def check_another_width_is_refused(specimen: FittedSpecimen) -> None:
     raise Nonconformity(problem, "Compare features.shape[1] with that of the training features.")
 
 
-def _alike(given: NDArray[Any], wanted: NDArray[Any], found: str, remedy: str) -> None:
+def _compare(answer: NDArray[Any], wanted: NDArray[Any], problem: str, remedy: str) -> None:
     greatest = float(np.abs(wanted).max(initial=0.0)) or 1.0
-    if given.shape != wanted.shape or not float(np.abs(given - wanted).max()) <= _ALIKE * greatest:
-        raise Nonconformity(f"{found}.", remedy)
+    if answer.shape != wanted.shape or not float(np.abs(answer - wanted).max()) <= _ALIKE * greatest:
+        raise Nonconformity(f"{problem}.", remedy)

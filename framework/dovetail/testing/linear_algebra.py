@@ -57,9 +57,9 @@ def asymmetry(matrices: NDArray[np.complex128] | NDArray[np.float64]) -> float:
     return float(np.abs(matrices - np.swapaxes(matrices, -1, -2)).max() / greatest)
 
 
-def relative_difference(one: NDArray[Any], other: NDArray[Any]) -> float:
-    """Return the greatest difference of two arrays over the greatest entry of the second."""
-    if one.size == 0:
+def relative_difference(values: NDArray[Any], reference: NDArray[Any]) -> float:
+    """Return the greatest difference of two arrays over the greatest entry of the reference."""
+    if values.size == 0:
         return 0.0
-    greatest = float(np.abs(other).max()) or 1.0
-    return float(np.abs(one - other).max()) / greatest
+    greatest = float(np.abs(reference).max()) or 1.0
+    return float(np.abs(values - reference).max()) / greatest

@@ -122,15 +122,15 @@ def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
     _moving(specimen)
     M, K, C, D = (dense(getattr(matrices, part)) for part in "MKCD")
     active = np.union1d(np.flatnonzero(((M != 0) | (K != 0) | (C != 0) | (D != 0)).any(axis=0)), specimen.dofs)
-    places = np.searchsorted(active, specimen.dofs)
-    for line, given in zip(FREQUENCY, specimen.receptance, strict=True):
+    rows = np.searchsorted(active, specimen.dofs)
+    for line, receptance in zip(FREQUENCY, specimen.receptance, strict=True):
         omega = 2.0 * np.pi * line
         Z = ((K - omega**2 * M) + 1j * (D + omega * C))[np.ix_(active, active)]
         scale = 1.0 / np.sqrt(np.abs(np.diag(Z)))
         inverse = scale[:, None] * np.linalg.inv(scale[:, None] * Z * scale) * scale
-        wanted = inverse[np.ix_(places, places)]
+        wanted = inverse[np.ix_(rows, rows)]
         size = np.sqrt(np.outer(np.abs(np.diag(wanted)), np.abs(np.diag(wanted))))
-        if relative_difference(given / size, wanted / size) > _SOLVED:
+        if relative_difference(receptance / size, wanted / size) > _SOLVED:
             problem = f"at {line:.4g} Hz receptance is not what the matrices give."
             raise Nonconformity(problem, "Leave receptance to the base class, or make both say the same.")
 
@@ -139,7 +139,7 @@ def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> 
     """The receptance between some DOFs, in their order, is a part of that between all."""
     _moving(specimen)
     order = np.arange(len(specimen.dofs))[::-2]
-    part = specimen.component.receptance(FREQUENCY.copy(), [specimen.dofs[place] for place in order])
+    part = specimen.component.receptance(FREQUENCY.copy(), [specimen.dofs[index] for index in order])
     if relative_difference(part, specimen.receptance[:, order[:, None], order]) > _SOLVED:
         problem = "the receptance between some DOFs is not that part of the receptance between more of them."
         raise Nonconformity(problem, "Give rows and columns in the order of `dofs`.")

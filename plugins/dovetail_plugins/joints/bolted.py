@@ -111,4 +111,4 @@ class Bolted(JointModel):
         """Displacements at the middle of the lap that carry the bolt, and the share of its mass on each."""
         nodes = int(self.config.nodes)
         middle = sorted({(nodes - 1) // 2, nodes // 2})
-        return [(2 * (part * nodes + node), 0.5 / len(middle)) for part in (0, 1) for node in middle]
+        return [(2 * (side * nodes + node), 0.5 / len(middle)) for side in (0, 1) for node in middle]

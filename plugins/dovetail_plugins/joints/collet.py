@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -45,7 +44,7 @@ class Collet(JointModel):
 
     name = "collet"
     summary = "Spring collet with nut between a tool and a holder: two contact layers, twelve parameters"
-    references = ("Reference method, section 4.1 and Eq. 9",)
+    references = ("Processes 14 (2026) 1875, doi:10.3390/pr14121875, section 4.1 and Eq. 9",)
     parameters = _PARAMETERS
     ports = (Port("tool", _CONTACTS), Port("holder", _CONTACTS))
 
@@ -100,59 +99,25 @@ class Collet(JointModel):
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, 12); D = eta K of the collet's beam."""
+        Dc, dc, mn1, mn2, kt_tc, kr_tc, ct_tc, cr_tc, kt_hc, kr_hc, ct_hc, cr_hc = theta.T
         joint = StructuralMatrices.zeros(len(theta), self.size)
-        self._add_beam(joint, self._element(theta[:, 0], theta[:, 1]))
-        self._add_nut_and_layers(joint, theta[:, 2:])
-        return joint
-
-    def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
-        """Return the derivatives: of the beam by central differences, of everything else as it stands, linear."""
-        shape = (len(theta), self.size, self.size)
-        constant = [
-            StructuralMatrices(*(np.broadcast_to(part, shape) for part in _parts(joint)))
-            for joint in self._nut_and_layers_derivatives
-        ]
-        return [*(self._beam_derivative(theta, column) for column in (0, 1)), *constant]
-
-    @cached_property
-    def _nut_and_layers_derivatives(self) -> tuple[StructuralMatrices, ...]:
-        """The derivatives by mn1 to cr_hc, (1, d, d) each: the same for all parameter vectors."""
-        derivatives = []
-        for one in np.eye(len(_PARAMETERS) - 2)[:, None, :]:
-            joint = StructuralMatrices.zeros(1, self.size)
-            self._add_nut_and_layers(joint, one)
-            derivatives.append(joint)
-        return tuple(derivatives)
-
-    def _beam_derivative(self, theta: NDArray[np.float64], column: int) -> StructuralMatrices:
-        step = 1e-5 * theta[:, :2] * np.eye(2)[column]
-        above, below = (self._element(*(theta[:, :2] + sign * step).T) for sign in (1.0, -1.0))
-        width = 2.0 * step[:, column, None, None]
-        slopes = ((upper - lower) / width for upper, lower in zip(_parts(above), _parts(below), strict=True))
-        joint = StructuralMatrices.zeros(len(theta), self.size)
-        self._add_beam(joint, StructuralMatrices(*slopes))
-        return joint
-
-    def _add_nut_and_layers(self, joint: StructuralMatrices, theta: NDArray[np.float64]) -> None:
-        mn1, mn2, kt_tc, kr_tc, ct_tc, cr_tc, kt_hc, kr_hc, ct_hc, cr_hc = theta.T
+        self._add_beam(joint, Dc, dc)
         for node, mass in ((0, mn1), (1, mn2)):
             joint.M[:, self._collet_dof(node), self._collet_dof(node)] += mass
         for port, kt, kr, ct, cr in (("tool", kt_tc, kr_tc, ct_tc, cr_tc), ("holder", kt_hc, kr_hc, ct_hc, cr_hc)):
             add_contact_layer(joint, self._facing(port)[0::2], kt, ct)
             add_contact_layer(joint, self._facing(port)[1::2], kr, cr)
+        return joint
 
-    def _element(self, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> StructuralMatrices:
-        """Return the matrices (n, 4, 4) of one element of the collet's beam."""
-        length = self.config.segment / int(self.config.elements_per_segment)
-        return element_matrices(length, circle(outer, inner, self.config.material.poisson), self.config.material)
-
-    def _add_beam(self, joint: StructuralMatrices, element: StructuralMatrices) -> None:
-        """Add the beam of equal elements; it has no viscous damping."""
-        first = self._collet_dof(0)
-        for whole, part in ((joint.M, element.M), (joint.K, element.K), (joint.D, element.D)):
-            for node in range(_SEGMENTS * int(self.config.elements_per_segment)):
-                here = slice(first + 2 * node, first + 2 * node + 4)
-                whole[:, here, here] += part
+    def _add_beam(self, joint: StructuralMatrices, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
+        """Add a beam of equal elements by its diameters; it has no viscous damping."""
+        count = int(self.config.elements_per_segment)
+        section = circle(outer, inner, self.config.material.poisson)
+        element = element_matrices(self.config.segment / count, section, self.config.material)
+        for first in range(self._collet_dof(0), self.size - 2, 2):
+            dofs = slice(first, first + 4)
+            for matrix, block in ((joint.M, element.M), (joint.K, element.K), (joint.D, element.D)):
+                matrix[:, dofs, dofs] += block
 
     def _collet_dof(self, node: int) -> int:
         """Local DOF of x of collet node c1 (0) to c5 (4)."""
@@ -166,7 +131,3 @@ class Collet(JointModel):
             for index in range(_CONTACTS)
             for axis in (0, 1)
         )
-
-
-def _parts(matrices: StructuralMatrices) -> tuple[NDArray[np.float64], ...]:
-    return matrices.M, matrices.K, matrices.C, matrices.D

@@ -29,9 +29,9 @@ def add_contact_layer(
     stiffness, damping : (n,) arrays
         Of each single spring and damper [N/m and N s/m, or N m/rad and N m s/rad].
     """
-    for whole, value in ((matrices.K, stiffness), (matrices.C, damping)):
-        for one, other in pairs:
-            whole[:, one, one] += value
-            whole[:, other, other] += value
-            whole[:, one, other] -= value
-            whole[:, other, one] -= value
+    for matrix, value in ((matrices.K, stiffness), (matrices.C, damping)):
+        for first, second in pairs:
+            matrix[:, first, first] += value
+            matrix[:, second, second] += value
+            matrix[:, first, second] -= value
+            matrix[:, second, first] -= value

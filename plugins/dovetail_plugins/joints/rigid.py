@@ -16,7 +16,7 @@ __all__ = ["Rigid"]
 
 
 class Rigid(JointModel):
-    """Facing nodes share their DOFs: both of them, or the displacement alone (a hinge)."""
+    """Facing nodes share their displacement and rotation, or the displacement alone (a hinge)."""
 
     name = "rigid"
     summary = "Rigid connection or hinge: facing nodes share their DOFs"
@@ -30,7 +30,7 @@ class Rigid(JointModel):
         nodes : int
             Nodes of each part that meet.
         direction : 'x', 'rz' or 'both'
-            What becomes one: the displacement (a hinge), the rotation, or both.
+            What they share: the displacement (a hinge), the rotation, or both.
         """
 
         nodes: Annotated[int, Field(ge=1, le=1000)] = 1

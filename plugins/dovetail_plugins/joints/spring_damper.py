@@ -28,7 +28,7 @@ _ROTATION = (
 class SpringDamper(JointModel):
     """A massless contact layer between nodes that face each other, in translation, in rotation or in both.
 
-    Where a direction is left out the parts do not feel each other in it.
+    In a direction that is left out nothing connects the parts.
     """
 
     name = "spring_damper"

@@ -1,4 +1,4 @@
-"""Rows of many features as short rows with nearly the same distances between them."""
+"""Projection of feature rows on their leading directions, which nearly keeps the distances between them."""
 
 from __future__ import annotations
 
@@ -13,18 +13,38 @@ __all__ = ["METRICS", "Compression", "Metric"]
 Metric = Literal["correlation", "cosine", "euclidean"]
 METRICS: tuple[Metric, ...] = ("correlation", "cosine", "euclidean")
 
-_BLOCK = 1024
-_SAMPLE = 8000
-_KEPT_ENERGY = 0.9999
-_MOST_DIRECTIONS = 256
+
+@dataclass(frozen=True)
+class Settings:
+    """How rows are compressed.
+
+    Attributes
+    ----------
+    sample : int
+        Rows from which the directions are computed. More rows do not change the directions that matter.
+    variance : float
+        Share of the variance that the directions hold. The nearest neighbours then stay the same.
+    most_directions : int
+        Largest number of directions. It bounds the memory of the compressed rows.
+    block : int
+        Rows that are projected at once. It bounds the memory of their copies in double precision.
+    """
+
+    sample: int = 8000
+    variance: float = 0.9999
+    most_directions: int = 256
+    block: int = 1024
+
+
+SETTINGS = Settings()
 
 
 @dataclass(frozen=True, eq=False)
 class Compression:
-    """A projection on the leading directions of the training rows, after what the metric asks for.
+    """A projection on the leading directions of the training rows, centred and scaled as the metric requires.
 
-    The Euclidean distance of two rows of unit length (of which the mean was taken before, for a correlation) is a
-    function of their cosine or correlation distance: d^2 / 2. So one search serves the three metrics.
+    Half the squared Euclidean distance of rows of unit length is their cosine distance, and where the rows were centred
+    before, their correlation distance. So one search serves the three metrics.
 
     Parameters
     ----------
@@ -48,26 +68,26 @@ class Compression:
         features : (n_samples, n_features) array
         metric : 'correlation', 'cosine' or 'euclidean'
         fewest : int
-            Directions to keep even if fewer would do, as far as there are so many.
+            Least number of directions to keep, as far as there are so many.
         seed : int
             Of the choice of the rows looked at (8000 at most) and of the decomposition.
 
         Notes
         -----
-        As many directions as hold 99.99 % of the variance, 256 at most. On 8000 FRFs of the collet assembly 140 of
-        4451 are left, and 99.9 % of the nearest neighbours stay what they were.
+        The directions that hold 99.99 % of the variance are kept, 256 at most. On 8000 FRFs of the collet assembly
+        these are 140 of 4451, and 99.9 % of the nearest neighbours stay the same.
         """
         from sklearn.utils.extmath import randomized_svd
 
         generator = np.random.default_rng(seed)
-        chosen = np.sort(generator.permutation(len(features))[:_SAMPLE])
+        chosen = np.sort(generator.permutation(len(features))[: SETTINGS.sample])
         rows = _prepared(features[chosen], metric)
         mean = rows.mean(axis=0)
         rows -= mean
-        most = min(*rows.shape, _MOST_DIRECTIONS)
+        most = min(*rows.shape, SETTINGS.most_directions)
         _, values, directions = randomized_svd(rows.astype(np.float32), most, random_state=seed)
         energy = np.cumsum(np.asarray(values, dtype=np.float64) ** 2)
-        kept = int(np.searchsorted(energy, _KEPT_ENERGY * np.einsum("ij,ij->", rows, rows))) + 1
+        kept = int(np.searchsorted(energy, SETTINGS.variance * np.einsum("ij,ij->", rows, rows))) + 1
         kept = min(max(kept, fewest), most)
         return cls(
             metric, mean.astype(np.float32).astype(np.float64), np.array(directions[:kept], dtype=np.float64, order="C")
@@ -76,8 +96,8 @@ class Compression:
     def project(self, features: NDArray[Any]) -> NDArray[np.float32]:
         """Return features (n_samples, n_features) as rows (n_samples, n_directions)."""
         rows = np.empty((len(features), len(self.directions)), dtype=np.float32)
-        for start in range(0, len(features), _BLOCK):
-            block = slice(start, start + _BLOCK)
+        for start in range(0, len(features), SETTINGS.block):
+            block = slice(start, start + SETTINGS.block)
             rows[block] = (_prepared(features[block], self.metric) - self.mean) @ self.directions.T
         return rows
 

@@ -1,7 +1,8 @@
-"""Exact nearest neighbours, and how strongly each of them counts."""
+"""Exact nearest neighbours, and their membership strengths."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,14 +10,34 @@ from numpy.typing import NDArray
 
 __all__ = ["Neighbours", "membership_strengths"]
 
-_BLOCK = 256
-_SPARE = 8
-_BISECTIONS = 64
-_LEAST_SIGMA = 1e-3
+
+@dataclass(frozen=True)
+class Settings:
+    """How neighbours are searched and weighted.
+
+    Attributes
+    ----------
+    block : int
+        Points that are compared with all rows at once. It bounds the memory of their distances.
+    spare : int
+        Candidates beyond the number of neighbours, since the matrix product rounds their distances.
+    bisections : int
+        Halvings of the interval of sigma, to the last bit.
+    least_sigma : float
+        Least sigma over the mean distance of the neighbours, umap-learn's MIN_K_DIST_SCALE.
+    """
+
+    block: int = 256
+    spare: int = 8
+    bisections: int = 64
+    least_sigma: float = 1e-3
+
+
+SETTINGS = Settings()
 
 
 class Neighbours:
-    """Rows among which the nearest are looked up, by Euclidean distance.
+    """Search for the nearest of some rows, by Euclidean distance.
 
     Parameters
     ----------
@@ -39,18 +60,21 @@ class Neighbours:
         -------
         indices, squares : (n_points, count) arrays
             Numbers of the rows and their squared distances, nearest first. A point's answer does not depend on the
-            points beside it.
+            other points.
         """
-        blocks = [self._nearest(points[start : start + _BLOCK], count) for start in range(0, len(points), _BLOCK)]
+        blocks = [
+            self._nearest(points[start : start + SETTINGS.block], count)
+            for start in range(0, len(points), SETTINGS.block)
+        ]
         return np.concatenate([indices for indices, _ in blocks]), np.concatenate([squares for _, squares in blocks])
 
     def _nearest(self, points: NDArray[Any], count: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Choose candidates by a matrix product, whose rounding depends on the block, and measure those one by one."""
+        """Choose candidates by a matrix product, whose rounding depends on the block, then measure each distance."""
         points = points.astype(np.float64)
         ranking = points @ self._rows.T
         ranking *= -2.0
         ranking += self._squares
-        spared = min(count + _SPARE, len(self._rows))
+        spared = min(count + SETTINGS.spare, len(self._rows))
         candidates = np.sort(np.argpartition(ranking, spared - 1, axis=1)[:, :spared], axis=1)
         differences = self._rows[candidates] - points[:, np.newaxis]
         squares = np.einsum("ijk,ijk->ij", differences, differences)
@@ -59,7 +83,7 @@ class Neighbours:
 
 
 def membership_strengths(distances: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how strongly each neighbour counts for a new point, by umap-learn's rule.
+    """Return the weight of each neighbour of a new point, by umap-learn's rule.
 
     Parameters
     ----------
@@ -70,14 +94,15 @@ def membership_strengths(distances: NDArray[np.float64]) -> NDArray[np.float64]:
     -------
     (n_points, n_neighbors) array
         exp(-d / sigma), with sigma such that the strengths of all but the nearest add up to log2(n_neighbors).
-        umap-learn bounds sigma from below by a part of the batch's mean distance, this by that of the point's own.
+        umap-learn bounds sigma from below by a fraction of the batch's mean distance, this function by a fraction of
+        the point's own mean distance.
     """
     target = np.log2(distances.shape[1])
     mean = distances.mean(axis=1, keepdims=True)
     sigma = np.where(mean > 0.0, mean, 1.0)
     low, high = np.zeros_like(sigma), np.full_like(sigma, np.inf)
-    for _ in range(_BISECTIONS):
+    for _ in range(SETTINGS.bisections):
         above = np.exp(-distances[:, 1:] / sigma).sum(axis=1, keepdims=True) > target
         low, high = np.where(above, low, sigma), np.where(above, sigma, high)
         sigma = np.where(np.isinf(high), 2.0 * sigma, 0.5 * (low + high))
-    return np.exp(-distances / np.maximum(sigma, _LEAST_SIGMA * np.where(mean > 0.0, mean, 1.0)))
+    return np.exp(-distances / np.maximum(sigma, SETTINGS.least_sigma * np.where(mean > 0.0, mean, 1.0)))

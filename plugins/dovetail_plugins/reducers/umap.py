@@ -1,4 +1,4 @@
-"""Uniform manifold approximation and projection, with a transform that treats every FRF alike."""
+"""Uniform manifold approximation and projection, with a transform that treats each FRF separately."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _OWNER = "reducer 'umap'"
 
 
 class FittedUMAP(dovetail.FittedReducer):
-    """The embedding of the training FRFs, and how any FRF finds its place in it.
+    """The embedding of the training FRFs, and the transform of any FRF into it.
 
     Parameters
     ----------
@@ -30,17 +30,17 @@ class FittedUMAP(dovetail.FittedReducer):
         The training FRFs, compressed, in units of `unit`.
     unit : float
     embedding : (n_samples, n_components) array
-        Where umap-learn put them.
+        Their coordinates as umap-learn laid them out.
     n_neighbors : int
-        How many of them place an FRF.
+        Number of training FRFs from which an FRF is placed.
 
     Notes
     -----
-    umap-learn places new points by a stochastic layout of the whole batch, started from an average of their neighbours:
-    the same FRF gets another place in another batch. Here the place *is* that average: of the embedding of the
-    nearest training FRFs, found exactly, weighted by umap-learn's membership strengths. A training FRF is placed
-    in the same way (it is its own nearest neighbour), not where the layout left it, so that the regressor learns from
-    the features it will meet; on the collet assembly this gives a slightly higher test R2 than the layout itself.
+    umap-learn transforms new points by a stochastic layout of the whole batch, which starts from an average of their
+    neighbours. The same FRF would have other coordinates in another batch. Here its coordinates are that average: of
+    the embedding of its exact nearest training FRFs, weighted by umap-learn's membership strengths. A training FRF is
+    transformed in the same way (it is its own nearest neighbour), so that the regressor is trained on such features as
+    it will meet. On the collet assembly this gives a slightly higher test R2 than the layout itself.
 
     Only NumPy is needed here, so that a stored model answers without loading umap or numba.
     """
@@ -61,7 +61,7 @@ class FittedUMAP(dovetail.FittedReducer):
         self._neighbours = Neighbours(rows.astype(np.float64) * unit)
 
     def transform(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Place features (n_samples, n_features) in the embedding, each row by itself."""
+        """Return the coordinates (n_samples, n_components) of features (n_samples, n_features), row by row."""
         values = checked_rows(features, _OWNER, width=self._compression.mean.size)
         points = self._compression.project(values)
         indices, squares = self._neighbours.nearest(points, self._n_neighbors)
@@ -90,8 +90,8 @@ class UMAP(dovetail.Reducer):
 
     Notes
     -----
-    The neighbours are exact, not umap-learn's approximate ones, and the layout starts from principal components: a
-    spectral start takes longer and gives no better regression. `FittedUMAP` tells how new FRFs are placed.
+    The neighbours are exact, not umap-learn's approximate ones. The layout starts from principal components: a spectral
+    start takes longer and gives no better regression. `FittedUMAP` says how new FRFs are transformed.
     """
 
     name = "umap"
@@ -106,7 +106,7 @@ class UMAP(dovetail.Reducer):
         n_components : int
             Dimension of the embedding.
         n_neighbors : int
-            Neighbours of a training FRF in the graph that is laid out, and neighbours that place an FRF.
+            Neighbours of a training FRF in the graph that is laid out, and neighbours from which an FRF is placed.
         min_dist : float
             How close two FRFs may come in the embedding.
         metric : 'correlation', 'cosine' or 'euclidean'

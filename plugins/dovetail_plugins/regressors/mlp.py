@@ -43,7 +43,7 @@ class FittedMLP(dovetail.FittedRegressor):
     Notes
     -----
     The forward pass is NumPy in double precision: three matrix products need no torch, and a row's answer does not
-    depend on the rows beside it.
+    depend on the other rows.
     """
 
     def __init__(self, weights: list[NDArray[Any]], biases: list[NDArray[Any]]) -> None:

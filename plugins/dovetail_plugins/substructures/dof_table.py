@@ -66,12 +66,12 @@ class DofTable:
     def _check_positions(self) -> None:
         if self.positions is None:
             return
-        place: dict[str, float] = {}
+        position_of: dict[str, float] = {}
         for index, (node, position) in enumerate(zip(self.nodes, self.positions, strict=True)):
             if not np.isfinite(position):
                 raise self._error(index, f"the position of node '{node}' is not finite.")
-            if place.setdefault(node, float(position)) != position:
-                raise self._error(index, f"node '{node}' is at {place[node]:g} and at {position:g}.")
+            if position_of.setdefault(node, float(position)) != position:
+                raise self._error(index, f"node '{node}' is at {position_of[node]:g} and at {position:g}.")
 
     def _error(self, index: int, problem: str) -> DovetailError:
         return DovetailError(Fault(f"{self.where}  DOF {index + 1}", problem))
@@ -120,33 +120,33 @@ def table_in(archive: Mapping[str, Any], where: str, size: int) -> DofTable | No
         The table does not fit the matrices.
     """
     names = {"nodes": "node", "directions": "direction", "positions": "position", "rows": "row"}
-    given = {column: _cells(archive[name]) for name, column in names.items() if name in archive}
-    if not {"node", "direction"} & set(given):
+    columns = {column: _cells(archive[name]) for name, column in names.items() if name in archive}
+    if not {"node", "direction"} & set(columns):
         return None
     for name, column in list(names.items())[:2]:
-        if column not in given:
+        if column not in columns:
             raise DovetailError(Fault(where, f"there is no '{name}' beside the other columns of the table of DOFs."))
-    lengths = {name: len(given[column]) for name, column in names.items() if column in given}
+    lengths = {name: len(columns[column]) for name, column in names.items() if column in columns}
     if len(set(lengths.values())) > 1:
         held = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise DovetailError(Fault(where, f"the columns of the table of DOFs differ in length: {held}."))
-    return _table(given, where, size)
+    return _table(columns, where, size)
 
 
 def _table(columns: Mapping[str, Sequence[str]], where: str, size: int) -> DofTable:
     count = len(columns["node"])
     if "row" in columns:
-        rows = _numbers(columns["row"], "row", where)
-        if np.any(rows != np.round(rows)):
+        numbers = _numbers(columns["row"], "row", where)
+        if np.any(numbers != np.round(numbers)):
             raise DovetailError(Fault(where, "a row of the table of DOFs is no whole number.", "1, 2, 3, ..."))
-        places = rows.astype(np.intp) - 1
+        rows = numbers.astype(np.intp) - 1
     elif count == size:
-        places = np.arange(size)
+        rows = np.arange(size)
     else:
         problem = f"the table has {count} DOFs, the matrices have {size} rows."
         raise DovetailError(Fault(where, problem, "all DOFs in the order of the rows, or some with a column 'row'"))
     positions = _numbers(columns["position"], "position", where) if "position" in columns else None
-    return DofTable(tuple(columns["node"]), tuple(columns["direction"]), places, positions, where).checked(size)
+    return DofTable(tuple(columns["node"]), tuple(columns["direction"]), rows, positions, where).checked(size)
 
 
 def _numbers(cells: Sequence[str], name: str, where: str) -> NDArray[np.float64]:

@@ -72,7 +72,7 @@ class Matrices(SubstructureModel):
         file : str
             NPZ or MAT archive with M, K and, where given, C, D and the table of DOFs.
         mass, stiffness, damping, structural_damping : str
-            In place of it, a Matrix Market file for each matrix.
+            A Matrix Market file for each matrix, instead of `file`.
         dofs : str
             CSV with the table of DOFs: node, direction and, where given, position and row.
         displacement, rotation : str
@@ -82,7 +82,7 @@ class Matrices(SubstructureModel):
         units : section
             What a 1 in the files stands for.
         loss_factor : float
-            Structural damping D = loss_factor K, in place of a matrix.
+            Structural damping D = loss_factor K, instead of a matrix.
         tolerance : float
             Relative error of the condensation, verified with exact lines; 0 for a factorisation at every frequency.
         """
@@ -120,17 +120,17 @@ class Matrices(SubstructureModel):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        found, table = self._read()
+        matrices, table = self._read()
         self._labels, self._table = self._chosen(table), table
-        self._matrices = self._arranged(found)
+        self._matrices = self._arranged(matrices)
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
         """The nodes that joints can reach, in the order of the table; at position 0 where the table has none."""
-        places = dict.fromkeys(self._table.nodes, 0.0)
+        positions = dict.fromkeys(self._table.nodes, 0.0)
         if self._table.positions is not None:
-            places = dict(zip(self._table.nodes, self._table.positions * self.config.units.length, strict=True))
-        return tuple(Node(label, float(places[label])) for label in self._labels)
+            positions = dict(zip(self._table.nodes, self._table.positions * self.config.units.length, strict=True))
+        return tuple(Node(label, float(positions[label])) for label in self._labels)
 
     @property
     def condensation_tolerance(self) -> float:
@@ -151,23 +151,23 @@ class Matrices(SubstructureModel):
         if config.file:
             where = dict.fromkeys(_MATRICES, config.file)
             archive = read_archive(Path(config.file))
-            given = {name: matrix_in(archive, name, config.file) for name in _MATRICES}
+            values = {name: matrix_in(archive, name, config.file) for name in _MATRICES}
         else:
             where = {name: getattr(config, option) for name, option in _MATRICES.items()}
-            given = {name: read_matrix_market(Path(file)) if file else None for name, file in where.items()}
+            values = {name: read_matrix_market(Path(file)) if file else None for name, file in where.items()}
         for name in ("M", "K"):
-            if given[name] is None:
+            if values[name] is None:
                 names = ", ".join(sorted(archive)[:12]) or "nothing"
                 raise DovetailError(Fault(config.file, f"there is no matrix '{name}'; there is: {names}."))
-        found = {name: sound_matrix(name, value, where[name]) for name, value in given.items() if value is not None}
-        size = found["K"].shape[0]
-        for name, matrix in found.items():
+        matrices = {name: sound_matrix(name, value, where[name]) for name, value in values.items() if value is not None}
+        size = matrices["K"].shape[0]
+        for name, matrix in matrices.items():
             if matrix.shape[0] != size:
                 raise DovetailError(Fault(where[name], f"{name} has {matrix.shape[0]} rows, K has {size}."))
-        if (light := found["M"].diagonal()).min() < 0:
-            row = int(np.argmin(light))
-            raise DovetailError(Fault(where["M"], f"the mass of row {row + 1} is negative: {light[row]:g}."))
-        if config.loss_factor and "D" in found:
+        if (masses := matrices["M"].diagonal()).min() < 0:
+            row = int(np.argmin(masses))
+            raise DovetailError(Fault(where["M"], f"the mass of row {row + 1} is negative: {masses[row]:g}."))
+        if config.loss_factor and "D" in matrices:
             raise DovetailError(Fault(where["D"], "there is a matrix D beside 'loss_factor'.", "one of the two"))
         table = read_dof_table(Path(config.dofs), size) if config.dofs else table_in(archive, config.file, size)
         if table is None:
@@ -175,7 +175,7 @@ class Matrices(SubstructureModel):
             raise DovetailError(
                 Fault(config.file, "there is no table of DOFs: no 'nodes', no 'directions'.", "", remedy)
             )
-        return found, table
+        return matrices, table
 
     def _chosen(self, table: DofTable) -> tuple[str, ...]:
         """Return the nodes that have one of the two directions, all of them or those that are asked for."""
@@ -196,16 +196,16 @@ class Matrices(SubstructureModel):
                 raise DovetailError(Fault(table.where, f"there is no node '{label}' with these directions.", some))
         return tuple(dict.fromkeys(asked))
 
-    def _arranged(self, found: dict[str, Any]) -> StructuralMatrices | SparseMatrices:
+    def _arranged(self, matrices: dict[str, Any]) -> StructuralMatrices | SparseMatrices:
         """Bring the matrices to SI, and x and rz of the nodes to the front."""
-        units, arrangement = self.config.units, self._arrangement(found["K"].shape[0])
+        units, arrangement = self.config.units, self._arrangement(matrices["K"].shape[0])
         factor = {"M": units.mass, "K": units.stiffness, "C": units.stiffness, "D": units.stiffness}
-        parts = {name: factor[name] * (arrangement.T @ matrix @ arrangement) for name, matrix in found.items()}
+        arranged = {name: factor[name] * (arrangement.T @ matrix @ arrangement) for name, matrix in matrices.items()}
         if self.config.loss_factor:
-            parts["D"] = self.config.loss_factor * parts["K"]
+            arranged["D"] = self.config.loss_factor * arranged["K"]
         if arrangement.shape[1] > _SMALL:
-            return SparseMatrices(**parts)
-        small = StructuralMatrices(**{name: part.toarray() for name, part in parts.items()})
+            return SparseMatrices(**arranged)
+        small = StructuralMatrices(**{name: matrix.toarray() for name, matrix in arranged.items()})
         for matrix in (small.M, small.K, small.C, small.D):
             matrix.flags.writeable = False  # handed out again and again
         return small

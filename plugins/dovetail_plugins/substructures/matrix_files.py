@@ -85,7 +85,7 @@ def matrix_in(archive: Mapping[str, Any], name: str, where: str) -> Any:
 
     if name in archive:
         return archive[name]
-    keys = [f"{name}_{part}" for part in ("data", "indices", "indptr")]
+    keys = [f"{name}_{array}" for array in ("data", "indices", "indptr")]
     if not any(key in archive for key in keys):
         return None
     missing = [key for key in keys if key not in archive]
@@ -104,7 +104,7 @@ def matrix_in(archive: Mapping[str, Any], name: str, where: str) -> Any:
     return matrix
 
 
-def sound_matrix(name: str, given: Any, where: str) -> Any:
+def sound_matrix(name: str, values: Any, where: str) -> Any:
     """Return a matrix as compressed columns of finite real numbers, square and exactly symmetric.
 
     Raises
@@ -114,7 +114,7 @@ def sound_matrix(name: str, given: Any, where: str) -> Any:
     """
     from scipy.sparse import csc_array, issparse
 
-    matrix = given if issparse(given) else np.asarray(given)
+    matrix = values if issparse(values) else np.asarray(values)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.shape[0]:
         raise DovetailError(Fault(where, f"the matrix {name} has the shape {matrix.shape}.", "a square one"))
     if not issparse(matrix) and matrix.shape[0] > _LARGEST_DENSE:

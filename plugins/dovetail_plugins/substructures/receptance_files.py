@@ -66,9 +66,9 @@ def from_archive(file: str) -> KnownReceptance:
     nodes = dict.fromkeys(table.nodes, 0.0)
     if table.positions is not None:
         nodes = dict(zip(table.nodes, table.positions.tolist(), strict=True))
-    places = {label: index for index, label in enumerate(nodes)}
+    index_of = {label: index for index, label in enumerate(nodes)}
     pairs = zip(table.nodes, table.directions, strict=True)
-    dofs = tuple(2 * places[node] + _DIRECTIONS.index(direction) for node, direction in pairs)
+    dofs = tuple(2 * index_of[node] + _DIRECTIONS.index(direction) for node, direction in pairs)
     chosen = whole.values[:, table.rows[:, np.newaxis], table.rows]
     return KnownReceptance(_matrix(whole.frequency, chosen, file), nodes, dofs)
 
@@ -89,7 +89,7 @@ def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, s
     DovetailError
         A set cannot be read, has other frequencies than the first or no phase, or a pair of nodes has none.
     """
-    place = {label: index for index, label in enumerate(nodes)}
+    index_of = {label: index for index, label in enumerate(nodes)}
     read = [(read_frf(file, index=number).to("receptance"), number, out, into) for number, out, into in frfs]
     frequency = read[0][0].frequency
     values = np.full((len(frequency), len(nodes), len(nodes)), np.nan, dtype=np.complex128)
@@ -99,14 +99,16 @@ def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, s
             raise DovetailError(Fault(where, f"its frequencies are not those of set {read[0][1]}."))
         if not frf.has_phase or frf.rotation:
             raise DovetailError(Fault(where, "it is no complex FRF of a displacement per force."))
-        values[:, place[out], place[into]] = frf.values
+        values[:, index_of[out], index_of[into]] = frf.values
     mirrored = np.swapaxes(values, 1, 2)
     values = np.where(np.isnan(values), mirrored, np.where(np.isnan(mirrored), values, 0.5 * (values + mirrored)))
-    for out, row in place.items():
-        for into, column in place.items():
+    for out, row in index_of.items():
+        for into, column in index_of.items():
             if np.isnan(values[0, row, column]):
                 raise DovetailError(Fault(file, f"no set is between '{out}' and '{into}'."))
-    return KnownReceptance(_matrix(frequency, values, file), dict(nodes), tuple(2 * index for index in place.values()))
+    return KnownReceptance(
+        _matrix(frequency, values, file), dict(nodes), tuple(2 * index for index in index_of.values())
+    )
 
 
 def _numbers(array: NDArray[np.generic], kind: str, file: str) -> NDArray[np.generic]:

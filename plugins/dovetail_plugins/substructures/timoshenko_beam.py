@@ -68,9 +68,10 @@ class Section(ComponentConfig):
 
     def cross_section(self, poisson: float) -> CrossSection:
         """Return the cross-sections at the middle of the elements, (elements,) arrays."""
-        if self.outer is None:
+        if self.width is not None and self.height is not None:
             ones = np.ones(self.elements)
             return rectangle(self.width * ones, self.height * ones, poisson)
+        assert self.outer is not None
         middle = (np.arange(self.elements) + 0.5) / self.elements
         (outer, end_outer), (inner, end_inner) = self._ends(self.outer)
         return circle(outer + middle * (end_outer - outer), inner + middle * (end_inner - inner), poisson)
@@ -126,11 +127,10 @@ class TimoshenkoBeam(SubstructureModel):
 
     def matrices(self) -> StructuralMatrices:
         """Return the (d, d) matrices of the free beam, d = 2 (n_elements + 1)."""
-        parts = []
+        material, sections = self.config.material, []
         for section in self.config.sections:
-            cross_section = section.cross_section(self.config.material.poisson)
-            parts.append(element_matrices(section.length / section.elements, cross_section, self.config.material))
-        elements = StructuralMatrices(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in ("M", "K", "C", "D"))
+            cross_section = section.cross_section(material.poisson)
+            sections.append(element_matrices(section.length / section.elements, cross_section, material))
+        return chain(
+            StructuralMatrices(*(np.concatenate([getattr(section, name) for section in sections]) for name in "MKCD"))
         )
-        return chain(elements)
