@@ -119,6 +119,17 @@ def test_what_cannot_be_read_is_listed(tmp_path: Path) -> None:
     )
 
 
+def test_what_cannot_be_read_is_passed_over(tmp_path: Path) -> None:
+    others = {
+        "K": csc_matrix((100_000, 100_000)),
+        "names": np.array(["a", 1], dtype=object),
+        "runs": np.array([(1,), (2,)], dtype=[("q", object)]),
+    }
+    frf = read_frf(saved(tmp_path / "a.mat", f=FREQUENCY, mobility=VALUES, **others))
+    np.testing.assert_array_equal(frf.values, VALUES)
+    assert ("\n    K: of a class that is not read (cell,") in fault_of(saved(tmp_path / "b.mat", **others))
+
+
 @pytest.mark.parametrize(
     ("variables", "message"),
     [
@@ -187,11 +198,26 @@ def test_what_unpacks_to_a_thousand_times_its_size(tmp_path: Path) -> None:
     assert fault_of(path).startswith("a.mat\n  the workspace is damaged")
 
 
+def element(code: int, data: bytes) -> bytes:
+    return struct.pack("<2I", code, len(data)) + data + bytes(-len(data) % 8)
+
+
+def test_cells_so_deep_that_the_library_ends_the_process(tmp_path: Path) -> None:
+    def matrix(kind: int, name: bytes, data: bytes) -> bytes:
+        flags, shape = element(6, struct.pack("<2I", kind, 0)), element(5, struct.pack("<2i", 1, 1))
+        return element(14, flags + shape + element(1, name) + data)
+
+    cells = matrix(6, b"", element(9, bytes(8)))
+    for depth in reversed(range(5000)):
+        cells = matrix(1, b"" if depth else b"c", cells)
+    (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + cells)
+    assert fault_of(tmp_path / "a.mat") == (
+        "a.mat\n  the workspace is damaged: the library that reads it gave up, or wanted more memory than any FRF."
+    )
+
+
 @pytest.mark.parametrize("kind", [6, 14])
 def test_dimensions_that_are_a_lie(tmp_path: Path, kind: int) -> None:
-    def element(code: int, data: bytes) -> bytes:
-        return struct.pack("<2I", code, len(data)) + data + bytes(-len(data) % 8)
-
     flags, shape = element(6, struct.pack("<2I", kind, 0)), element(5, struct.pack("<2i", 60000, 30000))
     matrix = element(14, flags + shape + element(1, b"f") + element(9, bytes(16)))
     (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + matrix)

@@ -25,7 +25,7 @@ __all__ = ["MOST_LINES", "FrfToWrite", "ReadOptions", "Recording", "parse_quanti
 MOST_LINES = 1_000_000
 """Longest FRF that is read."""
 _COHERENCE_ROUNDING = 1e-4
-"""How far single precision and a writer's rounding may carry a coherence beyond 0 and 1."""
+"""How far a coherence may lie beyond 0 and 1 by single precision and rounding in the file."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Recording:
             frequency=self.frequency[first:],
             values=np.asarray(self.values[first:] * factor, dtype=np.complex128),
             quantity=agreed,
-            coherence=self._checked_coherence(first),
+            coherence=self._clip_coherence(first),
             has_phase=self.has_phase,
             label=self.label,
             note=self.note,
@@ -216,7 +216,7 @@ class Recording:
                 )
             )
 
-    def _checked_coherence(self, first: int) -> NDArray[np.float64] | None:
+    def _clip_coherence(self, first: int) -> NDArray[np.float64] | None:
         if self.coherence is None:
             return None
         coherence = self.coherence[first:]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from math import prod
 from pathlib import Path
@@ -22,6 +22,8 @@ __all__ = ["decode", "form_of", "workspace"]
 
 _VERSION = slice(124, 128)
 _VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")
+_NO_NUMBERS = ("cell", "struct", "object", "sparse", "function", "opaque")
+"""Classes, as scipy calls them, whose shape does not say how much they hold."""
 _NOT_READ = "of a class that is not read (cell, sparse, object, function handle, array of structs)"
 _ITEM = 16
 """Bytes of the largest number, a complex one in double precision."""
@@ -67,7 +69,7 @@ def workspace(path: Path, content: bytes) -> Archive:
     from scipy.io import loadmat, whosmat
 
     try:
-        _check_sizes(path, [(name, prod(shape)) for name, shape, _ in whosmat(io.BytesIO(content))])
+        _check_sizes(path, whosmat(io.BytesIO(content)))
         variables = {name: value for name, value in loadmat(io.BytesIO(content)).items() if not name.startswith("__")}
         return Archive(path, {key: entry for name in variables for key, entry in _entries(path, name, variables[name])})
     except MeasurementError:
@@ -79,13 +81,14 @@ def workspace(path: Path, content: bytes) -> Archive:
         raise MeasurementError(Fault(str(path), f"the workspace is damaged or truncated: {reason}.")) from None
 
 
-def _check_sizes(path: Path, variables: list[tuple[str, int]]) -> None:
-    """Refuse what is too large before it is unpacked."""
-    for number, (name, size) in enumerate(variables, start=1):
+def _check_sizes(path: Path, variables: Sequence[tuple[str, tuple[int, ...], str]]) -> None:
+    """Refuse numbers that are too many before they are unpacked."""
+    sizes = {name: 0 if kind in _NO_NUMBERS else prod(shape) for name, shape, kind in variables}
+    for number, (name, size) in enumerate(sizes.items(), start=1):
         if size * _ITEM > LARGEST_ARRAY:
             problem = f"the workspace is damaged: '{name}' has {size:,} numbers, far more than an FRF needs."
             raise MeasurementError(Fault(f"{path}: variable {number}", problem))
-    if sum(size for _, size in variables) > _MOST_NUMBERS:
+    if sum(sizes.values()) > _MOST_NUMBERS:
         raise MeasurementError(Fault(str(path), "the workspace unpacks to far more than an FRF needs."))
 
 

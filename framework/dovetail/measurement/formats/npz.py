@@ -51,13 +51,13 @@ def open_archive(path: Path, content: bytes) -> Archive:
         raise MeasurementError(Fault(str(path), "the archive's directory is larger than that of any FRF."))
     with _report_damage(path):
         archive = zipfile.ZipFile(io.BytesIO(content))
-        held = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
-        return Archive(path, {name: Entry("", partial(_array, path, archive, name)) for name in held})
+        names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+        return Archive(path, {name: Entry("", partial(_load_array, path, archive, name)) for name in names})
 
 
 @contextmanager
 def _report_damage(path: Path) -> Iterator[None]:
-    """Turn what a damaged archive raises into one fault; zipfile, decompressors and numpy each raise their own."""
+    """Turn the errors that zipfile, decompressors and numpy raise for a damaged archive into one fault."""
     try:
         yield
     except MeasurementError:
@@ -95,20 +95,20 @@ def _directory_size(content: bytes) -> int:
     return int(struct.unpack_from("<I", content, end + 12)[0])
 
 
-def _array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+def _load_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
     """Return one array after its header has shown that it is small and holds plain values."""
     with _report_damage(path):
-        return _checked_array(path, archive, name)
+        return _load_plain_array(path, archive, name)
 
 
-def _checked_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+def _load_plain_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
     size = archive.getinfo(f"{name}.npy").file_size
     if size > LARGEST_ARRAY:
         raise MeasurementError(
             Fault(str(path), f"'{name}' unpacks to {size / 1e6:.0f} MB.", f"at most {LARGEST_ARRAY // 1_000_000} MB")
         )
     with archive.open(f"{name}.npy") as stream:
-        shape, dtype = _header(path, stream, name)
+        shape, dtype = _read_header(path, stream, name)
     if dtype.hasobject:
         raise MeasurementError(
             Fault(str(path), f"'{name}' holds Python objects (pickle), which are never loaded.", "an array of numbers")
@@ -125,7 +125,7 @@ def _checked_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[A
         return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
 
 
-def _header(path: Path, stream: Any, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
+def _read_header(path: Path, stream: Any, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
     version = np.lib.format.read_magic(stream)
     if version == (1, 0):
         shape, _, dtype = np.lib.format.read_array_header_1_0(stream)

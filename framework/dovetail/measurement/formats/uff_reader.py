@@ -35,8 +35,9 @@ from dovetail.measurement.formats.uff_sets import (
 from dovetail.measurement.formats.uff_writer import VARIANCE
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
 
-__all__ = ["decode", "time_records"]
+__all__ = ["decode", "read_time_records"]
 
+Array = NDArray[np.float64]
 _REAL, _COMPLEX = (2, 4), (5, 6)
 _DOUBLE = (4, 6)
 _LONGEST_ROW = 60
@@ -84,7 +85,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     )
 
 
-def time_records(path: Path, content: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64], float, tuple[str, str]]:
+def read_time_records(path: Path, content: bytes) -> tuple[Array, Array, float, tuple[str, str]]:
     """Return force and response (n_impacts, n_samples), the sampling rate [Hz] and the units of the two.
 
     Raises
@@ -108,7 +109,7 @@ def time_records(path: Path, content: bytes) -> tuple[NDArray[np.float64], NDArr
     return np.array(records[: len(forces)]), np.array(records[len(forces) :]), rate, units
 
 
-def _sampling_rate(path: Path, times: Sequence[NDArray[np.float64]]) -> float:
+def _sampling_rate(path: Path, times: Sequence[Array]) -> float:
     first = times[0]
     if any(time.shape != first.shape or not np.allclose(np.diff(time), np.diff(first)) for time in times):
         raise MeasurementError(Fault(str(path), "the time records have different lengths or steps."))
@@ -130,9 +131,7 @@ def _is_force(uff_set: UffSet) -> bool:
     return bool(uff_set.fields["ordinate_spec_data_type"] == FORCE)
 
 
-def _matching_data(
-    content: bytes, chosen: UffSet, candidates: Iterable[UffSet], frequency: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
+def _matching_data(content: bytes, chosen: UffSet, candidates: Iterable[UffSet], frequency: Array) -> Array | None:
     """Return the real data for the points and frequencies of the chosen set, if exactly one set has them."""
     matching = [candidate for candidate in candidates if candidate.points == chosen.points]
     if len(matching) != 1:
@@ -165,7 +164,7 @@ def _id_line_value(uff_set: UffSet, key: str, value: str = r"(.+?)\s*$") -> str:
     return ""
 
 
-def _read_data(content: bytes, uff_set: UffSet) -> tuple[NDArray[np.float64], NDArray[Any]]:
+def _read_data(content: bytes, uff_set: UffSet) -> tuple[Array, NDArray[Any]]:
     """Return the frequencies and the values of a set whose header can be read."""
     _check_form(uff_set)
     fields = uff_set.fields

@@ -30,8 +30,8 @@ _CODES = {name: code for code, name in DIRECTIONS.items() if name}
 def encode(content: FrfToWrite, path: Path, binary: bool | None) -> bytes:
     """Return a universal file: the FRF, then its coherence and its variance as sets of the same points.
 
-    A DOF that is not known is +X of node 1, or its rotation about Z; one that is not called like ``5+x`` or
-    ``tool:5+x`` goes into an id line.
+    An unknown DOF is written as +X of node 1, or as its rotation about Z. A DOF whose name does not look like ``5+x``
+    or ``tool:5+x`` goes into an id line.
 
     Raises
     ------

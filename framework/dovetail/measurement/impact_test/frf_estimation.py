@@ -35,11 +35,11 @@ class EstimatedFrf:
         With coherence and number of averages, from which `Frf.random_variance` gives the variance of each line
         (Bendat and Piersol). A single impact has neither coherence nor variance.
     warnings : tuple of str
-        What is wrong with the records.
+        Faults of the records.
     used : tuple of int
         Numbers of the impacts that were averaged, from 1.
     decay : float
-        1/s, what an exponential window adds to the decay of each mode; 0 without one.
+        1/s, added to the decay of each mode by an exponential window; 0 without a window.
     """
 
     frf: Frf
@@ -77,12 +77,11 @@ def frf_from_signals(
     estimator : {"H1", "H2"}
         H1 errs with noise on the force, H2 with noise on the response.
     force_window : float, optional
-        Seconds from the beginning of the record in which the force is kept; behind them it is set to zero, and its
-        noise with it.
+        Seconds from the beginning of the record. The force after that time is set to zero, and its noise with it.
     exponential_window : float, optional
         Value at the end of the record, such as 0.01, of a window ``exp(-decay t)`` on both signals, for a response that
-        has not died away. The estimate then is H at ``i omega + decay``: every mode has the decay in addition to
-        its own, and `without_window_damping` takes it off a damping ratio. It cannot be taken off the FRF.
+        has not died away. The estimate then is H at ``i omega + decay``: the decay is added to that of every mode.
+        `without_window_damping` corrects a damping ratio; the FRF cannot be corrected.
     leave_out_bad : bool
         Leave out impacts with overload or a second hit.
     full_scale : (float, float), optional
@@ -132,14 +131,14 @@ def frf_from_signals(
 
 
 def without_window_damping(ratio: float, natural: float, decay: float) -> tuple[float, float]:
-    """Take an exponential window's damping off a mode that was found in the FRF.
+    """Remove the damping of an exponential window from a mode that was identified in the FRF.
 
     Parameters
     ----------
     ratio : float
-        Viscous damping ratio as found, below 1.
+        Identified viscous damping ratio, below 1.
     natural : float
-        Undamped natural frequency [Hz] as found.
+        Identified undamped natural frequency [Hz].
     decay : float
         1/s, `EstimatedFrf.decay`.
 

@@ -100,22 +100,22 @@ def read_signals(
     if suffix not in _SUFFIXES:
         raise MeasurementError(Fault(str(source), "this is no file of time records.", ", ".join(_SUFFIXES)))
     content = read_bounded(source)
-    own_rate: float | None
+    file_rate: float | None
     if suffix in (".uff", ".unv"):
-        force, response, own_rate, units = uff_reader.time_records(source, content)
+        force, response, file_rate, units = uff_reader.read_time_records(source, content)
         force_unit, response_unit = units[0] or force_unit, units[1] or response_unit
     elif suffix in _ARCHIVES:
-        force, response, own_rate = _from_archive(_archive(source, content, names or {}), names or {})
+        force, response, file_rate = _from_archive(_open_archive(source, content, names or {}), names or {})
     else:
-        force, response, own_rate = _from_table(source, content)
-    sampling = own_rate if rate is None else rate
-    if sampling is None:
+        force, response, file_rate = _from_table(source, content)
+    sampling_rate = file_rate if rate is None else rate
+    if sampling_rate is None:
         raise MeasurementError(Fault(str(source), "the file does not say the sampling rate.", remedy="Give the rate."))
     quantity, factor = _response_unit(response_unit)
-    return Signals(force * _force_unit(force_unit), response * factor, float(sampling), quantity)
+    return Signals(force * _force_unit(force_unit), response * factor, float(sampling_rate), quantity)
 
 
-def _archive(path: Path, content: bytes, names: Mapping[str, str]) -> Archive:
+def _open_archive(path: Path, content: bytes, names: Mapping[str, str]) -> Archive:
     if path.suffix.lower() == ".npz":
         return npz.open_archive(path, content)
     form = (matlab if path.suffix.lower() == ".mat" else hdf5).form_of(path, content)
