@@ -66,7 +66,7 @@ def plugin(*components, hook="dovetail_components"):
     return SimpleNamespace(**{hook: hookimpl(offered)})
 
 
-def found(error) -> str:
+def problem_of(error) -> str:
     return error.value.faults[0].problem
 
 
@@ -125,7 +125,7 @@ def test_a_name_offered_twice_names_both_and_leaves_the_others_usable():
     assert registry.names("joint") == ("felt",)
     with pytest.raises(PluginError) as error:
         registry.find("joint", "pad")
-    assert found(error) == "the joint model 'pad' is offered by pads 1.0 and cushions 3.1."
+    assert problem_of(error) == "the joint model 'pad' is offered by pads 1.0 and cushions 3.1."
 
 
 def test_the_same_class_offered_twice_is_no_conflict():
@@ -138,14 +138,14 @@ def test_the_same_class_offered_twice_is_no_conflict():
 def test_a_misspelt_hook_is_an_error():
     with pytest.raises(PluginError) as error:
         Registry().add(plugin(joint(), hook="dovetail_component"), "pads 1.0")
-    assert found(error) == "'dovetail_component' is not a hook of dovetail."
+    assert problem_of(error) == "'dovetail_component' is not a hook of dovetail."
     assert error.value.faults[0].remedy == "Did you mean 'dovetail_components'?"
 
 
 def test_a_module_without_the_hook_is_an_error():
     with pytest.raises(PluginError) as error:
         Registry().add(SimpleNamespace(dovetail_components=lambda: []), "pads 1.0")
-    assert found(error) == "it has no hook 'dovetail_components' marked with @dovetail.hookimpl."
+    assert problem_of(error) == "it has no hook 'dovetail_components' marked with @dovetail.hookimpl."
 
 
 def test_a_hook_that_raises_is_an_error():
@@ -154,7 +154,7 @@ def test_a_hook_that_raises_is_an_error():
 
     with pytest.raises(PluginError) as error:
         Registry().add(SimpleNamespace(dovetail_components=hookimpl(dovetail_components)), "pads 1.0")
-    assert found(error) == "its hook 'dovetail_components' raised RuntimeError: no licence"
+    assert problem_of(error) == "its hook 'dovetail_components' raised RuntimeError: no licence"
 
 
 @pytest.mark.parametrize("returned", ["pad", 3])
@@ -164,7 +164,7 @@ def test_a_hook_that_returns_no_list_is_an_error(returned):
 
     with pytest.raises(PluginError) as error:
         Registry().add(SimpleNamespace(dovetail_components=hookimpl(dovetail_components)), "pads 1.0")
-    assert found(error) == f"its hook 'dovetail_components' returned {returned!r}, not a list of classes."
+    assert problem_of(error) == f"its hook 'dovetail_components' returned {returned!r}, not a list of classes."
 
 
 class NoConfig:
@@ -181,6 +181,22 @@ class NoConfig:
         (joint(matrices=None), "Pad does not define matrices."),
         (joint(Config=NoConfig), "Pad.Config does not derive from dovetail.ComponentConfig."),
         (
+            joint(interface_versions=(2, 3)),
+            "Pad was written for versions 2 to 3 of the plugin interface; this dovetail-frf has 1.",
+        ),
+        (
+            joint(interface_versions=(2, 2), matrices=None),
+            "Pad was written for version 2 of the plugin interface; this dovetail-frf has 1.",
+        ),
+        (
+            joint(interface_versions=(2, 1)),
+            "Pad has (2, 1) for its interface_versions, not its lowest and highest version, such as (1, 1).",
+        ),
+        (
+            joint(interface_versions=1),
+            "Pad has 1 for its interface_versions, not its lowest and highest version, such as (1, 1).",
+        ),
+        (
             ComponentConfig,
             "<class 'dovetail.interfaces.component.ComponentConfig'> is not a component class "
             "(a subclass of SubstructureModel, JointModel, Reducer, Regressor).",
@@ -194,7 +210,18 @@ def test_an_unfit_component_is_put_aside_with_its_reason(component, reason):
     assert registry.names("joint") == ("felt",)
     with pytest.raises(PluginError) as error:
         Registry().add(plugin(component), "pads.py", strict=True)
-    assert found(error) == reason
+    assert problem_of(error) == reason
+
+
+def test_a_component_for_this_and_other_interface_versions_comes_in(monkeypatch):
+    registry = Registry()
+    registry.add(plugin(joint(interface_versions=(1, 2))), "pads 1.0", strict=True)
+    monkeypatch.setattr("dovetail.registry.registry.INTERFACE_VERSION", 2)
+    registry.add(plugin(joint(name="felt", interface_versions=(1, 2))), "felt 1.0", strict=True)
+    registry.add(plugin(joint(name="old")), "old 1.0")
+    assert registry.names("joint") == ("felt", "pad")
+    reason = "Pad was written for version 1 of the plugin interface; this dovetail-frf has 2."
+    assert [(failure.source, failure.reason) for failure in registry.failures] == [("old 1.0", reason)]
 
 
 @pytest.mark.parametrize(
@@ -212,13 +239,13 @@ def test_a_broken_plugin_file_says_where_and_why(tmp_path, code, where, message)
     with pytest.raises(PluginError) as error:
         Registry().load_file(file)
     assert error.value.faults[0].where == f"{file}{where}"
-    assert found(error).startswith(message)
+    assert problem_of(error).startswith(message)
 
 
 def test_a_missing_plugin_file(tmp_path):
     with pytest.raises(PluginError) as error:
         Registry().load_file(tmp_path / "none.py")
-    assert found(error) == "there is no such plugin file."
+    assert problem_of(error) == "there is no such plugin file."
 
 
 def test_a_separately_installed_package_comes_in(tmp_path):
