@@ -127,6 +127,7 @@ def _search(
         start,
         lambda position: linearise(position.tobytes()).jacobian[0].T,
         bounds=(0.0, 1.0),
+        x_scale="jac",  # the FRF tells some parameters a thousand times as well as others
         ftol=tolerance / linearise(start.tobytes()).residuals.size,
         max_nfev=most_steps,
         callback=stop_when_late,
