@@ -55,6 +55,7 @@ from .identification import load_model as load_model
 from .identification import predict as predict
 from .identification import predict_band as predict_band
 from .identification import train as train
+from .interfaces import INTERFACE_VERSION as INTERFACE_VERSION
 from .interfaces import Component as Component
 from .interfaces import ComponentConfig as ComponentConfig
 from .interfaces import Epoch as Epoch
@@ -81,7 +82,7 @@ from .measurement import remove_accelerometer_mass as remove_accelerometer_mass
 from .measurement import without_window_damping as without_window_damping
 from .measurement import write_frf as write_frf
 from .registry import hookimpl as hookimpl
-from .report.report import plot_frf as plot_frf
+from .report.plots import plot_frf as plot_frf
 from .report.report import write_report as write_report
 from .report.truth import Truth as Truth
 from .report.truth import read_truth as read_truth

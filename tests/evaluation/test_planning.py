@@ -13,7 +13,7 @@ import dovetail
 from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.evaluation import plan
-from dovetail.evaluation.truncated_gaussian import left_over
+from dovetail.evaluation.truncated_gaussian import remaining_uncertainty
 from dovetail.identification.fitting import refine
 from dovetail.identification.posterior import sample_posterior
 
@@ -57,7 +57,7 @@ def test_gains_are_those_that_a_measurement_achieves(sdof):
 def test_what_is_left_of_one_parameter_is_the_variance_of_a_normal_distribution_that_is_cut_off():
     random, deviation = np.random.default_rng(1), np.array([0.02, 0.2, 1.0])
     truth = random.random((300, 1))
-    found = left_over(np.broadcast_to(deviation[:, None, None, None] ** -2, (3, 300, 1, 1)), truth, seed=0)
+    found = remaining_uncertainty(np.broadcast_to(deviation[:, None, None, None] ** -2, (3, 300, 1, 1)), truth, seed=0)
     for one, variance, mean in zip(deviation, found.variance, found.deviation, strict=True):
         centre = truth[:, 0] + one * random.standard_normal((100, 300))
         expected = truncnorm.var(-centre / one, (1 - centre) / one, loc=centre, scale=one)
@@ -78,7 +78,7 @@ def test_what_is_left_of_two_that_trade_is_what_a_grid_says():
         weight = np.exp(-np.einsum("gi,ij,gj->g", off, information, off) / 2)
         mean = weight @ grid / weight.sum()
         expected.append(weight @ (grid - mean) ** 2 / weight.sum())
-    found = left_over(np.broadcast_to(information, (200, 2, 2)), truth, seed=0)
+    found = remaining_uncertainty(np.broadcast_to(information, (200, 2, 2)), truth, seed=0)
     np.testing.assert_allclose(found.variance, np.mean(expected, axis=0), rtol=0.08)
     normal_prior = np.diag(np.linalg.inv(information + 12 * np.eye(2)))
     assert np.all(found.variance < 0.95 * normal_prior)

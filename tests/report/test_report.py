@@ -271,7 +271,7 @@ def test_a_report_that_cannot_be_written_is_explained(result: Identification, tm
 
 def test_importing_the_report_loads_nothing_heavy() -> None:
     program = (
-        "import sys, dovetail.report, dovetail.report.figures\n"
+        "import sys, dovetail.report.report, dovetail.report.figures, dovetail.report.truth\n"
         "print([name for name in ('torch', 'umap', 'numba', 'matplotlib', 'jinja2') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

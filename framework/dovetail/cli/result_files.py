@@ -64,7 +64,8 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
     """
     from dovetail.atomic_files import write_whole
     from dovetail.report.figures import save_png
-    from dovetail.report.report import plot_frf, write_report
+    from dovetail.report.plots import plot_frf
+    from dovetail.report.report import write_report
 
     paths = {name: folder / name for name in _FILES}
     texts = {

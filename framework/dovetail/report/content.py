@@ -21,9 +21,9 @@ __all__ = [
     "PosteriorRow",
     "evaluation_rows",
     "fit_sentence",
-    "misspecification_sentences",
     "is_synthetic",
     "known_rows",
+    "misspecification_sentences",
     "mode_rows",
     "parameter_rows",
     "posterior_rows",
@@ -220,8 +220,9 @@ def posterior_sentence(posterior: Posterior) -> str:
         start = f"A Gaussian at the most probable place, in {posterior.seconds:.2g} s; {len(posterior.weight)} samples"
         return f"{start} of it, {halves}."
     return (
-        f"{len(posterior.weight)} samples in {posterior.seconds:.2g} s; {posterior.converged_fraction:.0%} of the searches for "
-        f"them reached their target. They tell as much as {posterior.effective_sample_size:.0f} independent ones; {halves}."
+        f"{len(posterior.weight)} samples in {posterior.seconds:.2g} s; {posterior.converged_fraction:.0%} of the "
+        "searches for them reached their target. They tell as much as "
+        f"{posterior.effective_sample_size:.0f} independent ones; {halves}."
     )
 
 

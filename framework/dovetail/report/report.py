@@ -7,14 +7,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from matplotlib.figure import Figure
-
 from dovetail.atomic_files import write_whole
-from dovetail.frf import Frf
 from dovetail.identification import Identification
 from dovetail.report import content
-from dovetail.report.figures import frf_figure, simulated_figure
 from dovetail.report.svg import inline_svg
 from dovetail.report.truth import Truth
 from dovetail.report.wording import number
@@ -23,7 +18,7 @@ from dovetail.version import __version__
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["environment", "plot_frf", "write_report"]
+__all__ = ["environment", "write_report"]
 
 
 def write_report(result: Identification, path: str | Path, *, truth: Truth | None = None) -> Path:
@@ -51,32 +46,6 @@ def write_report(result: Identification, path: str | Path, *, truth: Truth | Non
     page = environment().get_template("report.html.jinja").render(_context(result, truth))
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
-
-
-def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
-    """Draw an FRF; of an identification the measured and the reconstructed one, with their coherence beneath.
-
-    Parameters
-    ----------
-    result : Identification or Frf
-    response : int
-        Which response of an identification, from 0.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Its ``savefig`` writes it, its ``axes`` can be changed; the natural frequencies of an identification are marked.
-
-    Raises
-    ------
-    IndexError
-        The identification has no such response.
-    """
-    if isinstance(result, Frf):
-        return simulated_figure(result)
-    natural = [mode.natural_frequency for mode in result.modes if np.isfinite(mode.natural_frequency)]
-    at_point = result.responses[response]
-    return frf_figure(at_point.measured, at_point.frf, at_point.coherence, natural)
 
 
 def environment() -> Environment:
@@ -139,6 +108,8 @@ def _mean_coherence(result: Identification) -> str:
 def _figures(result: Identification) -> list[tuple[str, Any, bool]]:
     """Return the point of each response, empty if there is one only, its figure as markup, and whether it has phase."""
     from markupsafe import Markup
+
+    from dovetail.report.plots import plot_frf
 
     figures = []
     for index, response in enumerate(result.responses):

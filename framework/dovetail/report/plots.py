@@ -1,0 +1,38 @@
+"""Figures of results, for a notebook or a page of one's own; matplotlib is loaded with this module."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from dovetail.frf import Frf
+from dovetail.identification import Identification
+from dovetail.report.figures import frf_figure, simulated_figure
+
+__all__ = ["plot_frf"]
+
+
+def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
+    """Draw an FRF; of an identification the measured and the reconstructed one, with their coherence beneath.
+
+    Parameters
+    ----------
+    result : Identification or Frf
+    response : int
+        Which response of an identification, from 0.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Its ``savefig`` writes it, its ``axes`` can be changed; the natural frequencies of an identification are marked.
+
+    Raises
+    ------
+    IndexError
+        The identification has no such response.
+    """
+    if isinstance(result, Frf):
+        return simulated_figure(result)
+    natural = [mode.natural_frequency for mode in result.modes if np.isfinite(mode.natural_frequency)]
+    at_point = result.responses[response]
+    return frf_figure(at_point.measured, at_point.frf, at_point.coherence, natural)
