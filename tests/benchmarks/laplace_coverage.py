@@ -21,6 +21,7 @@ from dovetail.dataset import latin_hypercube
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.identification.fitting import Fit, refine
 from dovetail.identification.posterior import Posterior, laplace_posterior, quantiles, sample_posterior
+from dovetail.measurement import noisy_frf
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISE = 0.01
@@ -41,12 +42,8 @@ def cases(assembly: dovetail.Assembly, count: int, mesh: int) -> Iterator[Case]:
     truth = latin_hypercube(assembly, count, seed=77)
     values = finer(assembly, mesh).frf(truth)
     for index, (place, clean) in enumerate(zip(assembly.to_unit(truth), values, strict=True)):
-        deviation = NOISE * clean.std()
-        normal = np.random.default_rng([9, index]).standard_normal((2, len(clean)))
-        noisy = clean + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
-        measured = dovetail.Frf(
-            assembly.frequency, noisy, "accelerance", variance=np.full(len(clean), deviation**2), label=f"case {index}"
-        )
+        exact = dovetail.Frf(assembly.frequency, clean, "accelerance", label=f"case {index}")
+        measured = noisy_frf(exact, NOISE, np.random.default_rng([9, index]))
         yield Case(index, place, measured, refine(assembly, measured))
 
 

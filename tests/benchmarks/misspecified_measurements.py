@@ -30,6 +30,7 @@ from dovetail.identification.fitting import refine
 from dovetail.identification.misspecification import check_misspecification
 from dovetail.identification.misspecification.whitened_residuals import whiten_residuals
 from dovetail.identification.posterior.model_error import MODEL_ERROR
+from dovetail.measurement import complex_noise
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISES = (0.01, 0.05)
@@ -182,9 +183,8 @@ def sizes(assembly: dovetail.Assembly) -> Mapping[str, Kind]:
 
 def measurement(assembly: dovetail.Assembly, values: np.ndarray, level: float, seed: int) -> dovetail.Frf:
     """Return an FRF with noise of `level` times its own standard deviation in each line, which it does not tell."""
-    normal = np.random.default_rng([seed, round(1e3 * level)]).standard_normal((2, len(values)))
-    noisy = values + level * values.std() * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
-    return dovetail.Frf(assembly.frequency, noisy, "accelerance")
+    random = np.random.default_rng([seed, round(1e3 * level)])
+    return dovetail.Frf(assembly.frequency, complex_noise(values, level, random, kind="uniform"), "accelerance")
 
 
 def distance(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy as np
 import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.identification.fitting import multistart, refine
+from dovetail.measurement import noisy_frf
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 HEADER = (
@@ -28,16 +30,8 @@ HEADER = (
 
 def measurement(assembly: dovetail.Assembly, values: np.ndarray, level: float, seed: int, phase: bool) -> dovetail.Frf:
     """Return an FRF with noise of `level` times its own standard deviation."""
-    deviation = level * values.std()
-    normal = np.random.default_rng(seed).standard_normal((2, len(values)))
-    noisy = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
-    return dovetail.Frf(
-        assembly.frequency,
-        noisy if phase else np.abs(noisy),
-        "accelerance",
-        has_phase=phase,
-        variance=np.full(len(values), deviation**2),
-    )
+    noisy = noisy_frf(dovetail.Frf(assembly.frequency, values, "accelerance"), level, seed)
+    return replace(noisy, values=noisy.values if phase else noisy.amplitude, has_phase=phase)
 
 
 def row(level: float, phase: bool, method: str, fits: list[dovetail.Fit]) -> str:

@@ -39,6 +39,7 @@ from dovetail.identification.posterior.prior import (
     normal_from_unit,
     unit_from_normal,
 )
+from dovetail.measurement import noisy_frf
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 NOISE = 0.01
@@ -182,14 +183,11 @@ def one_case(index: int, count: int) -> dict[str, Any]:
     assembly = dovetail.load(ASSEMBLY)
     truth = latin_hypercube(assembly, count, seed=55)[index]
     clean = assembly.frf(truth)
-    deviation = NOISE * clean.std()
-    normal = np.random.default_rng([12, index]).standard_normal((2, len(clean)))
-    variance = np.full(len(clean), deviation**2)
-    noisy = clean + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
-    measured = dovetail.Frf(assembly.frequency, noisy, "accelerance", variance=variance)
+    exact = dovetail.Frf(assembly.frequency, clean, "accelerance")
+    measured = noisy_frf(exact, NOISE, np.random.default_rng([12, index]))
     fit = refine(assembly, measured)
     posterior = sample_posterior(assembly, measured, fit, model_error=0.0, seed=index)
-    misfit = FrfResiduals(assembly, Weighted.against(measured, variance, np.ones(len(clean), dtype=np.bool_)))
+    misfit = FrfResiduals(assembly, Weighted.against(measured, measured.variance, np.ones(len(clean), dtype=np.bool_)))
     place = assembly.to_unit(truth)
     fisher = misfit.linearise(place[np.newaxis]).curvature[0]
     spread = np.diag(np.linalg.inv(fisher + 12.0 * np.eye(len(place))))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import dovetail
+from dovetail.measurement import noisy_frf
 
 
 def noisy(
@@ -18,10 +21,7 @@ def noisy(
     label: str = "",
 ) -> dovetail.Frf:
     """Return an FRF with complex noise of `level` times its own standard deviation, which it states if `known`."""
-    deviation = level * values.std()
-    normal = np.random.default_rng(seed).standard_normal((2, len(values)))
-    shown = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
-    variance = np.full(len(values), deviation**2) if known else None
     quantity = assembly.description.response.quantity
-    shown = shown if has_phase else np.abs(shown)
-    return dovetail.Frf(assembly.frequency, shown, quantity, has_phase=has_phase, variance=variance, label=label)
+    frf = noisy_frf(dovetail.Frf(assembly.frequency, values, quantity, label=label), level, seed)
+    shown = frf.values if has_phase else frf.amplitude
+    return replace(frf, values=shown, has_phase=has_phase, variance=frf.variance if known else None)

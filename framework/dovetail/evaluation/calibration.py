@@ -16,8 +16,9 @@ from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
 from dovetail.identification import identify
-from dovetail.identification.posterior import LEVEL
+from dovetail.identification.posterior import LEVEL, PRIOR_PRECISION
 from dovetail.interfaces import Progress, silent
+from dovetail.measurement import noisy_frf
 from dovetail.parallel import cores, side_by_side
 
 __all__ = ["CalibratedParameter", "Calibration", "Setting", "calibrate"]
@@ -131,7 +132,7 @@ class Calibration:
         from scipy.stats import kstest
 
         covered = self.inside().mean(axis=0)
-        r2 = 1.0 - 12.0 * np.mean((self.estimate - self.truth) ** 2, axis=0)
+        r2 = 1.0 - PRIOR_PRECISION * np.mean((self.estimate - self.truth) ** 2, axis=0)
         return tuple(
             CalibratedParameter(
                 name,
@@ -291,19 +292,11 @@ class _Study:
         """Return one FRF with noise for each response."""
         theta = self._assembly.from_unit(fraction)
         responses = self._assembly.description.responses
-        measured = []
-        for response_assembly, response in zip(self._true.each_response, responses, strict=True):
-            values = response_assembly.frf(theta)
-            deviation = self._setting.noise * float(values.std())
-            real, imaginary = random.standard_normal((2, len(values)))
-            noisy = values + deviation * (real + 1j * imaginary) / np.sqrt(2.0)
-            variance = np.full(len(values), deviation**2)
-            measured.append(
-                Frf(
-                    response_assembly.frequency, noisy, response.quantity, variance=variance, rotation=response.rotation
-                )
-            )
-        return measured
+        clean = [
+            Frf(assembly.frequency, assembly.frf(theta), response.quantity, rotation=response.rotation)
+            for assembly, response in zip(self._true.each_response, responses, strict=True)
+        ]
+        return [noisy_frf(frf, self._setting.noise, random) for frf in clean]
 
 
 def _calibration(

@@ -14,6 +14,7 @@ from dovetail.dataset import latin_hypercube
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.truncated_gaussian import RemainingUncertainty, remaining_uncertainty
 from dovetail.identification.fitting.residuals import linearise_frf
+from dovetail.identification.posterior import PRIOR_PRECISION
 from dovetail.interfaces import Progress, silent
 from dovetail.units import format_quantity
 
@@ -258,7 +259,7 @@ def _point(
     return PlannedPoint(
         substructure=response.substructure,
         position=position,
-        gain=dict(zip(names, (1.0 - 12.0 * variance).tolist(), strict=True)),
+        gain=dict(zip(names, (1.0 - PRIOR_PRECISION * variance).tolist(), strict=True)),
         deviation=dict(zip(names, deviation.tolist(), strict=True)),
         hidden=tuple(hidden.tolist()),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,25 @@ class StructuralMatrices:
         """Return matrices of zeros: ``zeros(d)`` or, as a batch, ``zeros(n, d)``."""
         full = (*shape, shape[-1])
         return cls(np.zeros(full), np.zeros(full), np.zeros(full), np.zeros(full))
+
+    def add_contact_layer(
+        self, pairs: Sequence[tuple[int, int]], stiffness: ArrayLike, damping: ArrayLike = 0.0
+    ) -> None:
+        """Add a spring and a damper of no thickness between each pair of DOFs, in place.
+
+        Parameters
+        ----------
+        pairs : sequence of (int, int)
+            DOFs that face each other.
+        stiffness, damping : (...) arrays
+            Of each single spring and damper [N/m and N s/m, or N m/rad and N m s/rad], one value for each of the batch.
+        """
+        for matrix, value in ((self.K, stiffness), (self.C, damping)):
+            for first, second in pairs:
+                matrix[..., first, first] += value
+                matrix[..., second, second] += value
+                matrix[..., first, second] -= value
+                matrix[..., second, first] -= value
 
     @property
     def size(self) -> int:

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import JointModel, Parameter, Port, StructuralMatrices
-from dovetail_plugins.joints.contact_layer import add_contact_layer
 
 __all__ = ["Bearing"]
 
@@ -36,8 +35,8 @@ class Bearing(JointModel):
         joint = StructuralMatrices.zeros(len(theta), self.size)
         k, kr, c, cr, m, J = theta.T
         radial, tilting = self.contact_dofs
-        add_contact_layer(joint, [radial], k, c)
-        add_contact_layer(joint, [tilting], kr, cr)
+        joint.add_contact_layer([radial], k, c)
+        joint.add_contact_layer([tilting], kr, cr)
         joint.M[:, 0, 0] = m
         joint.M[:, 1, 1] = J
         return joint

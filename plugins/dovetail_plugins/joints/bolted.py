@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
-from dovetail_plugins.joints.contact_layer import add_contact_layer
 
 __all__ = ["Bolted", "Preload"]
 
@@ -96,8 +95,8 @@ class Bolted(JointModel):
         joint = StructuralMatrices.zeros(len(theta), self.size)
         tightness = self._tightness()
         kt, kr, ct, cr = theta[:, :4].T
-        add_contact_layer(joint, self.contact_dofs[0::2], tightness * kt, ct)
-        add_contact_layer(joint, self.contact_dofs[1::2], tightness * kr, cr)
+        joint.add_contact_layer(self.contact_dofs[0::2], tightness * kt, ct)
+        joint.add_contact_layer(self.contact_dofs[1::2], tightness * kr, cr)
         if self.config.bolt_mass:
             for dof, share in self._bolt():
                 joint.M[:, dof, dof] += share * theta[:, 4]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
-from dovetail_plugins.joints.contact_layer import add_contact_layer
 from dovetail_plugins.timoshenko import Material, circle, element_matrices
 
 __all__ = ["Collet"]
@@ -105,8 +104,8 @@ class Collet(JointModel):
         for node, mass in ((0, mn1), (1, mn2)):
             joint.M[:, self._collet_dof(node), self._collet_dof(node)] += mass
         for port, kt, kr, ct, cr in (("tool", kt_tc, kr_tc, ct_tc, cr_tc), ("holder", kt_hc, kr_hc, ct_hc, cr_hc)):
-            add_contact_layer(joint, self._facing(port)[0::2], kt, ct)
-            add_contact_layer(joint, self._facing(port)[1::2], kr, cr)
+            joint.add_contact_layer(self._facing(port)[0::2], kt, ct)
+            joint.add_contact_layer(self._facing(port)[1::2], kr, cr)
         return joint
 
     def _add_beam(self, joint: StructuralMatrices, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> None:

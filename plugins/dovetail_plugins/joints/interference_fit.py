@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from dovetail import ComponentConfig, InUnit, JointModel, Parameter, Port, StructuralMatrices
-from dovetail_plugins.joints.contact_layer import add_contact_layer
 
 __all__ = ["InterferenceFit"]
 
@@ -85,6 +84,6 @@ class InterferenceFit(JointModel):
             length = self.config.length / (nodes - 1) * (0.5 if node in (0, nodes - 1) else 1.0)
             stiffness = length * (1.0 + along * theta[:, 4]) if self.config.pressure == "linear" else length
             radial, tilting = self.contact_dofs[2 * node : 2 * node + 2]
-            add_contact_layer(joint, [radial], stiffness * k, length * c)
-            add_contact_layer(joint, [tilting], stiffness * kr, length * cr)
+            joint.add_contact_layer([radial], stiffness * k, length * c)
+            joint.add_contact_layer([tilting], stiffness * kr, length * cr)
         return joint

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
-from dovetail_plugins.joints.contact_layer import add_contact_layer
 
 __all__ = ["SpringDamper"]
 
@@ -75,5 +74,5 @@ class SpringDamper(JointModel):
         joint = StructuralMatrices.zeros(len(theta), self.size)
         by_direction = np.array_split(np.array(self.contact_dofs), len(self.parameters) // 2)
         for index, pairs in enumerate(by_direction):
-            add_contact_layer(joint, [tuple(pair) for pair in pairs], theta[:, 2 * index], theta[:, 2 * index + 1])
+            joint.add_contact_layer([tuple(pair) for pair in pairs], theta[:, 2 * index], theta[:, 2 * index + 1])
         return joint

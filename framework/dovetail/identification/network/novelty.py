@@ -21,6 +21,7 @@ from dovetail.identification.misspecification.frequency_bands import find_deviat
 from dovetail.identification.misspecification.result import Misspecification
 from dovetail.identification.network.network import Network
 from dovetail.identification.network.preprocessing import log10p1
+from dovetail.measurement import noisy_frf
 
 __all__ = ["Novelty", "PrincipalComponents", "learn_novelty"]
 
@@ -221,22 +222,15 @@ def learn_novelty(
     """
     values = assembly.frf(held_out[: _SETTINGS.held_out_frfs])
     quantity = assembly.description.response.quantity
-    clean = [Frf(assembly.frequency, frf, quantity).to("accelerance").values for frf in values]
-    basis = PrincipalComponents.fit(amplitude[: _SETTINGS.training_frfs], np.abs(clean))
+    clean = [Frf(assembly.frequency, frf, quantity).to("accelerance") for frf in values]
+    basis = PrincipalComponents.fit(amplitude[: _SETTINGS.training_frfs], np.stack([frf.amplitude for frf in clean]))
     generator = np.random.default_rng([seed, _NOISE_STREAM])
     levels, limits = [], []
     for level in _SETTINGS.noise_levels:
-        noisy = [_with_noise(Frf(assembly.frequency, frf, "accelerance"), level, generator) for frf in clean]
+        noisy = [noisy_frf(frf, level, generator) for frf in clean]
         predicted = network.predict(np.stack([frf.amplitude for frf in noisy]))
         answers = assembly.accelerance_amplitude(predicted).astype(float)
         compared = [_statistics(basis, frf, answer) for frf, answer in zip(noisy, answers, strict=True)]
         levels.append(float(np.median([noise_level for _, noise_level, _ in compared])))
         limits.append(np.max([statistics for statistics, _, _ in compared], axis=0))
     return Novelty(basis, np.maximum.accumulate(np.array(levels)), np.array(limits))
-
-
-def _with_noise(frf: Frf, level: float, generator: np.random.Generator) -> Frf:
-    normal = generator.standard_normal((2, len(frf.values)))
-    deviation = level * frf.values.std()
-    noise = deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
-    return Frf(frf.frequency, frf.values + noise, frf.quantity, variance=np.full(len(frf.frequency), deviation**2))

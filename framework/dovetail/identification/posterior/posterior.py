@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.identification.posterior.prior import PRIOR_PRECISION
 
 __all__ = ["LEVEL", "Form", "Posterior", "Verdict", "Word", "quantiles", "split_half_difference"]
 
@@ -183,7 +184,7 @@ class Posterior:
     def verdicts(self) -> Mapping[str, Verdict]:
         """How far each parameter can be known, by name."""
         mean = self.weight @ self.fraction
-        gains = np.clip(1.0 - 12.0 * (self.weight @ (self.fraction - mean) ** 2), 0.0, 1.0)
+        gains = np.clip(1.0 - PRIOR_PRECISION * (self.weight @ (self.fraction - mean) ** 2), 0.0, 1.0)
         return {name: self._verdict(index, float(gains[index])) for index, name in enumerate(self.names)}
 
     def _verdict(self, index: int, gain: float) -> Verdict:

@@ -14,7 +14,10 @@ from scipy.special import ndtr, ndtri
 
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
 
-__all__ = ["Z_LIMIT", "CubeResiduals", "PosteriorResiduals", "normal_from_unit", "unit_from_normal"]
+__all__ = ["PRIOR_PRECISION", "Z_LIMIT", "CubeResiduals", "PosteriorResiduals", "normal_from_unit", "unit_from_normal"]
+
+PRIOR_PRECISION = 12.0
+"""One over the variance of a parameter's fraction of its range under the prior, which is uniform."""
 
 Z_LIMIT = 8.0
 """Largest coordinate: there a parameter is at the end of its range, to double precision."""

@@ -27,7 +27,7 @@ from dovetail.identification.posterior.likelihood import (
 from dovetail.identification.posterior.mode_search import maximise_posterior, search_modes
 from dovetail.identification.posterior.model_error import MODEL_ERROR
 from dovetail.identification.posterior.posterior import Posterior
-from dovetail.identification.posterior.prior import PosteriorResiduals, unit_from_normal
+from dovetail.identification.posterior.prior import PRIOR_PRECISION, PosteriorResiduals, unit_from_normal
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
 
 __all__ = ["sample_posterior"]
@@ -173,8 +173,10 @@ class _Sampler:
 
     def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals at the modes, as fractions, and scattered around them."""
-        values, vectors = np.linalg.eigh(information + 12.0 * np.eye(modes.shape[1]))  # 12: that of the prior
-        steps = self._random.standard_normal((_SETTINGS.pilots, len(values))) / np.sqrt(np.maximum(values, 12.0))
+        values, vectors = np.linalg.eigh(information + PRIOR_PRECISION * np.eye(modes.shape[1]))
+        steps = self._random.standard_normal((_SETTINGS.pilots, len(values))) / np.sqrt(
+            np.maximum(values, PRIOR_PRECISION)
+        )
         scattered = modes[np.arange(len(steps)) % len(modes)] + 0.3 * (steps @ vectors.T)
         return self._residuals.residuals(np.clip(np.concatenate([modes, scattered]), 1e-3, 1.0 - 1e-3))
 
