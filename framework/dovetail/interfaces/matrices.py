@@ -56,7 +56,10 @@ class StructuralMatrices:
         return cls(np.zeros(full), np.zeros(full), np.zeros(full), np.zeros(full))
 
     def add_contact_layer(
-        self, pairs: Sequence[tuple[int, int]], stiffness: ArrayLike, damping: ArrayLike = 0.0
+        self,
+        pairs: Sequence[tuple[int, int]],
+        stiffness: NDArray[np.float64] | float,
+        damping: NDArray[np.float64] | float = 0.0,
     ) -> None:
         """Add a spring and a damper of no thickness between each pair of DOFs, in place.
 
