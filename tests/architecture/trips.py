@@ -14,6 +14,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import FrameType
 
@@ -31,22 +32,23 @@ def files_entered(job: Callable[[], object]) -> list[str]:
     """Run a job and return the files of ours that it enters, in the order in which it does."""
     entered: dict[str, None] = {}
 
-    def note(frame: FrameType, event: str, _argument: object) -> None:
+    def note(frame: FrameType, event: str, _argument: object) -> None:  # called for every call, not for each line
         file = frame.f_code.co_filename
         is_function = frame.f_code.co_flags & inspect.CO_OPTIMIZED
         if event == "call" and is_function and file not in entered and ours(file) and not is_import(frame):
             entered[file] = None
 
-    threading.setprofile(note)
-    sys.setprofile(note)
+    threading.settrace(note)
+    sys.settrace(note)
     try:
         job()
     finally:
-        sys.setprofile(None)
-        threading.setprofile(None)  # type: ignore[arg-type]
+        sys.settrace(None)
+        threading.settrace(None)  # type: ignore[arg-type]
     return [ours(file) for file in entered]
 
 
+@cache
 def ours(file: str) -> str:
     """Return a file's path from its package on, or nothing for one of another package."""
     path = Path(file)

@@ -92,10 +92,10 @@ def test_the_study_of_verdicts_counts_every_parameter_by_each_route(tmp_path):
 
 
 def test_the_study_of_misspecified_measurements_tells_a_mass_from_none():
-    (mass,) = cells(run("misspecified_measurements.py", "--only", "mass", "--misspecified", 2, "--reach", "--name"))[
+    (mass,) = cells(run("misspecified_measurements.py", "--only", "mass", "--misspecified", 1, "--reach", "--name"))[
         2:3
     ]
-    assert mass[1:] == [*["2 of 2"] * 6, "-", "-"]
+    assert mass[1:] == [*["1 of 1"] * 6, "-", "-"]
     genuine, finer = cells(
         run("misspecified_measurements.py", "--only", "gen", "--genuine", 2, "--finer", 1, "--reach")
     )[2:]

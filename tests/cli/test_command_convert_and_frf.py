@@ -211,7 +211,7 @@ def test_faults_of_frf(run, tmp_path, hits):
     assert "does not say the sampling rate" in fault_of(run, tmp_path, "a.csv", table.replace("time", "turns"))
     assert "the file is empty" in fault_of(run, tmp_path, "a.csv", "")
     assert "no file of time records" in fault_of(run, tmp_path, "a.xlsx", "x")
-    assert "damaged or is none" in fault_of(run, tmp_path, "a.h5", "x")
+    assert "this is no HDF5 file" in fault_of(run, tmp_path, "a.h5", "x")
     assert "the archive is damaged" in fault_of(run, tmp_path, "a.npz", b"PK")
     assert "0 time records of a force" in fault_of(run, tmp_path, "a.uff", "    -1\n   151\nx\n    -1\n")
     np.savez(tmp_path / "b.npz", force=hits[1])

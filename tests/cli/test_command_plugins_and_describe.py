@@ -76,7 +76,7 @@ def test_describe_a_joint_whose_options_have_no_default(run):
     assert any(row[:5] == ["Dc", "26", "to", "40", "mm"] and row[5] == "linear" for row in rows)
     assert any(row[:5] == ["kt_tc", "100", "to", "2000", "MN/m"] and row[5] == "log" for row in rows)
     assert ["holder", "3"] in rows
-    assert "Reference method" in printed
+    assert "Processes 14 (2026) 1875, doi:10.3390/pr14121875" in printed
 
 
 def test_describe_a_joint_with_its_default_options(run):

@@ -23,19 +23,34 @@ CASES = 120
 
 
 @pytest.fixture(scope="module")
-def right(sdof):
-    return calibrate(sdof, cases=CASES, samples=200, noise=0.1)
+def posteriors():
+    """The posterior of each case by its number, filled by the calibration that is right."""
+    return {}
+
+
+@pytest.fixture(scope="module")
+def right(sdof, posteriors):
+    """A calibration in this process, so that its posteriors can be kept."""
+    identify = study.identify
+
+    def keeping(*arguments, seed, **options):
+        result = identify(*arguments, seed=seed, **options)
+        posteriors[seed] = result.posterior
+        return result
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study, "identify", keeping)
+        return calibrate(sdof, cases=CASES, samples=200, noise=0.1, workers=1)
 
 
 @pytest.fixture
-def spoilt(monkeypatch):
-    """Posteriors whose samples are stretched about their mean, and moved by so many standard deviations."""
+def spoilt(monkeypatch, right, posteriors):
+    """The same posteriors, but with samples stretched about their mean, and moved by so many standard deviations."""
+    assert len(posteriors) == len(right.case)
 
     def install(stretch, moved=0.0):
-        identify = study.identify
-
-        def spoiling(*arguments, **options):
-            posterior = identify(*arguments, **options).posterior
+        def spoiling(*_, seed, **__):
+            posterior = posteriors[seed]
             mean = posterior.weight @ posterior.fraction
             deviation = np.sqrt(posterior.weight @ (posterior.fraction - mean) ** 2)
             fraction = mean + moved * deviation + stretch * (posterior.fraction - mean)
@@ -62,17 +77,17 @@ def test_a_right_posterior_holds_the_truth_as_often_as_it_says(right):
 @pytest.mark.parametrize(("stretch", "moved"), [(0.5, 0.0), (2.5, 0.0), (1.0, 1.0)])
 def test_one_that_is_too_sure_or_too_unsure_or_to_one_side_is_seen(sdof, spoilt, stretch, moved):
     spoilt(stretch, moved)
-    found = calibrate(sdof, cases=CASES, samples=200, noise=0.1)
-    for one in found.parameters:
+    spoilt_study = calibrate(sdof, cases=CASES, samples=200, noise=0.1, workers=1)
+    for one in spoilt_study.parameters:
         low, high = one.by_chance
         assert one.p_uniform < 1e-3
         assert not low <= one.coverage <= high
 
 
 def test_every_case_is_the_same_whatever_goes_on_beside_it(sdof, right):
-    alone = calibrate(sdof, cases=3, samples=200, noise=0.1, workers=1)
-    np.testing.assert_array_equal(alone.rank, right.rank[:3])
-    assert alone.workers == 1
+    beside = calibrate(sdof, cases=3, samples=200, noise=0.1, workers=2)
+    np.testing.assert_array_equal(beside.rank, right.rank[:3])
+    assert (beside.workers, right.workers) == (2, 1)
     other = calibrate(sdof, cases=3, samples=200, noise=0.1, workers=1, seed=1)
     assert not np.any(other.truth == right.truth[:3])
 
