@@ -64,7 +64,7 @@ class CalibratedParameter:
     r2 : float
         Of the estimates, on the parameter's scale: 1 - mean squared error over the variance of the range.
     p_uniform : float
-        Probability that the truth's ranks among the samples are as uneven as found if the posterior is right
+        Probability that the truth's ranks among the samples are as uneven as these if the posterior is right
         (Kolmogorov and Smirnov).
     """
 
@@ -189,7 +189,7 @@ def calibrate(
         With parameters to seek.
     cases : int
     noise : float
-        Standard deviation of the complex noise, the same in every line and told to the posterior, over that of the FRF.
+        Standard deviation of the complex noise over that of the FRF; the same in every line, and the posterior knows it.
     samples : int
         Of each posterior.
     model_error : float

@@ -1,4 +1,4 @@
-"""Methods of identification side by side, on the same measurements (the reference method's section 4.6)."""
+"""Methods of identification side by side, on the same measurements (section 4.6 of Processes 14 (2026) 1875)."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class Settings:
     prominence: float = 6.0
     """dB by which a peak stands out on either side: then it has half-power lines."""
     floor: float = 60.0
-    """Standard deviations of the noise, over the prominence in dB, below which amplitudes are not told apart: 10 at
+    """Standard deviations of the noise, over the prominence in dB, below which amplitudes are not distinguished: 10 at
     6 dB. At such a floor the noise of thousands of lines reaches half the prominence."""
     skewness: float = 0.25
     """Part of the width between the highest line and the parabola's vertex, beyond which other modes skew the peak."""

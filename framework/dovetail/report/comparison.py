@@ -1,4 +1,4 @@
-"""The report of a comparison: one HTML file with the reference method's figures 11 and 12 and its tables 4 and 5."""
+"""The report of a comparison: one HTML file with figures 11 and 12 and tables 4 and 5 of Processes 14 (2026) 1875."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
 
 
 def _verdicts(comparison: Comparison) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
-    """Return for each parameter its unit, and for each case estimate, interval and verdict, where they are told."""
+    """Return for each parameter its unit, and for each case with a posterior its estimate, interval and verdict."""
     results = [(row.case.name, row.identification) for row in comparison.rows if row.identification is not None]
     known = [(name, result, result.posterior) for name, result in results if result.posterior is not None]
     if not known:

@@ -213,7 +213,7 @@ def posterior_rows(result: Identification) -> list[PosteriorRow]:
 
 
 def posterior_sentence(posterior: Posterior) -> str:
-    """Say how the posterior was told, and whether there are samples enough."""
+    """Say how the posterior was computed, and whether there are samples enough."""
     name, apart = max(posterior.split_half_difference.items(), key=lambda entry: entry[1])
     halves = f"two halves of them differ in an interval by at most {apart:.0%} of its width ({name})"
     if posterior.form == "laplace":

@@ -97,7 +97,7 @@ def fixed(value: float | None, decimals: int, *, signed: bool = False) -> str:
 
 def readable(text: str) -> str:
     """Set the powers of ten in a sentence: ``"1.5e+08 N/m"`` becomes ``"1.5 x 10⁸ N/m"``, with a real cross."""
-    return re.sub(r"(?<=\d)e([+-]\d\d+)\b", lambda found: _power_of_ten(found[1]), text)
+    return re.sub(r"(?<=\d)e([+-]\d\d+)\b", lambda match: _power_of_ten(match[1]), text)
 
 
 def _power_of_ten(power: str) -> str:
