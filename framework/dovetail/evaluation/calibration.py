@@ -189,7 +189,7 @@ def calibrate(
         With parameters to seek.
     cases : int
     noise : float
-        Standard deviation of the complex noise over that of the FRF; the same in every line, and the posterior knows it.
+        Standard deviation of the complex noise over that of the FRF. It is the same in every line and stated.
     samples : int
         Of each posterior.
     model_error : float
