@@ -1,8 +1,15 @@
 """What a plugin implements; each contract in a file of its own."""
 
-from dovetail.interfaces.component import INTERFACE_VERSION, KINDS, Component, ComponentConfig, Kind
+from dovetail.interfaces.component import (
+    INTERFACE_VERSION,
+    KINDS,
+    Component,
+    ComponentConfig,
+    Kind,
+    plugin_errors,
+    source_file,
+)
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
-from dovetail.interfaces.error_attribution import plugin_errors, source_file
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.joint import JointModel, Parameter, Port, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
