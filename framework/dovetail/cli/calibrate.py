@@ -1,4 +1,4 @@
-"""``dovetail calibrate``: whether the posterior is as sure as it may be."""
+"""``dovetail calibrate``: coverage and ranks of the posterior where the truth is known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How every command ends when it does not end well."""
+"""How a command reports an error: the message and the exit code."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Commands(TyperGroup):
 
 
 def report_bug(error: Exception) -> None:
-    """Print where an exception that nobody explains was raised, and that it is a bug."""
+    """Print where an unexpected exception was raised, and that it is a bug."""
     from dovetail.version import __version__
 
     trace = error.__traceback__

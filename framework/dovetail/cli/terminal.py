@@ -1,4 +1,4 @@
-"""What the user sees: results on stdout, notes and progress on stderr, control characters on a terminal only."""
+"""Output: results on stdout, notes and progress on stderr, control characters on a terminal only."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Ranged(Protocol):
 
 
 def note(text: str) -> None:
-    """Tell the user something that is no result; on a terminal, lines that are not indented are wrapped."""
+    """Print a note to the user on stderr; on a terminal, lines that are not indented are wrapped."""
     if sys.stderr.isatty():
         width = shutil.get_terminal_size().columns
         text = "\n".join(

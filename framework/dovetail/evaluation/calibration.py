@@ -1,4 +1,4 @@
-"""Whether the posterior is as sure as it may be: intervals and ranks over cases whose truth is known."""
+"""Calibration of the posterior: coverage of its intervals and ranks of the truth, over cases whose truth is known."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class CalibratedParameter:
-    """What the cases say of one parameter's posterior.
+    """Coverage, ranks and R2 of one parameter over all cases.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class CalibratedParameter:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Posteriors of cases whose truth is known.
+    """Results of a calibration: ranks, estimates and times of all cases.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class Calibration:
         return np.asarray(np.abs(2.0 * self.rank - 1.0) < level)
 
     def by_chance(self, level: float = LEVEL, confidence: float = 0.95) -> tuple[float, float]:
-        """Return between which parts of the cases the coverage of a right posterior lies with this confidence."""
+        """Return the bounds within which the coverage of a calibrated posterior lies with this confidence."""
         from scipy.stats import binom
 
         count = len(self.case)
@@ -181,7 +181,7 @@ def calibrate(
     workers: int | None = None,
     progress: Progress = silent,
 ) -> Calibration:
-    """Draw parameters from their ranges, make a noisy measurement of each, and see where in its posterior they lie.
+    """Simulate noisy measurements of random joints, identify each, and rank the truth within its posterior.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def calibrate(
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """One case: where in its posterior the truth lies."""
+    """One case: the rank of the truth within its posterior."""
 
     truth: NDArray[np.float64]
     estimate: NDArray[np.float64]

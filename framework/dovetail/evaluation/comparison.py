@@ -36,7 +36,7 @@ DEFAULT_METHODS = ("umap", "pca", "none", "pca+robust", "multistart", "refined",
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """One method on one measurement.
+    """The result of one method for one measurement.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Compared:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """All methods on all measurements.
+    """The results of all methods for all measurements.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Comparison:
         return tuple(dict.fromkeys(row.case for row in self.rows))
 
     def of(self, case: Case) -> dict[str, Compared]:
-        """Return what each method made of one measurement."""
+        """Return the result of each method for one measurement."""
         return {row.method: row for row in self.rows if row.case == case}
 
 

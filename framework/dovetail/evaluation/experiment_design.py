@@ -1,4 +1,4 @@
-"""Where to measure: what the FRF of each point would tell of each parameter."""
+"""Experiment design: the information on each parameter that the FRF of each point would give."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MOST_MODES = 10
 
 @dataclass(frozen=True, eq=False)
 class PlannedPoint:
-    """One point and what its FRF would tell.
+    """One point and the information that its FRF would give.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class PlannedPoint:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """All points, the most telling first, and what a second one beside that, or beside the described one, would add.
+    """All points, the most informative first, and the gain from a second point.
 
     Parameters
     ----------

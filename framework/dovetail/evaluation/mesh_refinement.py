@@ -1,4 +1,4 @@
-"""The same assembly with a finer mesh: a truth from which the model differs as models do."""
+"""The same assembly with a finer mesh, as a truth from which the model has a realistic error."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _moved(
 
 
 def _node(coarse: SubstructureModel, node: int, fine: SubstructureModel) -> int:
-    """Return which node of the finer part is at the place of a node of the coarser one."""
+    """Return the node of the finer substructure at the position of a node of the coarser one."""
     if fine is coarse:
         return node
     position = coarse.nodes[node].position

@@ -113,7 +113,7 @@ def robustness(
 
 
 def variant(assembly: Assembly, name: str, registry: Registry) -> Assembly:
-    """Return the assembly with the training that a model's name stands for.
+    """Return the assembly with the reducer and the training that a model's name denotes.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How far parameters will be known from a measurement to come, within their ranges."""
+"""Expected posterior variance of a future measurement, with a uniform prior over the ranges."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class RemainingUncertainty:
 def remaining_uncertainty(
     information: NDArray[np.float64], truth: NDArray[np.float64], seed: int
 ) -> RemainingUncertainty:
-    """Return the posterior variance that is to be expected of measurements of known information.
+    """Return the expected posterior variance of measurements whose Fisher information is known.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def remaining_uncertainty(
 
 
 class _Walk:
-    """Walks through normal distributions that are cut off at the faces of the unit cube."""
+    """Walks through normal distributions that are truncated at the faces of the unit cube."""
 
     def __init__(self, roots: NDArray[np.float64], truth: NDArray[np.float64], random: np.random.Generator) -> None:
         self._roots = roots
@@ -86,7 +86,7 @@ class _Walk:
         self._place = truth.copy()
 
     def step(self) -> NDArray[np.float64]:
-        """Take one step of each walk and return the places (n, p)."""
+        """Take one step of each walk and return the positions (n, p)."""
         here, other = self._place - self._centre, self._drawn()
         angle = self._allowed_angle(np.hypot(here, other), np.arctan2(other, here))[:, np.newaxis]
         ahead = self._centre + here * np.cos(angle) + other * np.sin(angle)

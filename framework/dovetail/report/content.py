@@ -1,4 +1,4 @@
-"""What the report says, as rows of text that its template only has to set."""
+"""The content of the report as rows of text, which the template sets."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class PosteriorRow:
-    """What the measurement tells of one parameter; `low`, `middle` and `high` are parts of the range."""
+    """Posterior of one parameter; `low`, `middle` and `high` are parts of the range."""
 
     name: str
     estimate: str
@@ -102,7 +102,7 @@ class PosteriorRow:
 
 @dataclass(frozen=True)
 class EvaluationRow:
-    """How well the network finds one parameter of joints it has not seen."""
+    """Accuracy of the network for one parameter on the test part."""
 
     name: str
     r2: str
@@ -120,7 +120,7 @@ def is_synthetic(result: Identification, truth: Truth | None) -> bool:
 
 
 def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
-    """Return what a reader must know first."""
+    """Return the warnings that a reader must see first."""
     warnings = [readable(warning) for warning in result.warnings]
     if is_synthetic(result, truth) and not any("synthetic" in warning.lower() for warning in warnings):
         warnings.insert(0, _SYNTHETIC)
@@ -186,7 +186,7 @@ def evaluation_rows(result: Identification) -> list[EvaluationRow]:
 
 
 def posterior_rows(result: Identification) -> list[PosteriorRow]:
-    """Return how far each parameter is known; nothing with methods that do not tell."""
+    """Return estimate, interval and verdict of each parameter; nothing for methods without a posterior."""
     if result.posterior is None:
         return []
     posterior, intervals = result.posterior, result.posterior.interval()
@@ -236,7 +236,7 @@ def fit_sentence(fit: Fit) -> str:
 
 
 def provenance_rows(provenance: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
-    """Return labels and lines of everything in the provenance that has no place of its own."""
+    """Return labels and lines of everything in the provenance that no other section shows."""
     rows = []
     for key, value in provenance.items():
         if key in _ELSEWHERE or value is None:

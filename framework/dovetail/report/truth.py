@@ -1,4 +1,4 @@
-"""The truth behind a synthetic measurement, to be held against what was identified."""
+"""The true parameters of a synthetic measurement, for comparison with the identified ones."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class _Named(Protocol):
 
 @dataclass(frozen=True)
 class Truth:
-    """What the parameters and natural frequencies really are.
+    """True parameters and natural frequencies.
 
     Parameters
     ----------
