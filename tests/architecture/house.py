@@ -129,6 +129,19 @@ def _names(scope: ast.AST) -> Iterator[tuple[str, int]]:
             waiting.extend(ast.iter_child_nodes(node))
 
 
+def names_defined_twice(file: Path) -> Iterator[str]:
+    """Yield the names that a file defines or assigns more than once at its top."""
+    seen: set[str] = set()
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names = [node.name]
+        else:
+            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+            names = [name.id for target in targets if target for name in ast.walk(target) if isinstance(name, ast.Name)]
+        yield from (name for name in names if name in seen)
+        seen.update(names)
+
+
 if __name__ == "__main__":
     files = source_files()
     print(f"files {len(files)}, lines of code {sum(map(code_lines, files))}, circles {len(circles())}")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail import StructuralMatrices
 from dovetail.assembly import components
 
 STEEL = {"young": 210e9, "density": 7800, "loss_factor": 0.003}
@@ -231,3 +232,14 @@ def test_derivatives_are_exact_where_linear_and_accurate_elsewhere(model, by_k, 
 
 def test_a_joint_without_parameters_has_no_derivatives():
     assert joint("rigid").matrices_jacobian(np.empty((3, 0))) == []
+
+
+def test_a_contact_layer_couples_each_pair_with_the_stiffness_of_its_vector():
+    """By hand: two springs from DOFs 0 and 2 to DOF 4, of 3 N/m and of 5 N/m in a batch of two; no damper."""
+    joint = StructuralMatrices.zeros(2, 5)
+    joint.add_contact_layer([(0, 4), (2, 4)], np.array([3.0, 5.0]))
+    ones = np.array([[1, 0, 0, 0, -1], [0, 0, 0, 0, 0], [0, 0, 1, 0, -1], [0, 0, 0, 0, 0], [-1, 0, -1, 0, 2]])
+    np.testing.assert_array_equal(joint.K, [3.0 * ones, 5.0 * ones])
+    assert not joint.C.any()
+    joint.add_contact_layer([(0, 4)], 0.0, 7.0)
+    assert joint.C[:, 0, 4].tolist() == [-7.0, -7.0]
