@@ -1,0 +1,135 @@
+"""The FRF as a value: what it refuses and where it says so, its units, and its conversions by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail import Frf
+from dovetail.errors import MeasurementError
+
+AXIS = np.array([10.0, 20.0, 40.0])
+VALUES = np.array([3.0 + 4.0j, -1.0j, -2.0])
+
+
+@pytest.mark.parametrize(
+    ("changed", "fault"),
+    [
+        ({"quantity": "receptence"}, "'receptence' is not a quantity; accepted: receptance, mobility, accelerance"),
+        ({"frequency": AXIS[:, None]}, r"the frequencies have the shape \(3, 1\), not \(n_freq,\)"),
+        ({"frequency": [], "values": []}, r"the frequencies have the shape \(0,\)"),
+        ({"values": VALUES[:2]}, r"\(2,\) values do not fit \(3,\) frequencies"),
+        ({"coherence": [1.0, 1.0]}, r"\(2,\) coherences do not fit \(3,\) frequencies"),
+        ({"variance": [1.0, 1.0]}, r"\(2,\) variances do not fit \(3,\) frequencies"),
+        ({"variance": [1.0, np.nan, 1.0]}, "a variance is negative or not finite"),
+        ({"variance": [1.0, 1.0, -1e-30]}, "a variance is negative or not finite"),
+        ({"frequency": [10.0, np.inf, np.nan]}, r"the frequency of line 2 is not finite \(2 such lines\)"),
+        ({"values": [1.0, 1.0, np.nan]}, r"the value of line 3 is not finite \(1 such lines\)"),
+        ({"frequency": [10.0, 20.0, 20.0]}, r"does not increase after line 2 \(20 Hz, then 20 Hz\)"),
+        ({"frequency": [10.0, 9.0, 20.0]}, r"does not increase after line 1 \(10 Hz, then 9 Hz\)"),
+        ({"frequency": [0.0, 9.0, 20.0]}, "the first frequency is 0 Hz; it must be positive"),
+        ({"averages": 0}, "0 averages; it must be at least 1"),
+    ],
+)
+def test_what_is_no_frf_is_refused_with_its_line(changed, fault):
+    with pytest.raises(MeasurementError, match=fault):
+        Frf(**{"frequency": AXIS, "values": VALUES, "quantity": "mobility", **changed})
+
+
+def test_the_least_that_is_an_frf_is_accepted():
+    """One line, above but near 0 Hz, one average, and an error that is known to be nothing."""
+    frf = Frf([1e-6], [0.0], "receptance", averages=1, variance=[0.0], coherence=[0.0])
+    assert frf.random_variance.tolist() == [0.0]
+    assert frf.label == "FRF"
+    assert frf.has_phase
+    assert not frf.rotation
+
+
+def test_an_frf_keeps_its_own_numbers():
+    """Later changes of the caller's arrays do not reach it, and nobody writes into its own."""
+    frequency, values, coherence, variance = AXIS.copy(), VALUES.copy(), np.full(3, 0.5), np.ones(3)
+    frf = Frf(frequency, values, "mobility", coherence=coherence, variance=variance)
+    for array in (frequency, values, coherence, variance):
+        array[:] = 7.0
+    np.testing.assert_array_equal(frf.frequency, AXIS)
+    np.testing.assert_array_equal(frf.values, VALUES)
+    np.testing.assert_array_equal(frf.coherence, [0.5, 0.5, 0.5])
+    np.testing.assert_array_equal(frf.variance, [1.0, 1.0, 1.0])
+    for array in (frf.frequency, frf.values, frf.coherence, frf.variance):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_amplitude_and_phase_by_hand():
+    frf = Frf(AXIS, VALUES, "accelerance")
+    np.testing.assert_allclose(frf.amplitude, [5.0, 1.0, 2.0])
+    np.testing.assert_allclose(frf.phase, [np.arctan2(4, 3), -np.pi / 2, np.pi])
+
+
+@pytest.mark.parametrize(
+    ("quantity", "rotation", "unit"),
+    [
+        ("receptance", False, "m/N"),
+        ("mobility", False, "m/(N s)"),
+        ("accelerance", False, "m/(N s^2)"),
+        ("receptance", True, "rad/(N m)"),
+        ("mobility", True, "rad/(N m s)"),
+        ("accelerance", True, "rad/(N m s^2)"),
+    ],
+)
+def test_units(quantity, rotation, unit):
+    assert Frf(AXIS, VALUES, quantity, rotation=rotation).unit == unit
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "power"),
+    [
+        ("receptance", "mobility", 1),
+        ("receptance", "accelerance", 2),
+        ("mobility", "accelerance", 1),
+        ("mobility", "mobility", 0),
+        ("accelerance", "receptance", -2),
+        ("accelerance", "mobility", -1),
+    ],
+)
+def test_each_derivative_by_time_is_a_factor_of_i_omega(source, target, power):
+    omega = np.array([20.0, 40.0, 80.0]) * np.pi
+    derivative = {0: 1.0, 1: 1j * omega, 2: -(omega**2), -1: -1j / omega, -2: -1.0 / omega**2}[power]
+    converted = Frf(AXIS, VALUES, source, variance=[1.0, 4.0, 9.0]).to(target)
+    assert converted.quantity == target
+    np.testing.assert_allclose(converted.values, VALUES * derivative, rtol=1e-13)
+    np.testing.assert_allclose(converted.variance, np.array([1.0, 4.0, 9.0]) * np.abs(derivative) ** 2, rtol=1e-13)
+    amplitude = Frf(AXIS, np.abs(VALUES), source, has_phase=False).to(target)
+    np.testing.assert_allclose(amplitude.values, np.abs(VALUES) * np.abs(derivative), rtol=1e-13)
+    assert amplitude.variance is None
+    assert not amplitude.has_phase
+
+
+def test_a_conversion_keeps_what_the_frf_says_of_itself_and_refuses_an_unknown_quantity():
+    frf = Frf(AXIS, VALUES, "mobility", np.ones(3), label="tip", note="dry", averages=4, rotation=True, response="5+z")
+    other = frf.to("receptance")
+    assert (other.label, other.note, other.averages, other.rotation, other.response) == ("tip", "dry", 4, True, "5+z")
+    np.testing.assert_array_equal(other.coherence, [1.0, 1.0, 1.0])
+    with pytest.raises(MeasurementError, match="'acceleration' is not a quantity; accepted: receptance, mobility"):
+        frf.to("acceleration")
+
+
+def test_the_variance_from_coherence_and_averages_by_hand():
+    """|H|^2 (1 - c) / (c (n - 1)) with two averages, the fewest, and with five."""
+    coherence = [0.8, 0.5, 1.0]
+    two = Frf(AXIS, VALUES, "mobility", coherence=coherence, averages=2).random_variance
+    np.testing.assert_allclose(two, [25 * 0.2 / 0.8, 1.0, 0.0], rtol=1e-12, atol=1e-15)
+    five = Frf(AXIS, VALUES, "mobility", coherence=coherence, averages=5).random_variance
+    np.testing.assert_allclose(five, two / 4, rtol=1e-12, atol=1e-15)
+    assert Frf(AXIS, VALUES, "mobility", averages=5).random_variance is None
+
+
+def test_the_coherence_spectrum_by_hand():
+    """Equal, opposite, one of them zero, both zero, a right angle, and twice as much."""
+    first = np.array([[1 + 1j, 2.0, 3.0], [0.0, 1.0, 1.0]])
+    second = np.array([[1 + 1j, -2.0, 0.0], [0.0, 1.0j, 2.0]])
+    with np.errstate(all="raise"):
+        agreement = dovetail.coherence_spectrum(first, second)
+    np.testing.assert_allclose(agreement, [[1.0, 0.0, 0.5], [1.0, 0.5, 0.9]], rtol=1e-14, atol=1e-15)
+    assert dovetail.coherence_spectrum([1e-9], [1e-9]).tolist() == [1.0]

@@ -1,0 +1,93 @@
+"""What is mutated, and the tests that bear on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["PACKAGES", "Package"]
+
+
+@dataclass(frozen=True)
+class Package:
+    """Files that are mutated, the tests that are to notice, and words in the names of tests that are left out.
+
+    Tests are left out that take longer than a mutant is worth, and those that cannot run on mutated files.
+    """
+
+    mutated: tuple[str, ...]
+    tests: tuple[str, ...]
+    without: tuple[str, ...] = ()
+
+    def files(self, source: Path) -> Iterator[Path]:
+        """Yield the files that are mutated, in a fixed order."""
+        for pattern in self.mutated:
+            yield from sorted(source.glob(pattern.replace("*", "**/*.py")))
+
+
+SLOW = (
+    "campaign",
+    "quick",
+    "two_points",
+    "test_one_vector_equals_the_direct_solve_at_every_line",
+    "as_well_as_off_umap_learns_own",
+    "test_the_worst_files_take_bounded_time_and_memory",
+)
+"""Most are repetitions in tests/physics/test_exactness.py, which takes three minutes with them."""
+
+
+def _in(folder: str, *names: str) -> tuple[str, ...]:
+    return tuple(f"tests/{folder}/test_{name}.py" for name in names)
+
+
+PACKAGES = {
+    "synthesis": Package(("dovetail/synthesis/*",), ("tests/physics",), SLOW),
+    "plugins": Package(
+        ("dovetail_plugins/*",),
+        (
+            "tests/plugins",
+            *_in("physics", "joints", "beam", "imported_solid", "shipped_assemblies", "sparse_substructures"),
+            "tests/testing/test_check_component.py",
+        ),
+        SLOW,
+    ),
+    "frf": Package(
+        ("dovetail/frf/*",),
+        (
+            *_in("measurement", "random_variance", "csv_files", "accelerometer_mass", "resampling", "noise"),
+            *_in("measurement", "tables_with_units", "npz_files", "uff_files", "round_trip"),
+            *_in("coupling", "receptance_coupling"),
+            *_in("physics", "synthesis"),
+            *_in("identification", "identify_result"),
+        ),
+        SLOW,
+    ),
+    "measurement": Package(
+        (
+            "dovetail/units.py",
+            "dovetail/measurement/frf_units.py",
+            "dovetail/measurement/accelerometer.py",
+            "dovetail/measurement/noise.py",
+            "dovetail/measurement/resampling.py",
+            "dovetail/measurement/impact_test/*",
+        ),
+        (
+            *_in("measurement", "frf_from_signals", "accelerometer_mass", "accelerometer_anywhere", "resampling"),
+            *_in("measurement", "tables_with_units", "csv_files", "cutpro_files", "npz_files", "uff_files"),
+            *_in("measurement", "noise", "random_variance", "round_trip"),
+            *_in("description", "sections_of_a_beam", "valid_descriptions", "faults_of_parameters"),
+        ),
+        SLOW,
+    ),
+    "fitting": Package(
+        ("dovetail/identification/fitting/*",),
+        _in("identification", "fitting", "laplace", "scaling", "resonance_peaks", "several_responses"),
+        SLOW,
+    ),
+    "posterior": Package(
+        ("dovetail/identification/posterior/*",),
+        _in("identification", "posterior", "laplace", "model_errors"),
+        SLOW,
+    ),
+}
