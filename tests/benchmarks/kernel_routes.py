@@ -22,7 +22,7 @@ import dovetail
 from dovetail import Node, StructuralMatrices, SubstructureModel
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Engine, Graph
-from dovetail.synthesis import engine as engine_module
+from dovetail.synthesis import plan as plan_module
 
 SAMPLES = 16
 
@@ -98,7 +98,7 @@ def timed(work: Callable[[], object], rounds: int = 1) -> float:
 
 def measure(graph: Graph, lines: int, limit: int) -> tuple[Engine, list[float]]:
     """Return the first FRF's time, and the times per FRF alone and with Jacobian, in milliseconds."""
-    engine_module.SETTINGS = engine_module.Settings(straight_line=limit)
+    plan_module.SETTINGS = plan_module.Settings(straight_line=limit)
     theta = parameters(graph)
     name = next(iter(graph.substructures))
     engine = Engine(graph, np.linspace(100.0, 9000.0, lines), [(name, 0)], theta)
@@ -112,7 +112,7 @@ def measure(graph: Graph, lines: int, limit: int) -> tuple[Engine, list[float]]:
 
 def main(sizes: Iterable[int] = (2, 3, 4, 6, 8, 10, 15), lines: int = 4451, longest: int = 4000) -> None:
     """Print a row for each system; straight-line code for eliminations up to `longest` multiplications."""
-    chosen = engine_module.SETTINGS
+    chosen = plan_module.SETTINGS
     limit = chosen.straight_line
     print(f"times in ms, one thread, {lines} lines; the engine compiles up to {limit} multiplications without loops")
     print(f"{'':29}{'straight-line code':>30}{'loops':>30}{'LAPACK':>8}")
@@ -130,7 +130,7 @@ def main(sizes: Iterable[int] = (2, 3, 4, 6, 8, 10, 15), lines: int = 4451, long
             numbers = f"{kind:8}{4 * nodes:8}{engine.program.multiplications:8}{count:7}"
             shown = "".join(f"{value:10.3f}" for value in straight) if straight else f"{'-':>10}" * 3
             print(numbers + shown + "".join(f"{value:10.3f}" for value in loops) + f"{lapack:8.0f}", flush=True)
-    engine_module.SETTINGS = chosen
+    plan_module.SETTINGS = chosen
 
 
 if __name__ == "__main__":

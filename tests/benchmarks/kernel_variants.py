@@ -110,12 +110,12 @@ class Bench:
         theta = assembly.by_joint(latin_hypercube(assembly, samples, seed=0))
         self.lines = len(engine.system.frequency)
         factor = as_vectors(np.stack([np.ones(self.lines), np.zeros(self.lines)]), WIDTH)
-        terms = engine._inputs.gather(theta, samples)
-        weights, none = engine._inputs.gather_weights(theta, samples), np.empty((samples, 0))
+        terms = engine.plan.inputs.gather(theta, samples)
+        weights, none = engine.plan.inputs.gather_weights(theta, samples), np.empty((samples, 0))
         result = aligned_empty((samples, self.lines), np.complex128)
-        derived = aligned_empty((samples, engine._inputs.parameters, self.lines), np.complex128)
+        derived = aligned_empty((samples, engine.plan.inputs.parameters, self.lines), np.complex128)
         flags = np.zeros(samples, dtype=np.uint8)
-        self.arrays = (engine._omega, factor, engine._static, terms, none, weights, none, result, derived, flags)
+        self.arrays = (engine.plan.omega, factor, engine.plan.static, terms, none, weights, none, result, derived, flags)
 
     def show_instructions(self, label: str, source: str) -> None:
         """Print how many floating-point instructions on vectors the processor gets."""
@@ -134,7 +134,7 @@ class Bench:
         compiled, times = time.perf_counter() - start, []
         for _ in range(self.rounds):
             start = time.perf_counter()
-            kernel(len(self.engine._omega), self.samples, self.lines, self.arrays)
+            kernel(len(self.engine.plan.omega), self.samples, self.lines, self.arrays)
             times.append(time.perf_counter() - start)
         print(f"{label:52}{1e3 * min(times) / self.samples:8.3f} ms, compiled in {compiled:.2f} s", flush=True)
 
@@ -160,8 +160,8 @@ def random_orders(engine: Engine, tries: int) -> int:
 def main(samples: int = 64, rounds: int = 40, tries: int = 2000) -> None:
     """Print every variant."""
     bench = Bench(samples, rounds)
-    program, layout = bench.engine.program, bench.engine._layout()
-    derived = bench.engine._layout(derivatives=True)
+    program, layout = bench.engine.program, bench.engine.plan.layout()
+    derived = bench.engine.plan.layout(derivatives=True)
     plain, jacobian = kernel_source(program, layout), kernel_source(program, derived)
     changes: tuple[tuple[str, Callable[[str], str]], ...] = (
         ("as it is", lambda source: source),

@@ -110,3 +110,15 @@ def test_the_study_of_misspecified_measurements_over_all_kinds():
     flagged = {row[0]: int(row[1].split()[0]) for row in rows}
     assert sum(count for kind, count in flagged.items() if "genuine" not in kind and kind != "all of these") >= 28
     assert flagged["genuine"] <= 5
+
+
+def test_planning_anew_is_timed_and_right():
+    rows = dict(cells(run("replanning.py", "--rounds", 1))[2:])
+    assert {*rows} == {
+        "first",
+        "next",
+        "with a wider plan",
+        "next, with a wider plan",
+        "error above the stop, against the direct solve",
+    }
+    assert float(rows["error above the stop, against the direct solve"]) < 1e-8

@@ -33,15 +33,6 @@ class Faulty(Viscoelastic):
         return list(super().dynamic_stiffness_jacobian(frequency, theta))[:-1]
 
 
-class Stray(Viscoelastic):
-    """An entry that is filled for large k only."""
-
-    def dynamic_stiffness(self, frequency, theta):
-        Z = super().dynamic_stiffness(frequency, theta)
-        Z[theta[:, 0] > 2e6, :, 1, 1] = 1.0
-        return Z
-
-
 def exact(theta: np.ndarray) -> np.ndarray:
     omega = 2 * np.pi * FREQUENCY
     k, c, alpha = theta
@@ -157,13 +148,6 @@ def test_memory_is_bounded_for_many_samples_and_many_lines(samples, lines):
     assert peak_of(lambda: engine.amplitude(many, factor)) < samples * lines * 4 / 1e6 + 40
     few = {"j0": many["j0"][: samples // 5]}
     assert peak_of(lambda: engine.jacobian(few, factor)) < len(few["j0"]) * lines * 16 * (1 + 3) / 1e6 + 60
-
-
-def test_a_joint_that_fills_an_entry_for_some_parameters_only_is_refused():
-    graph, points = chain(Stray())
-    engine = Engine(graph, FREQUENCY, points, {"j0": THETA[:1]})
-    with pytest.raises(dovetail.DovetailError, match=r"fills the entry \(1, 1\) of its dynamic stiffness for some"):
-        engine.drive_point({"j0": THETA})
 
 
 def test_a_joint_with_too_few_derivatives_is_refused():

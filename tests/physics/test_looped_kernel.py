@@ -8,8 +8,8 @@ from masses_in_a_row import Viscoelastic, chain, spring
 from dovetail import Node, StructuralMatrices, SubstructureModel
 from dovetail.dataset import latin_hypercube
 from dovetail.synthesis import Attachment, Connection, Engine, Graph, direct_receptance
-from dovetail.synthesis import engine as engine_module
-from dovetail.synthesis.engine import Settings
+from dovetail.synthesis import plan as plan_module
+from dovetail.synthesis.plan import Settings
 
 FREQUENCY = np.linspace(100.0, 9000.0, 43)
 THETA = np.array([[1e6, 1e3, 0.5], [3e6, 5e2, 0.3], [2e5, 8e3, 0.7]])
@@ -51,11 +51,11 @@ def both(monkeypatch, make):
     """Return the engine of loops and that of straight-line code."""
     engines = []
     for limit in (0, 10**9):
-        monkeypatch.setattr(engine_module, "SETTINGS", Settings(straight_line=limit))
+        monkeypatch.setattr(plan_module, "SETTINGS", Settings(straight_line=limit))
         engine = make()
-        _ = engine._receptance_kernel, engine._amplitude_kernel, engine._jacobian_kernel
+        _ = engine.plan.receptance_kernel, engine.plan.amplitude_kernel, engine.plan.jacobian_kernel
         engines.append(engine)
-    assert engines[0]._receptance_kernel.scratch > 0 == engines[1]._receptance_kernel.scratch
+    assert engines[0].plan.receptance_kernel.scratch > 0 == engines[1].plan.receptance_kernel.scratch
     return engines
 
 
@@ -99,7 +99,7 @@ def test_loops_note_a_vanishing_pivot_too(monkeypatch):
 def test_sixty_boundary_dofs_equal_the_direct_solve():
     graph, theta = blocks(15)
     engine = Engine(graph, FREQUENCY, [("a", 0)], theta)
-    assert engine.program.multiplications > engine_module.SETTINGS.straight_line
+    assert engine.program.multiplications > plan_module.SETTINGS.straight_line
     found = engine.drive_point(theta)
     for sample, vector in enumerate(theta["j"]):
         truth = direct_receptance(graph, FREQUENCY, {"j": vector}, [0], [0])[:, 0, 0]

@@ -267,8 +267,8 @@ def test_one_body_on_two_nodes_of_a_beam_equals_the_direct_solve():
 @pytest.mark.parametrize(
     ("broken", "message"),
     [
-        (lambda joint: joint.K[:, 0, 2].__imul__(2), "not finite and symmetric"),
-        (lambda joint: joint.K[:, 0, 0].__imul__(np.nan), "not finite and symmetric"),
+        (lambda joint: joint.K[:, 0, 2].__imul__(2), "a matrix K that is not symmetric"),
+        (lambda joint: joint.C[:, 0, 0].__imul__(np.nan), "a matrix C that is not finite"),
     ],
 )
 def test_a_joint_with_unfit_matrices_is_refused(monkeypatch, broken, message):

@@ -28,7 +28,7 @@ PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str
 """One plugin file, or several."""
 
 _STRUCTURE_SAMPLES = 5
-"""Random parameter vectors that show which entries of the joints' matrices are ever filled."""
+"""Random parameter vectors that show, beside the ends of the ranges, which entries of joints are filled."""
 _INTERPOLATION_SAMPLES = 256
 """Random parameter vectors whose FRFs decide how many lines are computed exactly when the others are interpolated."""
 
@@ -117,7 +117,9 @@ class Assembly:
         return conversion(self.frequency, "receptance", self.description.response.quantity)
 
     def _engine(self, points: Sequence[Point], interpolation: float | None = None) -> Engine:
-        probe_theta = self._samples(0, _STRUCTURE_SAMPLES)
+        inside = np.random.default_rng(0).random((_STRUCTURE_SAMPLES, len(self.parameters)))
+        ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
+        probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
         columns = {name: self._space.identified_columns(name) for name in self.graph.connections}
         system = (self.graph, self.frequency, points, probe_theta, columns)
         if interpolation is None:

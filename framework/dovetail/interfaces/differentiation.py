@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.interfaces.matrices import StructuralMatrices
 
-__all__ = ["STENCIL", "Differentiation", "difference_steps"]
+__all__ = ["Differentiation", "differences"]
 
 Matrices = Callable[[NDArray[np.float64]], StructuralMatrices]
 """Matrices (n, d, d) of parameter vectors (n, n_params)."""
-
-STENCIL = ((1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0))
-"""Distances in steps, and weights, of the central difference of fourth order; their sum is divided by twelve steps."""
 
 
 @dataclass(frozen=True)
 class Settings:
     """How derivatives are taken.
+
+    The steps follow from the rounding of double precision and were tried on the shipped joints, on powers and on
+    exponentials; they are tested on joints with stops and gaps.
 
     Attributes
     ----------
@@ -30,6 +31,18 @@ class Settings:
         error about 1e-16 / step; here both are near 1e-12 of the derivative.
     least_step : float
         Least step, relative to the parameter's range, for a parameter near zero.
+    greatest_step : float
+        Greatest step, relative to the parameter's range, so that a stencil fits into it.
+    kink : float
+        Disagreement between the differences of fourth and of second order, relative to the derivative, from which on
+        the function is taken to change its law within the stencil. A smooth function's are near step^2.
+    rounding_of_differences : float
+        Disagreement, relative to the values over the step, that may be rounding.
+    shorter : tuple of float
+        Factors of the step with which the derivative is taken again where there may be a kink.
+    better : float
+        Part of the disagreement that may remain. A function with noise of its own disagrees as much at any step, and
+        keeps the longest.
     probes : int
         Number of parameter vectors at which slopes are compared.
     rounding : float
@@ -40,6 +53,11 @@ class Settings:
 
     step: float = 1e-3
     least_step: float = 1e-6
+    greatest_step: float = 0.1
+    kink: float = 1e-4
+    rounding_of_differences: float = 1e-13
+    shorter: tuple[float, ...] = (1e-2, 1e-4)
+    better: float = 0.1
     probes: int = 4
     rounding: float = 1e-12
     block_bytes: float = 1e6
@@ -47,20 +65,109 @@ class Settings:
 
 SETTINGS = Settings()
 
+_NODES = np.array([[1.0, -1.0, 2.0, -2.0], [1.0, 2.0, 3.0, 4.0], [-1.0, -2.0, -3.0, -4.0]])
+"""Distances, in steps, of the values that a central, a forward and a backward difference need beside the value here."""
+_FOURTH_ORDER = np.array([[8.0, -8.0, -1.0, 1.0], [48.0, -36.0, 16.0, -3.0], [-48.0, 36.0, -16.0, 3.0]]) / 12.0
+_SECOND_ORDER = np.array([[0.5, -0.5, 0.0, 0.0], [2.0, -0.5, 0.0, 0.0], [-2.0, 0.5, 0.0, 0.0]])
+"""Weights of those values; the value here has the weight that makes their sum zero."""
 
-def difference_steps(
-    theta: NDArray[np.float64], lower: NDArray[np.float64], upper: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the steps (n, n_params) of differences at parameter vectors (n, n_params)."""
-    return np.maximum(SETTINGS.step * np.abs(theta), SETTINGS.least_step * (upper - lower))
+
+def differences(
+    function: Callable[[NDArray[np.float64]], NDArray[Any]],
+    theta: NDArray[np.float64],
+    columns: Sequence[int],
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+) -> NDArray[Any]:
+    """Return derivatives by some parameters, by differences of fourth order.
+
+    At the ends of a range they are one-sided, so that a parameter vector within the ranges needs none outside. Where
+    the function seems to change its law within the stencil, as at a stop, the step is shortened.
+
+    Parameters
+    ----------
+    function : callable
+        Values (n, ...) of parameter vectors (n, n_params), each independent of the others.
+    theta : (n, n_params) array
+    columns : sequence of int
+        The parameters by which to differentiate.
+    lower, upper : (n_params,) arrays
+        Ranges of the parameters.
+
+    Returns
+    -------
+    (n_columns, n, ...) array
+        Per unit of the parameter.
+    """
+    column = np.repeat(np.asarray(columns, dtype=np.intp), len(theta))
+    vectors = np.tile(theta, (len(columns), 1))
+    at, width = vectors[np.arange(len(column)), column], (upper - lower)[column]
+    step = np.maximum(SETTINGS.step * np.abs(at), SETTINGS.least_step * width)
+    step = np.minimum(step, SETTINGS.greatest_step * width)
+
+    def taken(pairs: NDArray[np.intp], factor: float) -> tuple[NDArray[Any], NDArray[np.float64]]:
+        shortened, here = factor * step[pairs], column[pairs]
+        inside = (lower[here] <= at[pairs]) & (at[pairs] <= upper[here])
+        forward = inside & (at[pairs] - 2.0 * shortened < lower[here])
+        backward = inside & ~forward & (at[pairs] + 2.0 * shortened > upper[here])
+        kind = np.where(forward, 1, np.where(backward, 2, 0))
+        return _difference(function, vectors[pairs], here, shortened, kind)
+
+    derivatives, disagreement = taken(np.arange(len(column)), 1.0)
+    for factor in SETTINGS.shorter:
+        pairs = np.flatnonzero(disagreement > SETTINGS.kink)
+        if not len(pairs):
+            break
+        shorter, remaining = taken(pairs, factor)
+        better = remaining < SETTINGS.better * disagreement[pairs]
+        derivatives[pairs[better]], disagreement[pairs[better]] = shorter[better], remaining[better]
+    return derivatives.reshape(len(columns), len(theta), *derivatives.shape[1:])
+
+
+def _difference(
+    function: Callable[[NDArray[np.float64]], NDArray[Any]],
+    vectors: NDArray[np.float64],
+    column: NDArray[np.intp],
+    step: NDArray[np.float64],
+    kind: NDArray[np.intp],
+) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Return the derivative of each vector by one of its parameters, and by what part its two orders disagree."""
+    moved = np.repeat(vectors[np.newaxis], _NODES.shape[1], axis=0)
+    moved[:, np.arange(len(column)), column] += (_NODES[kind] * step[:, np.newaxis]).T
+    values = function(moved.reshape(-1, vectors.shape[1]))
+    shape = (len(column), *values.shape[1:])
+    values = values.reshape(_NODES.shape[1], len(column), -1)
+    rounding = SETTINGS.rounding_of_differences * np.abs(values).max(axis=0)
+    one_sided = np.flatnonzero(kind)
+    if len(one_sided):
+        values[:, one_sided] -= function(vectors[one_sided]).reshape(len(one_sided), -1)
+    changing = (values != values[0]).any(axis=(0, 1)) | (values[:, one_sided] != 0).any(axis=(0, 1))
+    values, per_step = values[..., changing], 1.0 / step[:, np.newaxis]
+    fourth = _weighted_sum(_FOURTH_ORDER[kind], values) * per_step
+    second = _weighted_sum(_SECOND_ORDER[kind], values) * per_step
+    difference, scale = np.abs(fourth - second), np.maximum(np.abs(fourth), np.abs(second))
+    disagrees = difference > rounding[:, changing] * per_step
+    disagreement = np.divide(difference, scale, out=np.zeros_like(scale), where=disagrees)
+    derivative = np.zeros((len(column), changing.size), dtype=values.dtype)
+    derivative[:, changing] = fourth
+    return derivative.reshape(shape), disagreement.max(axis=1, initial=0.0)
+
+
+def _weighted_sum(weights: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
+    """Sum values (n_nodes, n, n_entries) with weights (n, n_nodes), in the same order for any n."""
+    total: NDArray[Any] = weights[:, :1] * values[0]
+    for node in range(1, len(values)):
+        total += weights[:, node, np.newaxis] * values[node]
+    return total
 
 
 class Differentiation:
     """Derivatives of matrices by their parameters.
 
     Where the matrices are linear in a parameter over its whole range, with a slope that no other parameter changes,
-    that slope is the derivative. It is computed once. All other derivatives are central differences of fourth order.
-    So are all derivatives at a parameter vector outside the ranges where the matrices are no longer linear.
+    that slope is the derivative. It is computed once, from a few probes, and at each parameter vector it is held
+    against the matrices there. All other derivatives are differences, and so are all derivatives at a parameter vector
+    whose matrices the slopes do not explain.
 
     Parameters
     ----------
@@ -73,79 +180,65 @@ class Differentiation:
 
     def __init__(self, matrices: Matrices, size: int, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> None:
         self._matrices, self._size, self._lower, self._upper = matrices, size, lower, upper
-        self._changing = np.zeros(size, dtype=np.bool_)
         slopes = {column: self._constant_slope(column) for column in range(len(lower))}
         self._slopes = {column: slope for column, slope in slopes.items() if slope is not None}
         self._nonlinear = [column for column, slope in slopes.items() if slope is None]
-        changing = np.flatnonzero(self._changing)
-        self._dofs = slice(int(changing.min()), int(changing.max()) + 1) if len(changing) else slice(0, 0)
 
     def jacobian(self, theta: NDArray[np.float64]) -> list[StructuralMatrices]:
         """Return the derivatives (n, d, d) by each parameter at parameter vectors (n, n_params)."""
-        derivatives = self._differences(theta, self._nonlinear, self._dofs)
+        derivatives = self._differences(theta, self._nonlinear)
         bent = self._is_bent(theta)
-        differences = self._differences(theta[bent], list(self._slopes), slice(None)) if bent.any() else {}
+        differences_of_bent = self._differences(theta[bent], list(self._slopes)) if bent.any() else {}
         for column, slope in self._slopes.items():
             derivatives[column] = np.broadcast_to(slope, (4, len(theta), self._size, self._size))
-            if differences:
+            if differences_of_bent:
                 derivatives[column] = derivatives[column].copy()
-                derivatives[column][:, bent] = differences[column]
+                derivatives[column][:, bent] = differences_of_bent[column]
         return [StructuralMatrices(*derivative) for _, derivative in sorted(derivatives.items())]
 
     def _constant_slope(self, column: int) -> NDArray[np.float64] | None:
         """Return the slope (4, 1, d, d) of M, K, C and D by a parameter, None where it is not the same everywhere."""
         low, width = self._lower, self._upper - self._lower
         slope: NDArray[np.float64] | None = None
-        constant, changing = True, np.zeros_like(self._changing)
         for fractions in np.random.default_rng(0).random((SETTINGS.probes, len(low))):
             rows = np.tile(low + fractions * width, (3, 1))
             rows[0, column], rows[2, column] = low[column], self._upper[column]
             distance = (rows[:, column] - low[column])[:, np.newaxis, np.newaxis]
-            values = np.stack(_four(self._matrices(rows)))
+            values = np.moveaxis(self._stacked(rows), 1, 0)
             slope = (values[:, 2:] - values[:, :1]) / width[column] if slope is None else slope
             errors = np.abs(values - values[:, :1] - distance * slope)
-            constant &= bool((errors <= SETTINGS.rounding * np.abs(values).max(axis=1, keepdims=True)).all())
-            changing |= (values != values[:, :1]).any(axis=(0, 1, 2))
-        if not constant:
-            self._changing |= changing
-        return slope if constant else None
+            if (errors > SETTINGS.rounding * np.abs(values).max(axis=1, keepdims=True)).any():
+                return None
+        return slope
 
     def _is_bent(self, theta: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which of n parameter vectors lie outside the ranges where the constant slopes do not hold, (n,)."""
-        bent: NDArray[np.bool_] = np.asarray(((theta < self._lower) | (theta > self._upper)).any(axis=1))
+        """Return at which of n parameter vectors the constant slopes do not explain the matrices, (n,)."""
+        bent = np.zeros(len(theta), dtype=np.bool_)
         linear = list(self._slopes)
-        if not linear or not bent.any():
-            return np.zeros_like(bent)
-        outside, start = theta[bent], theta[bent]
-        start[:, linear] = self._lower[linear]
-        values = np.stack(_four(self._matrices(np.concatenate([outside, start]))))
-        there, here = values.reshape(4, 2, len(start), self._size, self._size).swapaxes(0, 1)
-        change = sum((outside - start)[:, c, np.newaxis, np.newaxis] * slope for c, slope in self._slopes.items())
-        limit = SETTINGS.rounding * np.maximum(np.abs(here), np.abs(there))
-        bent[bent] = np.any(np.abs(there - here - change) > limit, axis=(0, 2, 3))
+        for block in self._blocks(len(theta), 2) if linear else ():
+            start = theta[block].copy()
+            start[:, linear] = self._lower[linear]
+            there, here = self._stacked(np.concatenate([theta[block], start])).reshape(2, len(start), 4, -1)
+            slopes = np.stack([slope.reshape(4, -1) for slope in self._slopes.values()])
+            change = np.tensordot((theta[block] - start)[:, linear], slopes, axes=1)
+            limit = SETTINGS.rounding * np.maximum(np.abs(here), np.abs(there))
+            bent[block] = np.any(np.abs(there - here - change) > limit, axis=(1, 2))
         return bent
 
-    def _differences(
-        self, theta: NDArray[np.float64], columns: Sequence[int], dofs: slice
-    ) -> dict[int, NDArray[np.float64]]:
-        """Return the derivatives (4, n, d, d) of M, K, C and D by some parameters, by differences between some DOFs."""
-        matrix = (self._size, self._size)
-        derivatives = np.zeros((4, len(columns), len(theta), *matrix))
-        memory = 4 * 8 * self._size**2 * len(STENCIL) * max(1, len(columns))
-        count = max(1, int(SETTINGS.block_bytes / memory))
-        for first in range(0, len(theta) if columns else 0, count):
-            block = slice(first, first + count)
-            steps = difference_steps(theta[block], self._lower, self._upper)
-            moved = np.tile(theta[block], (len(STENCIL), len(columns), 1, 1))
-            for index, column in enumerate(columns):
-                moved[:, index, :, column] += np.outer([distance for distance, _ in STENCIL], steps[:, column])
-            values = self._matrices(moved.reshape(-1, theta.shape[1]))
-            for derivative, entries in zip(derivatives, _four(values), strict=True):
-                near = entries.reshape(*moved.shape[:3], *matrix)[..., dofs, dofs]
-                total = sum(weight * value for value, (_, weight) in zip(near, STENCIL, strict=True))
-                derivative[:, block, dofs, dofs] = total / (12.0 * steps[:, columns].T[..., np.newaxis, np.newaxis])
-        return dict(zip(columns, derivatives.swapaxes(0, 1), strict=True))
+    def _differences(self, theta: NDArray[np.float64], columns: Sequence[int]) -> dict[int, NDArray[np.float64]]:
+        """Return the derivatives (4, n, d, d) of M, K, C and D by some parameters, by differences."""
+        derivatives = np.zeros((len(columns), 4, len(theta), self._size, self._size))
+        for block in self._blocks(len(theta), _NODES.shape[1] * len(columns)) if columns else ():
+            values = differences(self._stacked, theta[block], columns, self._lower, self._upper)
+            derivatives[:, :, block] = np.moveaxis(values, 2, 1)
+        return dict(zip(columns, derivatives, strict=True))
 
+    def _blocks(self, count: int, evaluations: int) -> Iterator[slice]:
+        """Divide `count` parameter vectors, each with some evaluations of the matrices."""
+        size = max(1, int(SETTINGS.block_bytes / (4 * 8 * self._size**2 * evaluations)))
+        return (slice(first, first + size) for first in range(0, count, size))
 
-def _four(matrices: StructuralMatrices) -> tuple[NDArray[np.float64], ...]:
-    return matrices.M, matrices.K, matrices.C, matrices.D
+    def _stacked(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return M, K, C and D, (n, 4, d, d)."""
+        matrices = self._matrices(theta)
+        return np.stack((matrices.M, matrices.K, matrices.C, matrices.D), axis=1)

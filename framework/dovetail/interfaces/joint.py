@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
-from dovetail.interfaces.differentiation import STENCIL, Differentiation, difference_steps
+from dovetail.interfaces.differentiation import Differentiation, differences
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 
 __all__ = ["JointModel", "Parameter", "Port", "Scale"]
@@ -210,8 +210,9 @@ class JointModel(Component):
         """Return the derivatives of `matrices` by each parameter.
 
         A joint need not override it. Where the matrices are linear in a parameter over its whole range, whatever the
-        others are, the derivative is exact; elsewhere it is a central difference of fourth order, whose error is some
-        1e-12 of the entry over the parameter.
+        others are, the derivative is exact; elsewhere it is a difference of fourth order, whose error is some 1e-12 of
+        the entry over the parameter. At the ends of a range it is one-sided. At a stop, where the law changes, it is
+        that of the side on which the parameter lies.
 
         Parameters
         ----------
@@ -255,7 +256,7 @@ class JointModel(Component):
     ) -> Iterable[NDArray[np.complex128]]:
         """Return the derivatives of `dynamic_stiffness` by each parameter.
 
-        By default they come from `matrices_jacobian`. For a joint that overrides `dynamic_stiffness` they are central
+        By default they come from `matrices_jacobian`. For a joint that overrides `dynamic_stiffness` they are
         differences of fourth order, with an error below 1e-9 of the derivative where the parameter matters. Override
         this method where they can be had exactly.
 
@@ -272,17 +273,8 @@ class JointModel(Component):
         """
         if type(self).dynamic_stiffness is JointModel.dynamic_stiffness:
             return (matrices.dynamic_stiffness(frequency) for matrices in self.matrices_jacobian(theta))
-        return (self._stiffness_difference(frequency, theta, column) for column in range(len(self.parameters)))
 
-    def _stiffness_difference(
-        self, frequency: NDArray[np.float64], theta: NDArray[np.float64], column: int
-    ) -> NDArray[np.complex128]:
-        """Differentiate the dynamic stiffness by one parameter, by differences, without holding more than one term."""
-        step = difference_steps(theta, *self._range)[:, column]
-        total = np.zeros((len(theta), len(frequency), self.size, self.size), dtype=np.complex128)
-        for distance, weight in STENCIL:
-            moved = theta.copy()
-            moved[:, column] += distance * step
-            total += weight * self.dynamic_stiffness(frequency, moved)
-        total /= 12.0 * step[:, None, None, None]
-        return total
+        def stiffness(vectors: NDArray[np.float64]) -> NDArray[np.complex128]:
+            return np.asarray(self.dynamic_stiffness(frequency, vectors), dtype=np.complex128)
+
+        return (differences(stiffness, theta, [column], *self._range)[0] for column in range(len(self.parameters)))

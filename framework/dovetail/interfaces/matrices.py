@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +15,27 @@ __all__ = ["DIRECTIONS", "StructuralMatrices"]
 
 DIRECTIONS = ("x", "rz")
 """The DOFs of a node, in their order: displacement along x [m] and rotation about z [rad]."""
+
+
+def refuse_complex(name: str, values: Any) -> None:
+    """Raise a ValueError for a complex matrix M, K, C or D: its imaginary part would be lost.
+
+    Parameters
+    ----------
+    name : str
+    values : array, sparse array or nested sequence
+    """
+    if np.iscomplexobj(values):
+        where = "K (1 + i eta) is K and D = eta K" if name in "KD" else "damping has matrices of its own, C and D"
+        raise ValueError(f"{name} is complex; M, K, C and D are real: {where}.")
+
+
+@contextmanager
+def refusing_complex_values() -> Iterator[None]:
+    """Raise where a component writes complex values into real matrices, which would drop their imaginary part."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", np.exceptions.ComplexWarning)
+        yield
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -27,7 +51,7 @@ class StructuralMatrices:
     Raises
     ------
     ValueError
-        The matrices are not square or their shapes differ.
+        The matrices are complex or not square, or their shapes differ.
 
     Notes
     -----
@@ -40,6 +64,8 @@ class StructuralMatrices:
     D: NDArray[np.float64]
 
     def __init__(self, M: ArrayLike, K: ArrayLike, C: ArrayLike | None = None, D: ArrayLike | None = None) -> None:
+        for name, values in (("M", M), ("K", K), ("C", C), ("D", D)):
+            refuse_complex(name, values)
         stiffness = np.asarray(K, dtype=np.float64)
         if stiffness.ndim < 2 or stiffness.shape[-1] != stiffness.shape[-2]:
             raise ValueError(f"K has the shape {stiffness.shape}; square matrices (..., d, d) are expected.")

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
+from dovetail.interfaces.matrices import refuse_complex
+
 __all__ = ["SparseMatrices"]
 
 
@@ -23,7 +25,7 @@ class SparseMatrices:
     Raises
     ------
     ValueError
-        The matrices are not square or their shapes differ.
+        The matrices are complex or not square, or their shapes differ.
     """
 
     M: csc_array
@@ -32,6 +34,8 @@ class SparseMatrices:
     D: csc_array
 
     def __init__(self, M: Any, K: Any, C: Any = None, D: Any = None) -> None:
+        for name, values in (("M", M), ("K", K), ("C", C), ("D", D)):
+            refuse_complex(name, values)
         stiffness = csc_array(K, dtype=np.float64)
         if stiffness.shape[0] != stiffness.shape[1]:
             raise ValueError(f"K has the shape {stiffness.shape}; a square matrix (d, d) is expected.")

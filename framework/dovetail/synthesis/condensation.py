@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import DIRECTIONS, SparseMatrices, StructuralMatrices, SubstructureModel
+from dovetail.interfaces.matrices import refusing_complex_values
 from dovetail.synthesis.elimination import plan_elimination, run_elimination
 from dovetail.synthesis.sparse_condensation import PartitionedMatrices, condense_on_basis
 
@@ -116,7 +117,8 @@ def substructure_matrices(substructure: SubstructureModel) -> StructuralMatrices
     PluginError
         They are too small for the substructure's nodes, not finite or not symmetric, or no matrices at all.
     """
-    matrices = substructure.matrices()
+    with refusing_complex_values():
+        matrices = substructure.matrices()
     if matrices is None:
         return None
     where = f"substructure model '{substructure.name}'"

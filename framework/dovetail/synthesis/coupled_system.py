@@ -2,29 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from dovetail.errors import DovetailError, PluginError
+from dovetail.errors import DovetailError
 from dovetail.interfaces import plugin_errors
 from dovetail.synthesis.condensation import boundary_dynamic_stiffness
 from dovetail.synthesis.graph import Graph
-from dovetail.synthesis.joint_evaluation import (
-    Theta,
-    depends_on_frequency,
-    filled_entries,
-    joint_matrices,
-    joint_stiffness,
-)
+from dovetail.synthesis.joint_evaluation import Theta, depends_on_frequency, joint_matrices, joint_stiffness
+from dovetail.synthesis.sparsity import Sparsity, UnplannedEntries, filled_by_matrix, filled_entries
 
-__all__ = ["CoupledSystem", "Point"]
+__all__ = ["CoupledSystem", "Point", "condense"]
 
 Point = tuple[str, int]
 """A DOF of a substructure: its name and the DOF's number there."""
+
+
+def condense(
+    graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point]
+) -> dict[str, tuple[NDArray[np.intp], NDArray[np.complex128]]]:
+    """Condense every substructure to the DOFs that joints and points need.
+
+    Parameters
+    ----------
+    graph : Graph
+    frequency : (n_freq,) array
+        Hz, positive.
+    points : sequence of Point
+
+    Returns
+    -------
+    dict of str to ((n,) int array, (n_freq, n, n) complex array)
+        By the substructure's name, the global numbers of its DOFs and their dynamic stiffness. Held DOFs are left out.
+    """
+    needed: dict[str, set[int]] = {name: set() for name in graph.substructures}
+    for connection in graph.connections.values():
+        for port in connection.attachments:
+            needed[port.substructure].update(port.dofs)
+    for name, dof in points:
+        needed[name].add(dof)
+    condensed = {}
+    for name, substructure in graph.substructures.items():
+        dofs = sorted(needed[name])
+        if dofs and not substructure.grounded:
+            numbers = graph.substructure_dofs(name)[dofs]
+            with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
+                Z = boundary_dynamic_stiffness(substructure, dofs, frequency)
+            moving = np.flatnonzero(numbers >= 0)
+            condensed[name] = numbers[moving], Z[:, moving[:, None], moving]
+    return condensed
 
 
 class CoupledSystem:
@@ -37,55 +67,25 @@ class CoupledSystem:
         Hz, positive.
     points : sequence of Point
         Where forces act and motion is read; the first is the drive point.
-    probe_theta : mapping of str to (n, n_params) array
-        A few parameter vectors that show which entries of the joints' matrices are ever filled.
+    condensed : mapping
+        The substructures, by `condense`.
+    sparsity : Sparsity
+        Which entries of the joints' matrices and derivatives are filled.
     """
 
     def __init__(
-        self, graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point], probe_theta: Theta
+        self,
+        graph: Graph,
+        frequency: NDArray[np.float64],
+        points: Sequence[Point],
+        condensed: Mapping[str, tuple[NDArray[np.intp], NDArray[np.complex128]]],
+        sparsity: Sparsity,
     ) -> None:
         self.graph = graph
-        self.frequency = np.asarray(frequency, dtype=np.float64)
+        self.frequency = frequency
         self.points = tuple(points)
-        self.probe_theta = probe_theta
-        self.condensed = self._condense()
-
-    def _condense(self) -> dict[str, tuple[NDArray[np.intp], NDArray[np.complex128]]]:
-        """Condense every substructure to the DOFs that joints and points need: global numbers and Z."""
-        needed: dict[str, set[int]] = {name: set() for name in self.graph.substructures}
-        for connection in self.graph.connections.values():
-            for port in connection.attachments:
-                needed[port.substructure].update(port.dofs)
-        for name, dof in self.points:
-            needed[name].add(dof)
-        condensed = {}
-        for name, substructure in self.graph.substructures.items():
-            dofs = sorted(needed[name])
-            if dofs and not substructure.grounded:
-                numbers = self.graph.substructure_dofs(name)[dofs]
-                with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
-                    Z = boundary_dynamic_stiffness(substructure, dofs, self.frequency)
-                moving = np.flatnonzero(numbers >= 0)
-                condensed[name] = numbers[moving], Z[:, moving[:, None], moving]
-        return condensed
-
-    @cached_property
-    def filled(self) -> dict[str, NDArray[np.bool_]]:
-        """Local entries of each joint that any vector of `probe_theta` fills, (d, d)."""
-        return {name: self._filled_entries(name) for name in self.graph.connections}
-
-    def _filled_entries(self, name: str) -> NDArray[np.bool_]:
-        model, theta = self.graph.connections[name].model, self.probe_theta[name]
-        if depends_on_frequency(model):
-            lines = self.frequency[[0, len(self.frequency) // 2, -1]]
-            filled: NDArray[np.bool_] = (joint_stiffness(name, model, lines, theta) != 0).any(axis=(0, 1))
-            return filled
-        matrices = joint_matrices(name, model, theta)
-        for matrix in (matrices.M, matrices.K, matrices.C, matrices.D):
-            finite = np.isfinite(matrix).all()
-            if not finite or np.abs(matrix - np.swapaxes(matrix, 1, 2)).max() > 1e-9 * np.abs(matrix).max():
-                raise PluginError(f"joint '{name}' ({model.name}) gives matrices that are not finite and symmetric.")
-        return filled_entries(matrices)
+        self.condensed = condensed
+        self.sparsity = sparsity
 
     @cached_property
     def _pattern(self) -> NDArray[np.bool_]:
@@ -96,7 +96,7 @@ class CoupledSystem:
         for name in self.graph.connections:
             numbers = self.graph.joint_dofs(name)
             moving = np.flatnonzero(numbers >= 0)
-            rows, columns = np.nonzero(self.filled[name][np.ix_(moving, moving)])
+            rows, columns = np.nonzero(self.sparsity[name].filled[np.ix_(moving, moving)])
             pattern[numbers[moving][rows], numbers[moving][columns]] = True
         return pattern | pattern.T
 
@@ -149,6 +149,11 @@ class CoupledSystem:
         Returns
         -------
         (n_lines, d, d) complex array
+
+        Raises
+        ------
+        UnplannedEntries
+            A joint connects further DOFs.
         """
         frequency, size = self.frequency[lines], len(self.active)
         system = np.zeros((len(frequency), size, size), dtype=np.complex128)
@@ -158,8 +163,17 @@ class CoupledSystem:
         for name, connection in self.graph.connections.items():
             local, indices = self.locate(self.graph.joint_dofs(name))
             Z = joint_stiffness(name, connection.model, frequency, theta[name])[0]
+            self._require(name, Z, theta[name])
             _scatter(system, indices, Z[:, local[:, None], local])
         return system
+
+    def _require(self, name: str, Z: NDArray[np.complex128], theta: NDArray[np.float64]) -> None:
+        """Raise `UnplannedEntries` if a joint's dynamic stiffness has entries that are not planned for."""
+        filled, sparsity, model = filled_entries(Z), self.sparsity[name], self.graph.connections[name].model
+        if (filled & ~sparsity.filled).any():
+            constant = not depends_on_frequency(model)
+            matrices = filled_by_matrix(joint_matrices(name, model, theta)) if constant else filled[np.newaxis]
+            raise UnplannedEntries({name: sparsity.with_matrices(matrices)})
 
 
 def _scatter(system: NDArray[np.complex128], indices: NDArray[np.intp], Z: NDArray[np.complex128]) -> None:

@@ -61,7 +61,7 @@ class Program:
         return len(self.update) + len(self.column) + self.pivots + 1
 
 
-def plan_elimination(pattern: NDArray[np.bool_], keep: Sequence[int]) -> Program:
+def plan_elimination(pattern: NDArray[np.bool_], keep: Sequence[int], order: Sequence[int] = ()) -> Program:
     """Order the DOFs by minimum degree, the kept ones last, and list the steps of their elimination.
 
     Parameters
@@ -71,13 +71,15 @@ def plan_elimination(pattern: NDArray[np.bool_], keep: Sequence[int]) -> Program
     keep : sequence of int
         DOFs that stay. After the elimination their slots hold the Schur complement. For a single DOF, the inverse of
         its final value is the receptance there.
+    order : sequence of int, optional
+        DOFs that are eliminated last, in this order; the others before them, by minimum degree.
 
     Returns
     -------
     Program
     """
     neighbours = [set(np.flatnonzero(row).tolist()) - {dof} for dof, row in enumerate(pattern)]
-    eliminated, below, graph = _minimum_degree(neighbours, set(keep))
+    eliminated, below, graph = _minimum_degree(neighbours, set(keep), order)
     order = [*eliminated, *keep]
     rank = {dof: position for position, dof in enumerate(order)}
     below = [sorted(rows, key=rank.__getitem__) for rows in below]
@@ -126,14 +128,15 @@ def run_elimination(program: Program, slots: NDArray[np.complex128]) -> None:
 
 
 def _minimum_degree(
-    neighbours: list[set[int]], keep: set[int]
+    neighbours: list[set[int]], keep: set[int], prescribed: Sequence[int]
 ) -> tuple[list[int], list[list[int]], dict[int, set[int]]]:
     """Return the order, the remaining neighbours of each pivot, and the graph that remains of the kept DOFs."""
     graph = {dof: set(adjacent) for dof, adjacent in enumerate(neighbours)}
     order: list[int] = []
     below: list[list[int]] = []
+    rank = {dof: 1 + position for position, dof in enumerate(prescribed)}
     while candidates := [dof for dof in graph if dof not in keep]:
-        pivot = min(candidates, key=lambda dof: (len(graph[dof]), _fill(graph, dof), dof))
+        pivot = min(candidates, key=lambda dof: (rank.get(dof, 0), len(graph[dof]), _fill(graph, dof), dof))
         adjacent = graph.pop(pivot)
         for dof in adjacent:
             graph[dof] |= adjacent - {dof}

@@ -9,39 +9,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.parallel import cores
-from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty, as_vectors, compiled
-from dovetail.synthesis.codegen.layout import Layout
-from dovetail.synthesis.codegen.looped import looped_kernel_source
-from dovetail.synthesis.codegen.straight_line import kernel_source
+from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty, as_vectors
 from dovetail.synthesis.codegen.vector_ir import WIDTH
-from dovetail.synthesis.coupled_system import CoupledSystem, Point
-from dovetail.synthesis.elimination import Program, plan_elimination
+from dovetail.synthesis.coupled_system import CoupledSystem, Point, condense
+from dovetail.synthesis.elimination import Program
 from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.joint_evaluation import Theta, sample_count
-from dovetail.synthesis.kernel_inputs import KernelInputs, SpectralInputs
-from dovetail.synthesis.pivoting import PivotedSolver
+from dovetail.synthesis.plan import Plan
+from dovetail.synthesis.sparsity import JointSparsity, UnplannedEntries, probe_derivatives, probe_matrices
 
 __all__ = ["Engine", "Settings"]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How the engine compiles its elimination and divides its work."""
+    """How the engine divides its work."""
 
-    straight_line: int = 1500
-    """Multiplications up to which an elimination is compiled without loops, in less than a second.
-
-    The choice depends on the system alone, never on the number of samples, so that an FRF is the same bit for bit
-    however it is asked for.
-    """
     most_samples: int = 64
     """Samples in one call of the kernel: enough to use each vector of substructure data well."""
     fewest_samples: int = 8
@@ -66,7 +56,8 @@ class Engine:
     points : sequence of Point
         Where forces act and motion is read; the first is the drive point.
     probe_theta : mapping of str to (n, n_params) array
-        A few parameter vectors that show which entries of the joints' matrices are ever filled.
+        A few parameter vectors that show which entries of the joints' matrices are filled. They decide what is planned
+        first, and nothing else: where other parameters fill further entries, the plan is widened and compiled anew.
     jacobian_columns : mapping of str to list of int, optional
         Columns of each joint's theta by which `jacobian` differentiates; all by default.
 
@@ -76,6 +67,8 @@ class Engine:
         How many samples are computed at the same time.
     pivoted_lines : int
         Lines solved again with pivoting so far, because a pivot nearly vanished.
+    plan : Plan
+        For the entries met so far.
     """
 
     def __init__(
@@ -90,71 +83,42 @@ class Engine:
         self._lines = len(frequency)
         padded = np.concatenate([frequency, np.repeat(frequency[-1:], -len(frequency) % WIDTH)])
         self.graph = graph
-        self.system = CoupledSystem(graph, padded, points, probe_theta)
         self.threads = cores()
         self.pivoted_lines = 0
         if jacobian_columns is None:
             jacobian_columns = {name: list(range(len(c.model.parameters))) for name, c in graph.connections.items()}
         self._jacobian_columns = {name: list(columns) for name, columns in jacobian_columns.items()}
+        self.probe_theta = probe_theta
+        sparsity = probe_matrices(graph, padded, probe_theta)
+        system = CoupledSystem(graph, padded, points, condense(graph, padded, points), sparsity)
+        self.plan = Plan(system, self._jacobian_columns)
+        self._has_probed_derivatives = False
+
+    @property
+    def system(self) -> CoupledSystem:
+        """The coupled system with the entries that are planned for."""
+        return self.plan.system
 
     @property
     def frequency(self) -> NDArray[np.float64]:
         """(n_freq,) Hz."""
         return self.system.frequency[: self._lines]
 
-    @cached_property
+    @property
     def program(self) -> Program:
         """The symbolic elimination over the active DOFs, the drive point last."""
-        return plan_elimination(self.system.pattern, [self.system.index(self.system.points[0])])
+        return self.plan.program
 
-    @cached_property
-    def _inputs(self) -> KernelInputs:
-        return KernelInputs(self.system, self.program, self._jacobian_columns)
-
-    @cached_property
-    def _spectral(self) -> SpectralInputs:
-        return SpectralInputs(self.system, self.program, self._jacobian_columns, self._inputs)
-
-    @cached_property
-    def _pivoted(self) -> PivotedSolver:
-        return PivotedSolver(self.system, self._jacobian_columns)
-
-    def _layout(self, *, derivatives: bool = False) -> Layout:
-        inputs, spectral = self._inputs, self._spectral
-        layout = Layout(inputs.static[0], inputs.terms, spectral.slots)
-        if not derivatives:
-            return layout
-        return replace(
-            layout,
-            derivatives=inputs.derivatives,
-            spectral_derivatives=spectral.derivatives,
-            parameters=inputs.parameters,
+    def _probe_derivatives(self) -> None:
+        """Plan for the derivatives that the probes show."""
+        if self._has_probed_derivatives:
+            return
+        sparsity = self.system.sparsity
+        probed = probe_derivatives(self.graph, self.system.frequency, self.probe_theta, self._jacobian_columns)
+        self.plan = self.plan.widened(
+            {name: JointSparsity(sparsity[name].matrices, derivatives) for name, derivatives in probed.items()}
         )
-
-    def _kernel(self, layout: Layout, *, amplitude: bool = False) -> MachineKernel:
-        if self.program.multiplications > SETTINGS.straight_line:
-            return MachineKernel(*looped_kernel_source(self.program, layout, amplitude=amplitude))
-        return compiled(kernel_source(self.program, layout, amplitude=amplitude))
-
-    @cached_property
-    def _receptance_kernel(self) -> MachineKernel:
-        return self._kernel(self._layout())
-
-    @cached_property
-    def _amplitude_kernel(self) -> MachineKernel:
-        return self._kernel(self._layout(), amplitude=True)
-
-    @cached_property
-    def _jacobian_kernel(self) -> MachineKernel:
-        return self._kernel(self._layout(derivatives=True))
-
-    @cached_property
-    def _static(self) -> NDArray[np.float64]:
-        return as_vectors(self._inputs.static[1], WIDTH)
-
-    @cached_property
-    def _omega(self) -> NDArray[np.float64]:
-        return as_vectors(2.0 * np.pi * self.system.frequency, WIDTH)
+        self._has_probed_derivatives = True
 
     def drive_point(self, theta: Theta, factor: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
         """FRF at the first point for each parameter vector.
@@ -172,9 +136,9 @@ class Engine:
         """
         padded = self._padded(factor)
         result = aligned_empty((sample_count(theta), len(padded)), np.complex128)
-        samples = self._run_kernel(self._receptance_kernel, theta, padded, result)
+        samples = self._run_kernel(lambda plan: plan.receptance_kernel, theta, padded, result)
         for single, sample, lines in self._failed_lines(theta, result, samples):
-            result[sample, lines] = self._pivoted.drive_point(single, lines) * padded[lines]
+            result[sample, lines] = self.plan.pivoted.drive_point(single, lines) * padded[lines]
         return result[:, : self._lines]
 
     def amplitude(self, theta: Theta, factor: NDArray[np.complex128]) -> NDArray[np.float32]:
@@ -192,9 +156,9 @@ class Engine:
         """
         padded = np.abs(self._padded(factor))
         result = aligned_empty((sample_count(theta), len(padded)), np.float32)
-        samples = self._run_kernel(self._amplitude_kernel, theta, padded, result)
+        samples = self._run_kernel(lambda plan: plan.amplitude_kernel, theta, padded, result)
         for single, sample, lines in self._failed_lines(theta, result, samples):
-            result[sample, lines] = np.abs(self._pivoted.drive_point(single, lines)) * padded[lines]
+            result[sample, lines] = np.abs(self.plan.pivoted.drive_point(single, lines)) * padded[lines]
         return result[:, : self._lines]
 
     def jacobian(
@@ -214,13 +178,14 @@ class Engine:
         jacobian : (n, n_freq, n_jacobian) complex array
             Joint by joint, per unit of the parameter.
         """
+        self._probe_derivatives()
         count, padded = sample_count(theta), self._padded(factor)
         result = aligned_empty((count, len(padded)), np.complex128)
-        jacobian = aligned_empty((count, self._inputs.parameters, len(padded)), np.complex128)
-        samples = self._run_kernel(self._jacobian_kernel, theta, padded, result, jacobian)
+        jacobian = aligned_empty((count, self.plan.inputs.parameters, len(padded)), np.complex128)
+        samples = self._run_kernel(lambda plan: plan.jacobian_kernel, theta, padded, result, jacobian)
         for single, sample, lines in self._failed_lines(theta, result, samples):
-            result[sample, lines] = self._pivoted.drive_point(single, lines) * padded[lines]
-            jacobian[sample][:, lines] = self._pivoted.derivatives(single, lines).T * padded[lines]
+            result[sample, lines] = self.plan.pivoted.drive_point(single, lines) * padded[lines]
+            jacobian[sample][:, lines] = self.plan.pivoted.derivatives(single, lines).T * padded[lines]
         return result[:, : self._lines], np.swapaxes(jacobian, 1, 2)[:, : self._lines]
 
     def _padded(self, factor: NDArray[np.complex128] | None) -> NDArray[np.complex128]:
@@ -230,42 +195,71 @@ class Engine:
 
     def _run_kernel(
         self,
-        kernel: MachineKernel,
+        kernel_of: Callable[[Plan], MachineKernel],
         theta: Theta,
         factor: NDArray[Any],
         result: NDArray[Any],
         jacobian: NDArray[np.complex128] | None = None,
     ) -> NDArray[np.intp]:
-        """Fill `result`, a block of samples in each thread; return the samples in which a pivot nearly vanished."""
-        count = len(result)
+        """Fill `result`; return the samples in which a pivot nearly vanished.
+
+        Where samples fill entries for which nothing is planned, the plan is widened and all are computed anew.
+        """
+        while True:
+            try:
+                return self._run_plan(self.plan, kernel_of, theta, factor, result, jacobian)
+            except UnplannedEntries as unplanned:
+                self.plan = self.plan.widened(unplanned.sparsity)
+
+    def _run_plan(
+        self,
+        plan: Plan,
+        kernel_of: Callable[[Plan], MachineKernel],
+        theta: Theta,
+        factor: NDArray[Any],
+        result: NDArray[Any],
+        jacobian: NDArray[np.complex128] | None,
+    ) -> NDArray[np.intp]:
+        """Fill `result`, a block of samples in each thread, after one plan."""
+        count, derivatives = len(result), jacobian is not None
         flags = np.zeros(count, dtype=np.uint8)
-        shared = (self._omega, as_vectors(np.stack([factor.real, factor.imag]), WIDTH), self._static)
+        factors = as_vectors(np.stack([factor.real, factor.imag]), WIDTH)
         outputs = (result, np.empty((count, 0)) if jacobian is None else jacobian, flags)
 
         def run_block(first: int, theta: Theta, terms: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
             block = slice(first, first + len(terms))
-            spectral, spectral_weights = self._gather_spectral(theta, len(terms), derivatives=jacobian is not None)
-            inputs = (terms, spectral, weights, spectral_weights)
-            kernel(len(self._omega), len(terms), result.shape[1], (*shared, *inputs, *(a[block] for a in outputs)))
+            spectral, spectral_weights = _gather_spectral(plan, theta, len(terms), derivatives=derivatives)
+            inputs = (plan.omega, factors, plan.static, terms, spectral, weights, spectral_weights)
+            kernel_of(plan)(len(plan.omega), len(terms), result.shape[1], (*inputs, *(a[block] for a in outputs)))
 
-        self._run_in_blocks(theta, count, run_block, derivatives=jacobian is not None)
+        self._run_in_blocks(plan, kernel_of, theta, count, run_block, derivatives=derivatives)
         return np.flatnonzero(flags)
 
-    def _run_in_blocks(self, theta: Theta, count: int, run_block: Callable[..., None], *, derivatives: bool) -> None:
+    def _run_in_blocks(
+        self,
+        plan: Plan,
+        kernel_of: Callable[[Plan], MachineKernel],
+        theta: Theta,
+        count: int,
+        run_block: Callable[..., None],
+        *,
+        derivatives: bool,
+    ) -> None:
         """Evaluate the joints for some samples while the threads work on the samples before."""
-        size = self._block_size(count, derivatives=derivatives)
         if not count:
             return
+        size = self._block_size(plan, count, derivatives=derivatives)
         if count <= size:
-            run_block(0, theta, *self._gather(theta, count, derivatives=derivatives))
+            run_block(0, theta, *_gather(plan, theta, count, derivatives=derivatives))
             return
         blocks: list[Future[None]] = []
         with ThreadPoolExecutor(self.threads) as pool:
             for start in range(0, count, SETTINGS.gathered_samples):
                 number = min(SETTINGS.gathered_samples, count - start)
                 chunk = _samples(theta, start, number)
-                terms, weights = self._gather(chunk, number, derivatives=derivatives)
+                terms, weights = _gather(plan, chunk, number, derivatives=derivatives)
                 _wait(blocks)
+                kernel_of(plan)  # compiled here, before several threads want it
                 blocks = [
                     pool.submit(
                         run_block, start + i, _samples(chunk, i, size), terms[i : i + size], weights[i : i + size]
@@ -274,27 +268,12 @@ class Engine:
                 ]
             _wait(blocks)
 
-    def _gather(
-        self, theta: Theta, count: int, *, derivatives: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        weights = self._inputs.gather_weights(theta, count) if derivatives else np.empty((count, 0))
-        return self._inputs.gather(theta, count), weights
-
-    def _block_size(self, count: int, *, derivatives: bool) -> int:
+    def _block_size(self, plan: Plan, count: int, *, derivatives: bool) -> int:
         """Return how many samples a thread takes at once: enough for the cache, and some for every thread."""
         size = min(SETTINGS.most_samples, max(SETTINGS.fewest_samples, -(-count // self.threads)))
-        if self._spectral.slots:
-            size = min(size, int(SETTINGS.spectral_bytes / self._spectral.bytes_per_sample(derivatives=derivatives)))
+        if plan.spectral.joints:
+            size = min(size, int(SETTINGS.spectral_bytes / plan.spectral.bytes_per_sample(derivatives=derivatives)))
         return max(1, size)
-
-    def _gather_spectral(
-        self, theta: Theta, count: int, *, derivatives: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        none = np.empty((count, 0))
-        if not self._spectral.slots:
-            return none, none
-        weights = self._spectral.gather_weights(theta, count) if derivatives else none
-        return self._spectral.gather(theta, count), weights
 
     def _failed_lines(
         self, theta: Theta, result: NDArray[Any], samples: NDArray[np.intp]
@@ -318,7 +297,30 @@ class Engine:
         -------
         (n_freq, n_out, n_in) complex array
         """
-        return self._pivoted.receptance(theta, np.arange(self._lines), outputs, inputs)
+        while True:
+            try:
+                return self.plan.pivoted.receptance(theta, np.arange(self._lines), outputs, inputs)
+            except UnplannedEntries as unplanned:
+                self.plan = self.plan.widened(unplanned.sparsity)
+
+
+def _gather(
+    plan: Plan, theta: Theta, count: int, *, derivatives: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the terms of joints with constant matrices and, where they are wanted, their derivatives."""
+    terms = plan.inputs.gather(theta, count)
+    return terms, plan.inputs.gather_weights(theta, count) if derivatives else np.empty((count, 0))
+
+
+def _gather_spectral(
+    plan: Plan, theta: Theta, count: int, *, derivatives: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the same of joints that depend on frequency."""
+    none = np.empty((count, 0))
+    if not plan.spectral.joints:
+        return none, none
+    stiffness = plan.spectral.gather(theta, count)
+    return stiffness, plan.spectral.gather_weights(theta, count) if derivatives else none
 
 
 def _samples(theta: Theta, first: int, count: int) -> Theta:

@@ -99,7 +99,7 @@ class InterpolatedEngine(Engine):
     def _exact_engine(self) -> Engine:
         assert self.interpolant is not None
         frequency = self.frequency[self.interpolant.lines]
-        return Engine(self.graph, frequency, self.system.points[:1], self.system.probe_theta)
+        return Engine(self.graph, frequency, self.system.points[:1], self.probe_theta)
 
     @cached_property
     def _blas(self) -> Any:

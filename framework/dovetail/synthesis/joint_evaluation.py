@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import PluginError
 from dovetail.interfaces import JointModel, StructuralMatrices, plugin_errors
+from dovetail.synthesis.codegen.layout import MATRICES
 
 __all__ = [
     "Theta",
     "depends_on_frequency",
-    "filled_entries",
     "joint_jacobian",
     "joint_matrices",
     "joint_stiffness",
@@ -23,6 +24,9 @@ __all__ = [
 
 Theta = Mapping[str, NDArray[np.float64]]
 """All parameters of each joint, (n, n_params), by the joint's name."""
+
+_ASYMMETRY = 1e-9
+"""Difference of an entry from its mirror image that counts as rounding, relative to both and to their diagonal."""
 
 
 def sample_count(theta: Theta) -> int:
@@ -36,12 +40,14 @@ def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
     Raises
     ------
     PluginError
-        The model fails, or returns something else than (n, d, d) matrices.
+        The model fails, or returns something else than finite and symmetric (n, d, d) matrices.
     """
     label = _label(name, model)
     with plugin_errors(model, label):
         matrices = model.matrices(theta)
     _check_matrices(label, model, matrices, len(theta))
+    for matrix in MATRICES:
+        _check_symmetry(label, f"a matrix {matrix}", getattr(matrices, matrix))
     return matrices
 
 
@@ -51,7 +57,7 @@ def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
     Raises
     ------
     PluginError
-        The model fails, or returns something else than one set of (n, d, d) matrices a parameter.
+        The model fails, or returns something else than one set of finite (n, d, d) matrices a parameter.
     """
     label = _label(name, model)
     with plugin_errors(model, label):
@@ -72,12 +78,13 @@ def joint_stiffness(
     Raises
     ------
     PluginError
-        The model fails, or returns something else than finite numbers of this shape.
+        The model fails, or returns something else than finite numbers of this shape, symmetric at each line.
     """
     label = _label(name, model)
     with plugin_errors(model, label):
         stiffness = np.asarray(model.dynamic_stiffness(frequency, theta), dtype=np.complex128)
     _check_stiffness(label, model, stiffness, (len(theta), len(frequency)))
+    _check_symmetry(label, "a dynamic stiffness", stiffness)
     return stiffness
 
 
@@ -126,15 +133,22 @@ def _check_matrices(label: str, model: JointModel, matrices: object, count: int)
     wanted = (count, model.size, model.size)
     if matrices.K.shape != wanted:
         raise PluginError(f"{label} returns matrices of shape {matrices.K.shape}, not {wanted}.")
+    for matrix in MATRICES:
+        if not np.isfinite(getattr(matrices, matrix)).all():
+            raise PluginError(f"{label} returns a matrix {matrix} that is not finite.")
+
+
+def _check_symmetry(label: str, noun: str, values: NDArray[Any]) -> None:
+    """Refuse entries that differ from their mirror image by more than rounding, on the scale of the diagonal."""
+    mirrored = np.swapaxes(values, -1, -2)
+    if np.array_equal(values, mirrored):
+        return
+    diagonal = np.sqrt(np.abs(np.diagonal(values, axis1=-2, axis2=-1)))
+    scale = diagonal[..., :, np.newaxis] * diagonal[..., np.newaxis, :] + np.abs(values) + np.abs(mirrored)
+    if (np.abs(values - mirrored) > _ASYMMETRY * scale).any():
+        raise PluginError(f"{label} returns {noun} that is not symmetric.")
 
 
 def depends_on_frequency(model: JointModel) -> bool:
     """Return whether a joint gives its dynamic stiffness itself, in place of M, K, C and D."""
     return type(model).dynamic_stiffness is not JointModel.dynamic_stiffness
-
-
-def filled_entries(matrices: StructuralMatrices) -> NDArray[np.bool_]:
-    """Return the entries of (n, d, d) matrices that any sample fills, (d, d)."""
-    entries = (matrices.M != 0) | (matrices.K != 0) | (matrices.C != 0) | (matrices.D != 0)
-    filled: NDArray[np.bool_] = entries.any(axis=0)
-    return filled

@@ -9,20 +9,19 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import DovetailError
-from dovetail.interfaces import JointModel, StructuralMatrices
+from dovetail.interfaces import JointModel
 from dovetail.synthesis.codegen.layout import MATRICES, Derivative, SpectralDerivative, Term
 from dovetail.synthesis.coupled_system import CoupledSystem
 from dovetail.synthesis.elimination import Program
 from dovetail.synthesis.joint_evaluation import (
     Theta,
     depends_on_frequency,
-    filled_entries,
     joint_jacobian,
     joint_matrices,
     joint_stiffness,
     joint_stiffness_jacobian,
 )
+from dovetail.synthesis.sparsity import JointSparsity, UnplannedEntries, filled_by_matrix, filled_entries
 
 __all__ = ["KernelInputs", "SpectralInputs"]
 
@@ -82,16 +81,16 @@ class KernelInputs:
                 Z_slots[slot] += Z[:, local[row], local[column]]
         halves = np.stack([Z_slots.real, Z_slots.imag], axis=1)
         keys = tuple((int(slot), int(half)) for slot, half in np.argwhere(halves.any(axis=-1)))
-        return keys, np.array([halves[key] for key in keys]).reshape(len(keys), -1)
+        return keys, np.array([halves[key] for key in keys]).reshape(len(keys), len(self._system.frequency))
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
         """Slot and matrix of each column of the joints."""
         terms = {
             (slot, matrix)
-            for name, filled in self._filled.items()
-            for matrix in MATRICES
-            for _, slot in self.local_slots(name, filled[matrix])
+            for name in self._names
+            for matrix, filled in zip(MATRICES, self._system.sparsity[name].matrices, strict=True)
+            for _, slot in self.local_slots(name, filled)
         }
         return tuple(sorted(terms))
 
@@ -100,9 +99,9 @@ class KernelInputs:
         """Parameter, slot and matrix of each column of the derivatives."""
         derivatives = {
             (parameter, slot, matrix)
-            for parameter, name, filled in self._filled_derivatives
-            for matrix in MATRICES
-            for _, slot in self.local_slots(name, filled[matrix])
+            for parameter, name, column in self._differentiated
+            for matrix, filled in zip(MATRICES, self._system.sparsity[name].derivatives[column], strict=True)
+            for _, slot in self.local_slots(name, filled)
         }
         return tuple(sorted(derivatives))
 
@@ -112,25 +111,16 @@ class KernelInputs:
         return sum(len(columns) for columns in self._jacobian_columns.values())
 
     @cached_property
-    def _filled(self) -> dict[str, dict[str, NDArray[np.bool_]]]:
-        """Entries of each matrix of each joint that any vector of the system's `probe_theta` fills."""
-        return {
-            name: _filled_by_matrix(joint_matrices(name, connection.model, self._system.probe_theta[name]))
-            for name, connection in self._system.graph.connections.items()
-            if not depends_on_frequency(connection.model)
-        }
+    def _names(self) -> list[str]:
+        """The joints with constant matrices."""
+        connections = self._system.graph.connections
+        return [name for name, connection in connections.items() if not depends_on_frequency(connection.model)]
 
     @cached_property
-    def _filled_derivatives(self) -> list[tuple[int, str, dict[str, NDArray[np.bool_]]]]:
-        """The same for the derivative by each parameter: its number, its joint, and the entries of each matrix."""
-        filled, parameter = [], 0
-        for name, columns in self._jacobian_columns.items():
-            model = self._system.graph.connections[name].model
-            if columns and not depends_on_frequency(model):
-                jacobian = joint_jacobian(name, model, self._system.probe_theta[name])
-                filled += [(parameter + i, name, _filled_by_matrix(jacobian[c])) for i, c in enumerate(columns)]
-            parameter += len(columns)
-        return filled
+    def _differentiated(self) -> list[tuple[int, str, int]]:
+        """Number of each parameter of these joints, its joint, and its column of the joint's theta."""
+        every = [(name, column) for name, columns in self._jacobian_columns.items() for column in columns]
+        return [(number, name, column) for number, (name, column) in enumerate(every) if name in self._names]
 
     def _entries(self, indices: NDArray[np.intp], filled: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
         """Local (row, column, slot) that make up the lower triangle; both halves where two local DOFs are merged."""
@@ -160,28 +150,28 @@ class KernelInputs:
         for column, (slot, matrix) in enumerate(self.terms):
             by_matrix[matrix][slot] = column
         term_columns = []
-        for name, filled in self._filled.items():
-            for matrix in MATRICES:
-                columns = self._columns(name, filled[matrix], by_matrix[matrix])
+        for name in self._names:
+            for matrix, filled in zip(MATRICES, self._system.sparsity[name].matrices, strict=True):
+                columns = self._columns(name, filled, by_matrix[matrix])
                 if len(columns.columns):
                     term_columns.append((name, matrix, columns, np.ones(len(columns.columns))))
         return term_columns
 
     @cached_property
-    def _weight_columns(self) -> list[tuple[int, str, str, _Columns, NDArray[np.float64]]]:
-        """Parameter, joint, matrix, columns and factors of -x^T dZ x, of which the lower triangle is summed."""
+    def _weight_columns(self) -> list[tuple[str, int, str, _Columns, NDArray[np.float64]]]:
+        """Joint, column of theta, matrix, columns and factors of -x^T dZ x, whose lower triangle is summed."""
         by_key: dict[tuple[int, str], dict[int, int]] = {}
-        for column, (parameter, slot, matrix) in enumerate(self.derivatives):
-            by_key.setdefault((parameter, matrix), {})[slot] = column
+        for position, (parameter, slot, matrix) in enumerate(self.derivatives):
+            by_key.setdefault((parameter, matrix), {})[slot] = position
         off_diagonal = self._program.rows != self._program.columns
         slots = np.array([slot for _, slot, _ in self.derivatives], dtype=np.intp)
         weight_columns = []
-        for parameter, name, filled in self._filled_derivatives:
-            for matrix in MATRICES:
-                columns = self._columns(name, filled[matrix], by_key.get((parameter, matrix), {}))
+        for parameter, name, column in self._differentiated:
+            for matrix, filled in zip(MATRICES, self._system.sparsity[name].derivatives[column], strict=True):
+                columns = self._columns(name, filled, by_key.get((parameter, matrix), {}))
                 if len(columns.columns):
                     factors = np.where(off_diagonal[slots[columns.columns]], -2.0, -1.0)
-                    weight_columns.append((parameter, name, matrix, columns, factors))
+                    weight_columns.append((name, column, matrix, columns, factors))
         return weight_columns
 
     def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
@@ -189,43 +179,49 @@ class KernelInputs:
 
         Raises
         ------
-        DovetailError
-            A joint fills entries of its matrices for some parameters only.
+        UnplannedEntries
+            A joint fills entries of a matrix that have no term.
         """
+        connections = self._system.graph.connections
+        matrices = {name: joint_matrices(name, connections[name].model, theta[name]) for name in self._names}
+        filled = {
+            name: self._system.sparsity[name].with_matrices(filled_by_matrix(matrices[name])) for name in self._names
+        }
+        require(self._system, filled)
         total = np.zeros((count, len(self.terms)))
-        matrices: dict[str, StructuralMatrices] = {}
-        for name in self._filled:
-            model = self._system.graph.connections[name].model
-            matrices[name] = joint_matrices(name, model, theta[name])
-            stray = filled_entries(matrices[name]) & ~self._system.filled[name]
-            if stray.any():
-                row, column = np.argwhere(stray)[0]
-                raise DovetailError(
-                    f"joint '{name}' ({model.name}) fills the entry ({row}, {column}) of its matrices for some "
-                    "parameters only; it must be filled for all, or for none."
-                )
         for name, matrix, columns, ones in self._term_columns:
             columns.add(total, getattr(matrices[name], matrix), ones)
-        if not np.isfinite(total).all():
-            raise DovetailError("a joint's matrices are not finite for these parameters.")
         return total
 
     def gather_weights(self, theta: Theta, count: int) -> NDArray[np.float64]:
-        """Return the derivatives of the terms by the parameters, (n, n_derivatives), signed for -x^T dZ x."""
-        total = np.zeros((count, len(self.derivatives)))
+        """Return the derivatives of the terms by the parameters, (n, n_derivatives), signed for -x^T dZ x.
+
+        Raises
+        ------
+        UnplannedEntries
+            A joint fills entries of a derivative that have no column.
+        """
+        connections = self._system.graph.connections
         jacobians = {
-            name: joint_jacobian(name, self._system.graph.connections[name].model, theta[name])
-            for name in dict.fromkeys(name for _, name, _ in self._filled_derivatives)
+            name: joint_jacobian(name, connections[name].model, theta[name])
+            for name in dict.fromkeys(name for _, name, _ in self._differentiated)
         }
-        theta_columns = {name: iter(columns) for name, columns in self._jacobian_columns.items()}
-        column_of = {parameter: next(theta_columns[name]) for parameter, name, _ in self._filled_derivatives}
-        for parameter, name, matrix, columns, factors in self._weight_columns:
-            columns.add(total, getattr(jacobians[name][column_of[parameter]], matrix), factors)
+        filled: dict[str, JointSparsity] = {}
+        for _, name, column in self._differentiated:
+            sparsity = filled.get(name, self._system.sparsity[name])
+            filled[name] = sparsity.with_derivative(column, filled_by_matrix(jacobians[name][column]))
+        require(self._system, filled)
+        total = np.zeros((count, len(self.derivatives)))
+        for name, column, matrix, columns, factors in self._weight_columns:
+            columns.add(total, getattr(jacobians[name][column], matrix), factors)
         return total
 
 
-def _filled_by_matrix(matrices: StructuralMatrices) -> dict[str, NDArray[np.bool_]]:
-    return {matrix: (getattr(matrices, matrix) != 0).any(axis=0) for matrix in MATRICES}
+def require(system: CoupledSystem, filled: Mapping[str, JointSparsity]) -> None:
+    """Raise `UnplannedEntries` unless the system is planned for what joints fill."""
+    unplanned = {name: sparsity for name, sparsity in filled.items() if not system.sparsity[name].covers(sparsity)}
+    if unplanned:
+        raise UnplannedEntries(unplanned)
 
 
 class SpectralInputs:
@@ -249,10 +245,15 @@ class SpectralInputs:
         self._off_diagonal = program.rows != program.columns
         self._jacobian_columns = jacobian_columns
         self._entries = {
-            name: inputs.local_slots(name, system.filled[name])
+            name: inputs.local_slots(name, system.sparsity[name].filled)
             for name, connection in system.graph.connections.items()
             if depends_on_frequency(connection.model)
         }
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that depend on frequency."""
+        return tuple(self._entries)
 
     @cached_property
     def slots(self) -> tuple[int, ...]:
@@ -274,7 +275,7 @@ class SpectralInputs:
         """Return roughly how much memory the evaluation of one sample takes."""
         largest = max((self._model(name).size ** 2 for name in self._entries), default=0)
         rows = len(self.slots) + (len(self.derivatives) if derivatives else 0)
-        temporaries = 6 if derivatives else 3
+        temporaries = 12 if derivatives else 3
         return 16 * len(self._system.frequency) * (rows + temporaries * largest)
 
     def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
@@ -282,28 +283,28 @@ class SpectralInputs:
 
         Raises
         ------
-        DovetailError
-            A joint fills entries of its dynamic stiffness for some parameters or lines only.
+        UnplannedEntries
+            A joint fills entries of its dynamic stiffness for which there is no slot.
         """
         frequency = self._system.frequency
         total = np.zeros((count, len(self.slots), 2, len(frequency)))
         row_of = {slot: row for row, slot in enumerate(self.slots)}
         for name, entries in self._entries.items():
             Z = joint_stiffness(name, self._model(name), frequency, theta[name])
-            stray = (Z != 0).any(axis=(0, 1)) & ~self._system.filled[name]
-            if stray.any():
-                row, column = np.argwhere(stray)[0]
-                raise DovetailError(
-                    f"joint '{name}' ({self._model(name).name}) fills the entry ({row}, {column}) of its dynamic "
-                    "stiffness for some parameters or frequencies only; it must be filled for all, or for none."
-                )
+            require(self._system, {name: self._system.sparsity[name].with_matrices(filled_entries(Z)[np.newaxis])})
             for (row, column), slot in entries:
                 total[:, row_of[slot], 0] += Z[..., row, column].real
                 total[:, row_of[slot], 1] += Z[..., row, column].imag
         return total
 
     def gather_weights(self, theta: Theta, count: int) -> NDArray[np.float64]:
-        """Return the derivatives by the parameters, (n, n_derivatives, 2, n_freq), signed for -x^T dZ x."""
+        """Return the derivatives by the parameters, (n, n_derivatives, 2, n_freq), signed for -x^T dZ x.
+
+        Raises
+        ------
+        UnplannedEntries
+            A joint fills entries of a derivative for which there is no slot.
+        """
         total = np.zeros((count, len(self.derivatives), 2, len(self._system.frequency)))
         row_of = {key: row for row, key in enumerate(self.derivatives)}
         for name, parameter, dZ in self._stiffness_derivatives(theta):
@@ -320,6 +321,8 @@ class SpectralInputs:
                 derivatives = joint_stiffness_jacobian(name, self._model(name), self._system.frequency, theta[name])
                 for column, dZ in enumerate(derivatives):
                     if column in numbers:
+                        sparsity = self._system.sparsity[name]
+                        require(self._system, {name: sparsity.with_derivative(column, filled_entries(dZ)[np.newaxis])})
                         yield name, numbers[column], dZ
 
     def _parameter_numbers(self, name: str) -> dict[int, int]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.synthesis.coupled_system import CoupledSystem, Point
@@ -48,16 +49,24 @@ class PivotedSolver:
         return np.concatenate([self._motion(theta, block, columns)[:, rows] for block in blocks])
 
     def _motion(self, theta: Theta, lines: NDArray[np.intp], forces: Sequence[int]) -> NDArray[np.complex128]:
-        """Return the motion (n_lines, d, n) under a unit force at each of n active DOFs."""
+        """Return the motion (n_lines, d, n) under a unit force at each of n active DOFs.
+
+        What these parameters do not connect with a force does not move.
+        """
+        Z = self._system.dynamic_stiffness(theta, lines)
+        _, group = connected_components((Z != 0).any(axis=0), directed=False)
+        reached = np.flatnonzero(np.isin(group, group[list(forces)]))
         loads = np.zeros((len(self._system.active), len(forces)))
         loads[forces, range(len(forces))] = 1.0
-        Z = self._system.dynamic_stiffness(theta, lines)
+        motion = np.zeros((len(Z), *loads.shape), dtype=np.complex128)
+        connected = Z[:, reached[:, None], reached]
         try:
-            return np.asarray(np.linalg.solve(Z, loads))
+            motion[:, reached] = np.linalg.solve(connected, loads[reached])
         except np.linalg.LinAlgError as error:
-            singular = self._system.frequency[lines][np.linalg.slogdet(Z)[0] == 0]
+            singular = self._system.frequency[lines][np.linalg.slogdet(connected)[0] == 0]
             where = f" at {singular[0]:g} Hz" if len(singular) else ""
             raise DovetailError(f"the assembly resonates without damping{where}: it has no FRF there.") from error
+        return motion
 
     def drive_point(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
         """Return the receptance (n_lines,) at the first point."""

@@ -1,0 +1,136 @@
+"""What the engine has worked out for one sparsity pattern: elimination, inputs and compiled kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import DovetailError
+from dovetail.synthesis.codegen.compiler import MachineKernel, as_vectors, compiled
+from dovetail.synthesis.codegen.layout import Layout
+from dovetail.synthesis.codegen.looped import looped_kernel_source
+from dovetail.synthesis.codegen.straight_line import kernel_source
+from dovetail.synthesis.codegen.vector_ir import WIDTH
+from dovetail.synthesis.coupled_system import CoupledSystem
+from dovetail.synthesis.elimination import Program, plan_elimination
+from dovetail.synthesis.kernel_inputs import KernelInputs, SpectralInputs
+from dovetail.synthesis.pivoting import PivotedSolver
+from dovetail.synthesis.sparsity import Sparsity
+
+__all__ = ["Plan", "Settings"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How an elimination is compiled."""
+
+    straight_line: int = 1500
+    """Multiplications up to which an elimination is compiled without loops, in less than a second.
+
+    The choice depends on the system alone, never on the number of samples, so that an FRF is the same bit for bit
+    however it is asked for.
+    """
+
+
+SETTINGS = Settings()
+
+
+class Plan:
+    """The elimination of a coupled system, its inputs and its kernels, each made when it is first used.
+
+    Parameters
+    ----------
+    system : CoupledSystem
+    jacobian_columns : mapping of str to list of int
+        Columns of each joint's theta by which to differentiate.
+    order : sequence of int, optional
+        Global DOFs that an earlier plan eliminated, in its order. It is kept, and new DOFs are eliminated before them.
+        Thus the FRFs of parameters that leave the new entries empty stay the same bit for bit.
+    """
+
+    def __init__(
+        self, system: CoupledSystem, jacobian_columns: Mapping[str, list[int]], order: Sequence[int] = ()
+    ) -> None:
+        self.system = system
+        self._jacobian_columns = jacobian_columns
+        self._order = order
+
+    def widened(self, sparsity: Sparsity) -> Plan:
+        """Return a plan for further entries of some joints' matrices and derivatives too."""
+        system = self.system
+        whole = {name: entries | sparsity.get(name, entries) for name, entries in system.sparsity.items()}
+        wider = CoupledSystem(system.graph, system.frequency, system.points, system.condensed, whole)
+        try:
+            order = system.active[self.program.order].tolist()
+        except DovetailError:  # a point moves through the new entries alone
+            order = self._order
+        return Plan(wider, self._jacobian_columns, order)
+
+    @cached_property
+    def program(self) -> Program:
+        """The symbolic elimination over the active DOFs, the drive point last."""
+        keep = [self.system.index(self.system.points[0])]
+        position = {int(dof): index for index, dof in enumerate(self.system.active)}
+        order = [position[dof] for dof in self._order if position[dof] not in keep]
+        return plan_elimination(self.system.pattern, keep, order)
+
+    @cached_property
+    def inputs(self) -> KernelInputs:
+        """Entries of the substructures and of joints with constant matrices."""
+        return KernelInputs(self.system, self.program, self._jacobian_columns)
+
+    @cached_property
+    def spectral(self) -> SpectralInputs:
+        """Entries of joints that depend on frequency."""
+        return SpectralInputs(self.system, self.program, self._jacobian_columns, self.inputs)
+
+    @cached_property
+    def pivoted(self) -> PivotedSolver:
+        """Solutions with pivoting."""
+        return PivotedSolver(self.system, self._jacobian_columns)
+
+    @cached_property
+    def static(self) -> NDArray[np.float64]:
+        """The substructures' entries as the kernel reads them."""
+        return as_vectors(self.inputs.static[1], WIDTH)
+
+    @cached_property
+    def omega(self) -> NDArray[np.float64]:
+        """Angular frequencies [rad/s] as the kernel reads them."""
+        return as_vectors(2.0 * np.pi * self.system.frequency, WIDTH)
+
+    def layout(self, *, derivatives: bool = False) -> Layout:
+        """Return what the columns of the kernel's arrays mean."""
+        layout = Layout(self.inputs.static[0], self.inputs.terms, self.spectral.slots)
+        if not derivatives:
+            return layout
+        return replace(
+            layout,
+            derivatives=self.inputs.derivatives,
+            spectral_derivatives=self.spectral.derivatives,
+            parameters=self.inputs.parameters,
+        )
+
+    @cached_property
+    def receptance_kernel(self) -> MachineKernel:
+        """The kernel for complex FRFs."""
+        return self._kernel(self.layout())
+
+    @cached_property
+    def amplitude_kernel(self) -> MachineKernel:
+        """The kernel for magnitudes in single precision."""
+        return self._kernel(self.layout(), amplitude=True)
+
+    @cached_property
+    def jacobian_kernel(self) -> MachineKernel:
+        """The kernel for complex FRFs and their derivatives."""
+        return self._kernel(self.layout(derivatives=True))
+
+    def _kernel(self, layout: Layout, *, amplitude: bool = False) -> MachineKernel:
+        if self.program.multiplications > SETTINGS.straight_line:
+            return MachineKernel(*looped_kernel_source(self.program, layout, amplitude=amplitude))
+        return compiled(kernel_source(self.program, layout, amplitude=amplitude))
