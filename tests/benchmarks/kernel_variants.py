@@ -115,7 +115,8 @@ class Bench:
         result = aligned_empty((samples, self.lines), np.complex128)
         derived = aligned_empty((samples, engine.plan.inputs.parameters, self.lines), np.complex128)
         flags = np.zeros(samples, dtype=np.uint8)
-        self.arrays = (engine.plan.omega, factor, engine.plan.static, terms, none, weights, none, result, derived, flags)
+        omega, static = engine.plan.omega, engine.plan.static
+        self.arrays = (omega, factor, static, terms, none, weights, none, result, derived, flags)
 
     def show_instructions(self, label: str, source: str) -> None:
         """Print how many floating-point instructions on vectors the processor gets."""
