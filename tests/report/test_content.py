@@ -100,7 +100,7 @@ def test_misspecification_is_reported_before_any_number(result, tmp_path):
     )
     flagged = replace(result, misspecification=misspecification)
     sentences = misspecification_sentences(flagged)
-    assert sentences[0] == "This model cannot have made this measurement: do not believe the numbers below."
+    assert sentences[0] == "The model cannot have made the measurement: do not believe the numbers."
     assert sentences[1:] == ["It looks as if a mass was left in.", "It is off.", "It is off at 100 to 250 Hz."]
     page = write_report(flagged, tmp_path / "report.html").read_text(encoding="utf-8")
     assert 0 < page.index(sentences[0]) < page.index("It looks as if") < page.index("Identified parameters")

@@ -103,10 +103,12 @@ def _rows(done: Calibration) -> list[list[str]]:
 def _times(done: Calibration) -> str:
     plain = done.to_dict()
     seconds, effective = plain["seconds"], plain["effective_samples"]
+    count = plain["not_believed"]
+    doubt = f" Results that are not to be believed: {count}; they count like the others." if count else ""
     return (
         f"{plain['cases']} cases in {done.wall_seconds:.0f} s, {done.workers} at once; each {seconds['median']:.1f} s "
         f"in the median, {seconds['most']:.1f} s at most. Effective samples: {effective['median']:.0f} in the median, "
-        f"{effective['least']:.0f} at least."
+        f"{effective['least']:.0f} at least.{doubt}"
     )
 
 
@@ -147,13 +149,14 @@ def _write(done: Calibration, folder: Path) -> None:
 def _cases(done: Calibration) -> str:
     from dovetail.cli.result_files import csv_text
 
-    header = ["case", "seconds", "effective", "reached"]
+    header = ["case", "seconds", "effective", "reached", "believable"]
     header += [f"{what} {name}" for what in ("truth", "estimate", "rank") for name in done.names]
     columns = zip(
         done.case.tolist(),
         done.seconds.tolist(),
         done.effective.tolist(),
         done.reached.tolist(),
+        done.believable.tolist(),
         *(column.tolist() for array in (done.truth, done.estimate, done.rank) for column in array.T),
         strict=True,
     )

@@ -5,17 +5,41 @@ from __future__ import annotations
 import errno
 import traceback
 from types import FrameType
-from typing import Any
+from typing import Any, Protocol
 
 import typer
 from typer.core import TyperGroup
 
+from dovetail.cli.terminal import note, say
 from dovetail.errors import DovetailError, Fault
 
-__all__ = ["INTERRUPTED", "Commands", "report_bug"]
+__all__ = [
+    "INTERRUPTED",
+    "NOT_BELIEVED",
+    "Believable",
+    "Commands",
+    "exit_unless_believable",
+    "report_bug",
+    "say_caveat",
+]
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in the shell."""
+
+NOT_BELIEVED = 3
+"""Exit code after work that is done, and whose result is not to be believed."""
+
+
+class Believable(Protocol):
+    """A result, or several."""
+
+    @property
+    def believable(self) -> bool:
+        """Whether all of it may be believed."""
+
+    @property
+    def caveat(self) -> str:
+        """What must be said of it."""
 
 
 class Commands(TyperGroup):
@@ -36,6 +60,20 @@ class Commands(TyperGroup):
             typer.echo("\nInterrupted.", err=True)
             raise typer.Exit(INTERRUPTED) from None
         raise typer.Exit(1)
+
+
+def say_caveat(result: Believable) -> None:
+    """Print the caveat of a result, if it has one, before its numbers."""
+    if result.caveat:
+        say(f"Warning: {result.caveat}")
+
+
+def exit_unless_believable(result: Believable) -> None:
+    """Say the caveat of a result on stderr, and end the command with exit code 3 if it is not to be believed."""
+    if result.caveat:
+        note(f"Warning: {result.caveat}")
+    if not result.believable:
+        raise typer.Exit(NOT_BELIEVED)
 
 
 def report_bug(error: Exception) -> None:

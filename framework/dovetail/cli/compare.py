@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles
 from dovetail.cli.terminal import heading, note, print_json, progress_bars, table, title
 
@@ -23,6 +24,7 @@ _HEADINGS = {
 }
 _PARAMETERS = [
     "case", "value", "method", "parameter", "unit", "identified", "estimate", "lower", "upper", "verdict", "truth",
+    "believable",
 ]  # fmt: skip
 
 
@@ -50,7 +52,8 @@ def compare(
     """Compare methods of identification.
 
     Each identifies the joint from each measurement. Shown are the agreement of the reconstructed FRFs with the
-    measured ones, resonances, parameters and times. Files of an earlier run in the output folder are replaced.
+    measured ones, resonances, parameters and times. Files of an earlier run in the output folder are replaced. The exit
+    code is 3 where a result is not to be believed.
     """
     import dovetail
     from dovetail.cli.result_files import prepare_folder
@@ -73,6 +76,7 @@ def compare(
         _print(done)
     if output is not None:
         note(f"Written to {output}: {', '.join(_FILES)}")
+    exit_unless_believable(done)
 
 
 def _tables(done: Comparison) -> dict[str, tuple[list[str], list[list[object]]]]:
@@ -80,21 +84,23 @@ def _tables(done: Comparison) -> dict[str, tuple[list[str], list[list[object]]]]
 
     names = [case.name for case in done.cases]
     return {
-        "coherence": (["method", *names], list(coherence_rows(done))),
-        "frequencies": (["case", "mode", "measured_Hz", *done.methods], list(frequency_rows(done))),
-        "times": (["method", "training_s", "identification_s"], list(time_rows(done))),
+        "coherence": (["method", *names, "not_believed"], list(coherence_rows(done))),
+        "frequencies": (["case", "mode", "measured_Hz", *done.methods, "not_believed"], list(frequency_rows(done))),
+        "times": (["method", "training_s", "identification_s", "not_believed"], list(time_rows(done))),
         "parameters": (_PARAMETERS, list(parameter_value_rows(done))),
     }
 
 
-def _plain(done: Comparison) -> dict[str, list[dict[str, object]]]:
-    return {
+def _plain(done: Comparison) -> dict[str, object]:
+    tables = {
         name: [dict(zip(header, row, strict=True)) for row in rows] for name, (header, rows) in _tables(done).items()
     }
+    return {"believable": done.believable, "caveat": done.caveat, **tables}
 
 
 def _print(done: Comparison) -> None:
     title(done.title)
+    say_caveat(done)
     tables = _tables(done)
     for name, words in (
         ("coherence", "Mean coherence"),
@@ -103,7 +109,7 @@ def _print(done: Comparison) -> None:
     ):
         heading(words)
         header, rows = tables[name]
-        table(header, [[str(cell) for cell in row] for row in rows], numbers=header[1:])
+        table(header, [[str(cell) for cell in row] for row in rows], numbers=header[1:-1])
 
 
 def _write(done: Comparison, folder: Path) -> None:

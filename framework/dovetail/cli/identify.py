@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dovetail.cli.commands import exit_unless_believable
 from dovetail.cli.options import AsJson, PluginFiles, check_method, quantity_in
 from dovetail.cli.reading import (
     ForceDofs,
@@ -99,6 +100,9 @@ def identify(
     Given a description, the method 'network' trains a network first; it is kept in the user's cache folder (or where
     DOVETAIL_CACHE_DIR says) and taken from there the next time. The other methods need none; given a trained model,
     'refined' starts from its answer too. Files of an earlier run in the output folder are replaced.
+
+    The exit code is 3 where the model cannot have made the measurement: the result is shown and written all the same,
+    and says so.
     """
     import dovetail
     from dovetail.report.truth import read_truth
@@ -144,6 +148,7 @@ def identify(
         _print(result, known)
     if output is not None:
         note(f"Written to {output}: {', '.join(file.name for file in files)}")
+    exit_unless_believable(result)
 
 
 def _read(source: Path, plugins: list[Path]) -> tuple[Assembly, Identifier | None]:
@@ -183,6 +188,7 @@ def _check_accelerometer(assembly: Assembly, mass: float) -> None:
 
 
 def _print(result: Identification, truth: Truth | None) -> None:
+    from dovetail.identification.posterior import NOT_BELIEVED
     from dovetail.report.content import fit_sentence, misspecification_sentences, mode_rows, parameter_rows, warnings_of
 
     measured = ", ".join(dict.fromkeys(response.measured.label for response in result.responses))
@@ -191,14 +197,14 @@ def _print(result: Identification, truth: Truth | None) -> None:
         say(f"Warning: {sentence}")
     rows = []
     for row in parameter_rows(result, truth):
-        outside = "" if row.in_range else "outside"
+        remarks = ["outside"] * (not row.in_range) + [NOT_BELIEVED] * (not result.believable)
         true = (row.true_value, row.error) if truth is not None else ("", "")
-        rows.append((row.name, row.value, *true, row.unit, f"{row.lower} to {row.upper}", outside))
+        rows.append((row.name, row.value, *true, row.unit, f"{row.lower} to {row.upper}", ", ".join(remarks)))
     headers = ["parameter", "identified", "truth", "error [%]", "unit", "range", "note"]
     table(headers, rows, numbers=headers[1:4])
     if result.posterior is not None:
         _print_posterior(result)
-    heading("Natural frequencies [Hz]")
+    heading("Natural frequencies [Hz]" if result.believable else f"Natural frequencies [Hz], {NOT_BELIEVED}")
     modes = [
         (
             row.natural,
@@ -228,14 +234,14 @@ def _print_posterior(result: Identification) -> None:
     from dovetail.report.content import posterior_rows, posterior_sentence
 
     heading("What the measurement tells of each parameter")
-    rows = [
-        (row.name, row.estimate, f"{row.lower} to {row.upper}", row.unit, row.verdict) for row in posterior_rows(result)
-    ]
+    rows = [(row.name, row.estimate, row.interval, row.unit, row.verdict) for row in posterior_rows(result)]
     headers = ["parameter", "estimate", "90 % interval", "unit", "verdict"]
     table(headers, rows, numbers=headers[1:2])
     say()
     if result.posterior is not None:
         say(posterior_sentence(result.posterior))
+    if not result.believable:
+        return
     for row in posterior_rows(result):
         doubt = " The interval is not to be trusted." if row.doubtful else ""
         if row.verdict != "identified" or doubt:

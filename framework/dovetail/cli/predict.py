@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.frf_files import FrfFiles, check_frf_files, write_frf_files
 from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
 from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, PointNumber, at_point, check_new_files
@@ -39,10 +40,11 @@ def predict(
 ) -> None:
     """Predict the FRF of another assembly.
 
-    It has the joint that was identified: another tool in the same holder, say.
+    It has the joint that was identified: another tool in the same holder, say. The exit code is 3 where the result is
+    not to be believed: the FRF is written all the same, and its files say so.
     """
     import dovetail
-    from dovetail.identification.prediction import joint_values
+    from dovetail.identification.prediction import joint_values, predicted_band, predicted_frf
     from dovetail.identification.result_file import read_identification
 
     files = output or []
@@ -52,31 +54,37 @@ def predict(
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
     identified = read_identification(result)
     values = joint_values(loaded, identified)
-    frf = dovetail.predict(loaded, identified)
+    frf = predicted_frf(loaded, identified)
     natural, reason = natural_frequencies(loaded, values)
-    predicted_band = None if band is None else dovetail.predict_band(loaded, identified)
+    amplitudes = None if band is None else predicted_band(loaded, identified)
     write_frf_files(frf, files, natural, overwrite)
-    if band is not None and predicted_band is not None:
-        _write_band(predicted_band, frf, band)
+    if band is not None and amplitudes is not None:
+        _write_band(amplitudes, frf, band)
     if as_json:
-        print_json({"name": loaded.name, "parameters": values, "natural_frequencies": natural})
+        caveat = {"believable": identified.believable, "caveat": identified.caveat}
+        print_json({"name": loaded.name, **caveat, "parameters": values, "natural_frequencies": natural})
     else:
+        from dovetail.identification.posterior import NOT_BELIEVED
+
         title(f"{loaded.name}: predicted with the joint identified from {identified.measured.label}")
-        rows = [(parameter.name, quantity_text(values[parameter.name], parameter)) for parameter in loaded.parameters]
+        say_caveat(identified)
+        doubt = "" if identified.believable else NOT_BELIEVED
+        rows = [(p.name, quantity_text(values[p.name], p), doubt) for p in loaded.parameters]
         if rows:
-            table(["parameter", "value"], rows)
-        heading("Natural frequencies")
+            table(["parameter", "value", "note"], rows)
+        heading(f"Natural frequencies, {doubt}" if doubt else "Natural frequencies")
         say_natural_frequencies(natural, reason)
     for file in (*files, *([] if band is None else [band])):
         note(f"Written: {file}")
+    exit_unless_believable(identified)
 
 
 def _write_band(band: Band, frf: Frf, file: Path) -> None:
     from dovetail.atomic_files import write_whole
-    from dovetail.cli.result_files import csv_text
+    from dovetail.cli.result_files import caveat_comment, csv_text
 
     columns = (band.frequency, frf.amplitude, band.lower, band.upper)
     rows = zip(*(column.tolist() for column in columns), strict=True)
-    text = f"# quantity: {frf.quantity}; {band.level:.0%} of each line\n"
+    text = f"# quantity: {frf.quantity}; {band.level:.0%} of each line\n{caveat_comment(band.caveat)}"
     text += csv_text(["frequency_Hz", "amplitude", "lower", "upper"], rows)
     write_whole(file, text.encode("utf-8"), overwrite=True)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from dovetail.identification import AtPoint, Identification
     from dovetail.report.truth import Truth
 
-__all__ = ["csv_text", "prepare_folder", "write_results"]
+__all__ = ["caveat_comment", "csv_text", "prepare_folder", "write_results"]
 
 _RESULT = "result.json"
 _FILES = ("report.html", _RESULT, "parameters.csv", "frf.csv", "frf.png")
@@ -85,7 +85,10 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
 
 def _parameters(result: Identification, truth: Truth | None) -> str:
     header = ["name", "joint", "value", "unit", "lower", "upper", "scale", "in_range", "description"]
-    rows = [[getattr(parameter, key) for key in header] for parameter in result.parameters.values()]
+    rows = [
+        [*(getattr(parameter, key) for key in header), result.believable] for parameter in result.parameters.values()
+    ]
+    header.append("believable")
     if truth is None:
         return csv_text(header, rows)
     return csv_text(
@@ -110,7 +113,12 @@ def _frfs(at_point: AtPoint) -> str:
     columns |= {"reconstructed_real": frf.values.real, "reconstructed_imag": frf.values.imag}
     columns["coherence"] = at_point.coherence
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return f"# quantity: {frf.quantity}\n" + csv_text(list(columns), rows)
+    return f"# quantity: {frf.quantity}\n{caveat_comment(frf.note)}" + csv_text(list(columns), rows)
+
+
+def caveat_comment(caveat: str) -> str:
+    """Return the comment line of a table of lines of an FRF, as `write_frf` writes it; nothing without a caveat."""
+    return f"# note: {caveat}\n" if caveat else ""
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles, check_method
 from dovetail.cli.terminal import note, print_json, progress_bars, table, title
 
@@ -40,7 +41,8 @@ def validate(
     """Hold models against measurements.
 
     For each case: the resonances as measured, without the accelerometer, and as predicted by the model, with the joint
-    that was identified elsewhere. Files of an earlier run in the output folder are replaced.
+    that was identified elsewhere. Files of an earlier run in the output folder are replaced. The exit code is 3 where a
+    joint is not to be believed.
     """
     import dovetail
     from dovetail.cli.result_files import prepare_folder
@@ -60,6 +62,7 @@ def validate(
         _print(done)
     if output is not None:
         note(f"Written to {output}: {', '.join(names)}")
+    exit_unless_believable(done)
 
 
 def _method(name: str, plugins: list[Path]) -> str | Identify:
@@ -75,12 +78,17 @@ def _method(name: str, plugins: list[Path]) -> str | Identify:
 
 def _print(done: Validation) -> None:
     title(done.title)
+    say_caveat(done)
     table(_HEADERS, _rows(done), numbers=_HEADERS[1:6])
 
 
 def _rows(done: Validation) -> Iterator[list[str]]:
+    from dovetail.identification.posterior import NOT_BELIEVED
+
     for result in done.cases:
         method = "" if result.joint is None else result.joint.method
+        if not result.believable:
+            method += f", {NOT_BELIEVED}"
         for index, row in enumerate(result.peaks):
             frequencies = [_text(f, ".1f") for f in (row.measured, row.compensated, row.predicted)]
             first = [result.case.name, method] if index == 0 else ["", ""]
@@ -93,7 +101,8 @@ def _markdown(done: Validation) -> str:
     width = len(_HEADERS) if any(row[-1] for row in rows) else len(_HEADERS) - 1
     rule = ["---", *["---:"] * 5, "---"][:width]
     lines = [list(_HEADERS[:width]), rule, *(row[:width] for row in rows)]
-    return "".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines)
+    text = "".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines)
+    return f"{text}\n{done.caveat}\n" if done.caveat else text
 
 
 def _text(value: float | None, form: str) -> str:
@@ -108,9 +117,12 @@ def _write(done: Validation, folder: Path) -> None:
 
     plain = done.to_dict()
     header = ["case", "value", "measured_Hz", "compensated_Hz", "predicted_Hz", "error_percent", "shift_percent"]
+    header.append("believable")
     keys = ("measured", "compensated", "predicted", "error", "shift")
     rows: list[list[Any]] = [
-        [case["name"], case["value"], *(row[key] for key in keys)] for case in plain["cases"] for row in case["peaks"]
+        [case["name"], case["value"], *(row[key] for key in keys), case["believable"]]
+        for case in plain["cases"]
+        for row in case["peaks"]
     ]
     content = {
         _FILES[0]: json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n",

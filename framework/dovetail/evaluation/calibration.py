@@ -96,6 +96,8 @@ class Calibration:
         Part of its searches that reached their target.
     seconds : (n,) array
         For the fit and the samples of each case, others at work beside it.
+    believable : (n,) bool array
+        Whether each result may be believed; those that may not count like the others.
     wall_seconds : float
         For the whole study.
     workers : int
@@ -111,6 +113,7 @@ class Calibration:
     effective: NDArray[np.float64]
     reached: NDArray[np.float64]
     seconds: NDArray[np.float64]
+    believable: NDArray[np.bool_]
     wall_seconds: float
     workers: int
 
@@ -156,6 +159,7 @@ class Calibration:
         return {
             "setting": asdict(self.setting),
             "cases": len(self.case),
+            "not_believed": int(np.sum(~self.believable)),
             "level": LEVEL,
             "parameters": [asdict(parameter) for parameter in self.parameters],
             "coverage": covered,
@@ -249,6 +253,7 @@ class _Case:
     effective: float
     reached: float
     seconds: float
+    believable: bool
 
 
 class _Study:
@@ -286,6 +291,7 @@ class _Study:
             posterior.effective_sample_size,
             posterior.converged_fraction,
             seconds,
+            result.believable,
         )
 
     def _measured(self, fraction: NDArray[np.float64], random: np.random.Generator) -> list[Frf]:

@@ -23,6 +23,7 @@ from dovetail.identification import Identification, Identifier, identify, train
 from dovetail.identification.fitting import one_per_response
 from dovetail.identification.methods import METHODS
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
+from dovetail.identification.result import caveats_of
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import on_grid
 
@@ -63,6 +64,11 @@ class Compared:
     seconds: float
 
     @property
+    def believable(self) -> bool:
+        """Whether the identification may be believed; True for the rigid joint, which identifies nothing."""
+        return self.identification is None or self.identification.believable
+
+    @property
     def mean_coherence(self) -> float:
         """Mean agreement of reconstruction and measurement (Eq. 15)."""
         return float(coherence_spectrum(self.measured.values, self.frf.values).mean())
@@ -99,6 +105,16 @@ class Comparison:
     def cases(self) -> tuple[Case, ...]:
         """The measurements, in order."""
         return tuple(dict.fromkeys(row.case for row in self.rows))
+
+    @property
+    def believable(self) -> bool:
+        """Whether all identifications may be believed."""
+        return all(row.believable for row in self.rows)
+
+    @property
+    def caveat(self) -> str:
+        """Caveats of the identifications, with case and method of each; empty if there are none."""
+        return caveats_of((f"{row.case.name} by {row.method}", row.identification) for row in self.rows)
 
     def of(self, case: Case) -> dict[str, Compared]:
         """Return the result of each method for one measurement."""

@@ -14,9 +14,10 @@ from dovetail.assembly import Assembly, load
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
 from dovetail.frf import Frf, coherence_spectrum
-from dovetail.identification import Identification, identify, predict
-from dovetail.identification.prediction import joint_values
+from dovetail.identification import Identification, identify
+from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
+from dovetail.identification.result import caveats_of
 from dovetail.identification.result_file import read_identification
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import on_grid
@@ -86,6 +87,11 @@ class ValidatedCase:
     natural: tuple[float, ...]
 
     @property
+    def believable(self) -> bool:
+        """Whether the joint may be believed; True where the description leaves nothing to identify."""
+        return self.joint is None or self.joint.believable
+
+    @property
     def mean_coherence(self) -> float:
         """Mean agreement of prediction and compensated measurement (Eq. 15)."""
         if not self.compensated.has_phase:
@@ -101,15 +107,28 @@ class Validation:
     series: str
     cases: tuple[ValidatedCase, ...]
 
+    @property
+    def believable(self) -> bool:
+        """Whether the joints of all cases may be believed."""
+        return all(result.believable for result in self.cases)
+
+    @property
+    def caveat(self) -> str:
+        """Caveats of the joints, with the cases that they belong to; empty if there are none."""
+        return caveats_of((result.case.name, result.joint) for result in self.cases)
+
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the FRFs as plain values, fit for JSON."""
         return {
             "title": self.title,
             "series": self.series,
+            "believable": self.believable,
+            "caveat": self.caveat,
             "cases": [
                 {
                     "name": result.case.name,
                     "value": result.case.value,
+                    "believable": result.believable,
                     "peaks": [asdict(row) | {"error": row.error, "shift": row.shift} for row in result.peaks],
                     "natural_frequencies": list(result.natural),
                     "mean_coherence": result.mean_coherence,
@@ -195,7 +214,7 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
         )
     joint = None if case.joint is None else joints.get(case.joint)
     known: Identification | dict[str, float] = {} if joint is None else joint
-    predicted = predict(assembly, known)
+    predicted = predicted_frf(assembly, known)
     raw, bare = (
         on_grid(case.measured.read(compensated=compensated), assembly.frequency).to(predicted.quantity)
         for compensated in (False, True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,7 +17,7 @@ from dovetail.identification.posterior.prior import normal_from_unit, unit_from_
 from dovetail.identification.reconstruction import list_identified_parameters
 from dovetail.identification.result import Identification
 
-__all__ = ["Band", "joint_values", "predict", "predict_band"]
+__all__ = ["Band", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]
 
 
 def predict(assembly: Assembly, result: Identification | Mapping[str, float]) -> Frf:
@@ -33,21 +34,45 @@ def predict(assembly: Assembly, result: Identification | Mapping[str, float]) ->
     -------
     Frf
         In the quantity and on the frequencies of `assembly`, at the first of its responses. For the second, pass
-        ``assembly.at(1)``.
+        ``assembly.at(1)``. Its note is the caveat of `result`, which `write_frf` writes to every format.
 
     Raises
     ------
     ParameterError
         The assembly needs a parameter that `result` does not have, or has in another unit.
 
+    Warns
+    -----
+    UserWarning
+        `result` is not to be believed.
+
     Notes
     -----
     A parameter is matched by joint and name, or else by its name alone if only one joint on either side has it.
     Parameters that the identified assembly's description fixes belong to the joint and are taken along.
     """
-    values = joint_values(assembly, result)
+    _warn(result)
+    return predicted_frf(assembly, result)
+
+
+def predicted_frf(assembly: Assembly, result: Identification | Mapping[str, float]) -> Frf:
+    """Return what `predict` does, without a warning: its callers show the note of the FRF."""
+    values, caveat = joint_values(assembly, result), result.caveat if isinstance(result, Identification) else ""
     response, label = assembly.description.response, f"{assembly.name}, predicted"
-    return Frf(assembly.frequency, assembly.frf(values), response.quantity, label=label, rotation=response.rotation)
+    return Frf(
+        assembly.frequency,
+        assembly.frf(values),
+        response.quantity,
+        label=label,
+        note=caveat,
+        rotation=response.rotation,
+    )
+
+
+def _warn(result: Identification | Mapping[str, float]) -> None:
+    """Warn whoever called the caller if the joint is not to be believed."""
+    if isinstance(result, Identification) and result.caveat:
+        warnings.warn(f"predicted from {result.measured.label}: {result.caveat}", stacklevel=3)
 
 
 def joint_values(assembly: Assembly, result: Identification | Mapping[str, float]) -> dict[str, float]:
@@ -151,12 +176,15 @@ class Band:
         Amplitudes in the quantity of the assembly's response.
     level : float
         Probability, line by line.
+    caveat : str
+        That of the result it comes from.
     """
 
     frequency: NDArray[np.float64]
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     level: float
+    caveat: str = ""
 
 
 def predict_band(assembly: Assembly, result: Identification, *, level: float = LEVEL, seed: int = 0) -> Band:
@@ -183,7 +211,18 @@ def predict_band(assembly: Assembly, result: Identification, *, level: float = L
     ------
     ParameterError
         The result has no posterior, or does not hold what the assembly needs.
+
+    Warns
+    -----
+    UserWarning
+        `result` is not to be believed.
     """
+    _warn(result)
+    return predicted_band(assembly, result, level, seed)
+
+
+def predicted_band(assembly: Assembly, result: Identification, level: float = LEVEL, seed: int = 0) -> Band:
+    """Return what `predict_band` does, without a warning."""
     posterior = result.posterior
     if posterior is None:
         problem = f"the joint was identified by the method '{result.method}', which does not say how sure it is."
@@ -194,10 +233,10 @@ def predict_band(assembly: Assembly, result: Identification, *, level: float = L
         values = _frfs(assembly, result, posterior.theta[draws])
     else:
         values = _linearised_frfs(assembly, result, posterior.fraction[draws], posterior.mode)
-    errors = model_errors(assembly.frequency, [predict(assembly, result).values], posterior.model_error)
+    errors = model_errors(assembly.frequency, [predicted_frf(assembly, result).values], posterior.model_error)
     amplitude = np.abs(values + random.standard_normal((len(values), len(errors))) @ errors)
     lower, upper = np.quantile(amplitude, [(1.0 - level) / 2.0, (1.0 + level) / 2.0], axis=0)
-    return Band(assembly.frequency, lower, upper, level)
+    return Band(assembly.frequency, lower, upper, level, result.caveat)
 
 
 def _frfs(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -160,27 +160,26 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
             f"Do not rely on {', '.join(unknown)}: on FRFs that it was not trained on, the network does hardly better "
             "there than a guess of the middle of the range."
         )
-    is_misspecified = result.misspecification is not None and result.misspecification.flagged
     if result.fit is not None:
-        warnings += _warnings_of_fit(result.fit, is_misspecified)
+        warnings += _warnings_of_fit(result.fit, result.believable)
     for index, at_point in enumerate(result.responses):
         where = f" at {at_point.point}" if result.further else ""
         if result.fit is not None:
             warnings += _warnings_of_lines(result.fit.at(index, len(result.responses)), where)
-        warnings += _warnings_at(at_point, where, is_misspecified)
+        warnings += _warnings_at(at_point, where, result.believable)
     if without_modes:
         warnings.append(without_modes)
     return tuple(warnings)
 
 
-def _warnings_at(at_point: AtPoint, where: str, is_misspecified: bool) -> list[str]:
+def _warnings_at(at_point: AtPoint, where: str, believable: bool) -> list[str]:
     """Return the warnings about the FRF at one response; `where` names it if there are several."""
     warnings = []
     if not at_point.measured.has_phase:
         warnings.append(
             f"The measurement{where} has no phase: the coherence compares amplitudes and cannot fall below 0.5."
         )
-    if at_point.mean_coherence < _SETTINGS.low_coherence and not is_misspecified:
+    if at_point.mean_coherence < _SETTINGS.low_coherence and believable:
         warnings.append(
             f"The mean coherence{where} is {at_point.mean_coherence:.3f}: the reconstructed FRF does not follow the "
             "measured one, so the parameters are not to be relied on."
@@ -188,10 +187,10 @@ def _warnings_at(at_point: AtPoint, where: str, is_misspecified: bool) -> list[s
     return warnings
 
 
-def _warnings_of_fit(fit: Fit, is_misspecified: bool) -> list[str]:
+def _warnings_of_fit(fit: Fit, believable: bool) -> list[str]:
     """Return the warnings about a fit; misspecification is reported by itself."""
     warnings = [f"{name} ended at the {end} end of its range." for name, end in fit.at_bounds.items()]
-    if fit.discrepancy and not is_misspecified:
+    if fit.discrepancy and believable:
         warnings.append(
             f"No parameters within the ranges explain this measurement down to its random error (chi-squared "
             f"{fit.chi_squared:.3g}): the model is off by about {100 * fit.discrepancy:.2g} % of the FRF, so the "

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,12 @@ from dovetail.identification.fitting.fit import Fit
 from dovetail.identification.misspecification.result import Misspecification
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Parameter, Scale
+from dovetail.units import format_quantity
 
-__all__ = ["AtPoint", "Identification", "IdentifiedParameter", "Mode"]
+__all__ = ["AtPoint", "Identification", "IdentifiedParameter", "Mode", "caveats_of"]
+
+_CAVEAT = "The model cannot have made the measurement: do not believe the numbers."
+"""At most 80 characters of ASCII, the length of an id line in UFF."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +153,11 @@ class Identification:
         The other responses, if there are several.
     misspecification : Misspecification or None
         Whether the model can have produced the measurement; None if the method cannot tell.
+
+    Notes
+    -----
+    Whatever shows or passes on a result takes its words from `believable` and `caveat`. The caveat is handed to the
+    posterior, whose verdicts then read "not believed", and to the reconstructed FRFs as their note.
     """
 
     method: str
@@ -164,6 +173,30 @@ class Identification:
     point: str = ""
     further: tuple[AtPoint, ...] = ()
     misspecification: Misspecification | None = None
+
+    def __post_init__(self) -> None:
+        """Hand the caveat to what may be used by itself: the posterior and the reconstructed FRFs."""
+        further = tuple(replace(at_point, frf=replace(at_point.frf, note=self.caveat)) for at_point in self.further)
+        object.__setattr__(self, "frf", replace(self.frf, note=self.caveat))
+        object.__setattr__(self, "further", further)
+        if self.posterior is not None and self.posterior.caveat != self.caveat:
+            object.__setattr__(self, "posterior", replace(self.posterior, caveat=self.caveat))
+
+    def __repr__(self) -> str:
+        """Return assembly, measurement, method and parameters in one line, the caveat before all numbers."""
+        values = ", ".join(f"{name}={format_quantity(p.value, p.unit)}" for name, p in self.parameters.items())
+        head = f"{self.provenance.get('assembly', '')}, {self.measured.label}, {self.method}".removeprefix(", ")
+        return f"<Identification: {head}: {f'{self.caveat} ' if self.caveat else ''}{values}>"
+
+    @property
+    def believable(self) -> bool:
+        """Whether the numbers may be believed, as far as the method can tell: False if misspecification is flagged."""
+        return self.misspecification is None or not self.misspecification.flagged
+
+    @property
+    def caveat(self) -> str:
+        """What must be said wherever a number of this result is shown, in a sentence; empty if nothing."""
+        return "" if self.believable else _CAVEAT
 
     @property
     def responses(self) -> tuple[AtPoint, ...]:
@@ -194,6 +227,8 @@ class Identification:
         """Return everything as plain values, fit for JSON."""
         return {
             "method": self.method,
+            "believable": self.believable,
+            "caveat": self.caveat,
             "misspecification": None if self.misspecification is None else self.misspecification.to_dict(),
             "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
             "known": dict(self.known),
@@ -212,6 +247,15 @@ class Identification:
             "coherence": self.coherence.tolist(),
             "further_responses": [response.to_dict() for response in self.further],
         }
+
+
+def caveats_of(results: Iterable[tuple[str, Identification | None]]) -> str:
+    """Return the caveats of several results, each once and after the names of those that have it; empty if none has."""
+    names: dict[str, list[str]] = {}
+    for name, result in results:
+        if result is not None and result.caveat:
+            names.setdefault(result.caveat, []).append(name)
+    return " ".join(f"{', '.join(named)}: {caveat}" for caveat, named in names.items())
 
 
 def _plain(frf: Frf) -> dict[str, Any]:

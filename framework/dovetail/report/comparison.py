@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from dovetail.atomic_files import write_whole
-from dovetail.evaluation import Comparison
+from dovetail.evaluation import Compared, Comparison
+from dovetail.identification.posterior import NOT_BELIEVED
 from dovetail.report.comparison_figures import frf_comparison, parameter_comparison
 from dovetail.report.report import environment
 from dovetail.report.svg import inline_svg
@@ -35,6 +36,7 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
     """
     from markupsafe import Markup
 
+    shown = None if comparison.caveat else -1  # without the last column, which would be empty
     figures = [
         (case.name, Markup(inline_svg(frf_comparison(comparison, case), f"frf{index}", f"FRFs of {case.name}")))
         for index, case in enumerate(comparison.cases)
@@ -44,12 +46,13 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
         .get_template("comparison.html.jinja")
         .render(
             title=comparison.title,
+            caveat=comparison.caveat,
             series=comparison.series,
             cases=[case.name for case in comparison.cases],
             methods=comparison.methods,
-            coherence=list(coherence_rows(comparison)),
-            frequencies=list(frequency_rows(comparison)),
-            times=list(time_rows(comparison)),
+            coherence=[row[:shown] for row in coherence_rows(comparison)],
+            frequencies=[row[:shown] for row in frequency_rows(comparison)],
+            times=[row[:shown] for row in time_rows(comparison)],
             verdicts=_verdicts(comparison),
             parameters=Markup(inline_svg(parameter_comparison(comparison), "parameters", "Identified parameters")),
             figures=figures,
@@ -62,19 +65,29 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
     return Path(path)
 
 
+def _not_believed(rows: Iterable[Compared], name: Callable[[Compared], str]) -> str:
+    """Return the names of the results that are not to be believed, with semicolons."""
+    return "; ".join(name(row) for row in rows if not row.believable)
+
+
 def coherence_rows(comparison: Comparison) -> Iterator[Row]:
-    """Yield method and mean coherence of each case (Table 4)."""
+    """Yield method, mean coherence of each case (Table 4), and the cases whose result is not to be believed."""
     for method in comparison.methods:
-        yield [method, *(f"{comparison.of(case)[method].mean_coherence:.4f}" for case in comparison.cases)]
+        rows = [comparison.of(case)[method] for case in comparison.cases]
+        yield [method, *(f"{row.mean_coherence:.4f}" for row in rows), _not_believed(rows, lambda row: row.case.name)]
 
 
 def frequency_rows(comparison: Comparison) -> Iterator[Row]:
-    """Yield case, number and frequency of each resonance, then each method's error in per cent (Table 5)."""
+    """Yield case, number and frequency of each resonance, and each method's error in per cent (Table 5).
+
+    The last cell names the methods whose result is not to be believed.
+    """
     for case in comparison.cases:
         compared = comparison.of(case)
         for index, (measured, _) in enumerate(next(iter(compared.values())).peaks):
             errors = [_error(compared[method].peaks[index]) for method in comparison.methods]
-            yield [case.name, index + 1, f"{measured:.1f}", *errors]
+            doubted = _not_believed(compared.values(), lambda row: row.method)
+            yield [case.name, index + 1, f"{measured:.1f}", *errors, doubted]
 
 
 def _error(peak: tuple[float, float | None]) -> str:
@@ -83,15 +96,20 @@ def _error(peak: tuple[float, float | None]) -> str:
 
 
 def time_rows(comparison: Comparison) -> Iterator[Row]:
-    """Yield method, seconds of training, and median seconds of one identification."""
+    """Yield method, seconds of training, median seconds of one identification, and the cases not to be believed."""
     for method in comparison.methods:
-        times = sorted(row.seconds for row in comparison.rows if row.method == method)
+        rows = [row for row in comparison.rows if row.method == method]
+        times = sorted(row.seconds for row in rows)
         training = comparison.training.get(method)
-        yield [method, ABSENT if training is None else f"{training:.0f}", f"{times[len(times) // 2]:.3f}"]
+        seconds = [ABSENT if training is None else f"{training:.0f}", f"{times[len(times) // 2]:.3f}"]
+        yield [method, *seconds, _not_believed(rows, lambda row: row.case.name)]
 
 
 def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
-    """Yield case, value of the series, method, parameter, unit, value, estimate, interval, verdict and truth, in SI."""
+    """Yield case, value of the series, method, parameter, unit, value, estimate, interval, verdict and truth, in SI.
+
+    The last cell says whether the result may be believed.
+    """
     for row in comparison.rows:
         if row.identification is None:
             continue
@@ -103,7 +121,7 @@ def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
             true = comparison.truth.get(row.case.name, {}).get(name, "")
             yield [
                 row.case.name, row.case.value, row.method, name, parameter.unit, parameter.value,
-                estimate, low, high, verdict, true,
+                estimate, low, high, verdict, true, row.believable,
             ]  # fmt: skip
 
 
@@ -122,6 +140,8 @@ def _verdicts(comparison: Comparison) -> list[tuple[str, str, list[tuple[str, st
             texts = [number(value * shown.factor) for value in (float(posterior.estimate[index]), low, high)]
             true = comparison.truth.get(case, {}).get(name)
             inside = "" if true is None else ("✓" if low <= true <= high else "✗")
-            cells.append((texts[0], f"{texts[1]} to {texts[2]} {inside}".strip(), posterior.verdicts[name].word))
+            interval = f"{texts[1]} to {texts[2]} {inside}".strip()
+            word = posterior.verdicts[name].word
+            cells.append((texts[0], "withheld" if word == NOT_BELIEVED else interval, word))
         table.append((name, shown.text, cells))
     return table

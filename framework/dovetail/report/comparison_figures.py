@@ -10,7 +10,18 @@ import numpy as np
 from dovetail.evaluation import Compared, Comparison
 from dovetail.evaluation.cases import Case
 from dovetail.frf import Frf, coherence_spectrum
-from dovetail.report.figures import INK, LINES, MARKERS, MEASURED, WIDTH, draw_amplitude, draw_phase, style_axes
+from dovetail.identification.result import caveats_of
+from dovetail.report.figures import (
+    INK,
+    LINES,
+    MARKERS,
+    MEASURED,
+    WIDTH,
+    draw_amplitude,
+    draw_phase,
+    set_title,
+    style_axes,
+)
 from dovetail.report.wording import display_unit
 
 if TYPE_CHECKING:
@@ -52,9 +63,16 @@ def parameter_comparison(comparison: Comparison) -> Figure:
         axes.set_visible(False)
     for axes in panels[max(0, len(names) - _COLUMNS) : len(names)]:
         axes.set_xlabel(comparison.series or "case")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=8.5)
+    _finish(figure, panels[0], comparison.caveat)
     return figure
+
+
+def _finish(figure: Figure, panel: Axes, caveat: str) -> None:
+    """Put the legend of a panel above the figure, and the caveat above that if there is one."""
+    handles, labels = panel.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=8.5)
+    if caveat:
+        set_title(figure, caveat)
 
 
 def _logarithmic(axes: Axes) -> None:
@@ -83,7 +101,8 @@ def _draw_parameter(axes: Axes, comparison: Comparison, name: str) -> None:
         style = _style(comparison.methods, method)
         values = np.clip([_value(result, name) * shown.factor for result in results], low, high)
         axes.plot(positions, values, **style, markersize=3.5, linewidth=1, label=method)
-        ends = [result.interval[name] for result in results if result.interval is not None]
+        withheld = (np.nan, np.nan)
+        ends = [r.interval[name] if r.believable else withheld for r in results if r.interval is not None]
         if ends:
             axes.fill_between(
                 positions, *(np.array(ends).T * shown.factor), color=style["color"], alpha=0.15, linewidth=0
@@ -129,8 +148,7 @@ def frf_comparison(comparison: Comparison, case: Case) -> Figure:
     panels[2].set_ylabel("Coherence [-]")
     panels[2].set_xlabel("Frequency [Hz]")
     panels[2].set_xlim(float(measured.frequency[0]), float(measured.frequency[-1]))
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=8.5)
+    _finish(figure, panels[0], caveats_of((method, row.identification) for method, row in rows.items()))
     figure.align_ylabels(panels)
     return figure
 

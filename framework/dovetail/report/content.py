@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.identification import Fit, Identification, IdentifiedParameter, Mode, Posterior
+from dovetail.identification.posterior import NOT_BELIEVED
 from dovetail.interfaces import Parameter
 from dovetail.report.truth import Truth
 from dovetail.report.wording import ABSENT, display_unit, fixed, number, readable
@@ -41,8 +42,6 @@ _LABELS = {
 }
 _ELSEWHERE = ("description", "evaluation")
 """Entries of the provenance that have a place of their own in the report."""
-
-_NOT_TO_BE_BELIEVED = "This model cannot have made this measurement: do not believe the numbers below."
 
 _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a laboratory."
 
@@ -85,7 +84,10 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class PosteriorRow:
-    """Posterior of one parameter; `low`, `middle` and `high` are parts of the range."""
+    """Posterior of one parameter; `low`, `middle` and `high` are parts of the range, None where nothing is drawn.
+
+    Of a result that is not to be believed the interval is withheld: it would hold only if the model were right.
+    """
 
     name: str
     estimate: str
@@ -98,6 +100,11 @@ class PosteriorRow:
     low: float | None
     middle: float | None
     high: float | None
+
+    @property
+    def interval(self) -> str:
+        """The interval, unless it is withheld."""
+        return "withheld" if self.verdict == NOT_BELIEVED else f"{self.lower} to {self.upper}"
 
 
 @dataclass(frozen=True)
@@ -130,10 +137,10 @@ def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
 def misspecification_sentences(result: Identification) -> list[str]:
     """Return what a reader must know before any number, if the model cannot have made the measurement."""
     misspecification = result.misspecification
-    if misspecification is None or not misspecification.flagged:
+    if misspecification is None or result.believable:
         return []
     cause = misspecification.looks_like or "It looks like another structure or response point."
-    sentences = [_NOT_TO_BE_BELIEVED, cause, *misspecification.reasons]
+    sentences = [result.caveat, cause, *misspecification.reasons]
     if misspecification.bands:
         bands = ", ".join(f"{low:.6g} to {high:.6g} Hz" for low, high in misspecification.bands)
         sentences.append(f"It is off at {bands}.")
@@ -193,20 +200,20 @@ def posterior_rows(result: Identification) -> list[PosteriorRow]:
     rows = []
     for (name, parameter), estimate in zip(result.parameters.items(), posterior.estimate.tolist(), strict=True):
         shown, (low, high) = display_unit(parameter.unit, parameter.lower, parameter.upper), intervals[name]
-        verdict = posterior.verdicts[name]
+        verdict, withheld = posterior.verdicts[name], not result.believable
         rows.append(
             PosteriorRow(
                 name=name,
                 estimate=number(estimate * shown.factor),
-                lower=number(low * shown.factor),
-                upper=number(high * shown.factor),
+                lower=ABSENT if withheld else number(low * shown.factor),
+                upper=ABSENT if withheld else number(high * shown.factor),
                 unit=shown.text,
                 verdict=verdict.word,
                 reason=verdict.reason,
                 doubtful=name in posterior.unreliable,
-                low=_place(parameter, low),
+                low=None if withheld else _place(parameter, low),
                 middle=_place(parameter, estimate),
-                high=_place(parameter, high),
+                high=None if withheld else _place(parameter, high),
             )
         )
     return rows

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,7 @@ __all__ = [
     "frf_figure",
     "robustness_figure",
     "save_png",
+    "set_title",
     "simulated_figure",
     "style_axes",
 ]
@@ -49,6 +51,9 @@ _PHASE_CENTRE = {"receptance": -90.0, "mobility": 0.0, "accelerance": 90.0}
 _WORST_R2, _WORST_RMSE = -0.6, 0.45
 """Where the figures of robustness end; a guess of the middle of the range has 0 and 0.29."""
 
+_TITLE_WIDTH = 110
+"""Characters that fit into the width of a figure."""
+
 _LABEL_WIDTH = 0.07
 """Part of the frequency axis that the label of a natural frequency takes."""
 
@@ -58,6 +63,7 @@ def frf_figure(
     reconstructed: Frf,
     coherence: ArrayLike | None = None,
     natural_frequencies: Iterable[float] = (),
+    title: str = "",
 ) -> Figure:
     """Draw a measured FRF, the reconstructed one over it, and the coherence of the two beneath.
 
@@ -69,6 +75,8 @@ def frf_figure(
         On the frequencies of `reconstructed`.
     natural_frequencies : iterable of float
         Hz, marked in all panels; values that are not finite or beyond the axis are left out.
+    title : str
+        Stands above, in several lines if it is long.
 
     Returns
     -------
@@ -101,11 +109,13 @@ def frf_figure(
         _draw_coherence(next(remaining), reconstructed.frequency, np.asarray(coherence, dtype=np.float64))
     _finish_frequency_axis(panels, reconstructed.frequency)
     _mark_frequencies(panels, natural_frequencies)
+    if title:
+        set_title(figure, title)
     return figure
 
 
 def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Figure:
-    """Draw amplitude and phase of one FRF, its label above.
+    """Draw amplitude and phase of one FRF, its label and its note above.
 
     Parameters
     ----------
@@ -124,7 +134,7 @@ def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Fig
         draw_phase(panels[1], frf, style)
     _finish_frequency_axis(panels, frf.frequency)
     _mark_frequencies(panels, natural_frequencies)
-    figure.suptitle(frf.label, fontsize=11, color=INK, parse_math=False)
+    set_title(figure, frf.label, frf.note)
     return figure
 
 
@@ -172,7 +182,7 @@ def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def save_png(figure: Figure, path: str | Path, *, dpi: int = 200) -> Path:
-    """Write a figure as PNG, whole or not at all.
+    """Write a figure as PNG with its title in the metadata, whole or not at all.
 
     Parameters
     ----------
@@ -192,7 +202,7 @@ def save_png(figure: Figure, path: str | Path, *, dpi: int = 200) -> Path:
         The file cannot be written.
     """
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi)
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Title": figure.get_suptitle()})
     write_whole(Path(path), buffer.getvalue(), overwrite=True)
     return Path(path)
 
@@ -207,6 +217,12 @@ def _stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
     for axes in panels:
         style_axes(axes)
     return figure, panels
+
+
+def set_title(figure: Figure, *lines: str) -> None:
+    """Put lines of text above a figure, the empty ones left out and the long ones broken."""
+    text = "\n".join(textwrap.fill(line, _TITLE_WIDTH) for line in lines if line)
+    figure.suptitle(text, fontsize=11, color=INK, parse_math=False)
 
 
 def style_axes(axes: Axes) -> None:

@@ -24,7 +24,8 @@ def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Its ``savefig`` writes it, its ``axes`` can be changed; the natural frequencies of an identification are marked.
+        Its ``savefig`` writes it, its ``axes`` can be changed; the natural frequencies of an identification are marked,
+        and its caveat, if it has one, is the title.
 
     Raises
     ------
@@ -35,4 +36,4 @@ def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
         return simulated_figure(result)
     natural = [mode.natural_frequency for mode in result.modes if np.isfinite(mode.natural_frequency)]
     at_point = result.responses[response]
-    return frf_figure(at_point.measured, at_point.frf, at_point.coherence, natural)
+    return frf_figure(at_point.measured, at_point.frf, at_point.coherence, natural, result.caveat)

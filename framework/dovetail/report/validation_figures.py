@@ -9,7 +9,7 @@ import numpy as np
 
 from dovetail.evaluation import PeakRow, ValidatedCase, Validation
 from dovetail.frf import Frf, unit_of
-from dovetail.report.figures import INK, LINES, MARKERS, MEASURED, RECONSTRUCTED, WIDTH, style_axes
+from dovetail.report.figures import INK, LINES, MARKERS, MEASURED, RECONSTRUCTED, WIDTH, set_title, style_axes
 from dovetail.report.wording import unit_text
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def validation_figure(validation: Validation) -> Figure:
     for axes, case in zip(panels, validation.cases, strict=True):
         _draw_case(axes, case)
     panels[0].legend(loc="lower right", ncols=3, fontsize=9)
-    figure.suptitle(validation.title, fontsize=11, color=INK, parse_math=False)
+    set_title(figure, validation.title, validation.caveat)
     panels[-1].set_xlabel("Frequency [Hz]")
     return figure
 
@@ -99,7 +99,7 @@ def series_figure(validation: Validation) -> Figure:
         _draw_resonance(axes, cases, index)
     panels[-1].legend(loc="best", fontsize=9)
     panels[0].set_xlabel(validation.series)
-    figure.suptitle(validation.title, fontsize=11, color=INK, parse_math=False)
+    set_title(figure, validation.title, validation.caveat)
     return figure
 
 

@@ -2,13 +2,14 @@
 
 from dovetail.identification.posterior.laplace import laplace_posterior
 from dovetail.identification.posterior.model_error import MODEL_ERROR, model_errors
-from dovetail.identification.posterior.posterior import LEVEL, Form, Posterior, Verdict, quantiles
+from dovetail.identification.posterior.posterior import LEVEL, NOT_BELIEVED, Form, Posterior, Verdict, quantiles
 from dovetail.identification.posterior.prior import PRIOR_PRECISION
 from dovetail.identification.posterior.sampling import sample_posterior
 
 __all__ = [
     "LEVEL",
     "MODEL_ERROR",
+    "NOT_BELIEVED",
     "PRIOR_PRECISION",
     "Form",
     "Posterior",

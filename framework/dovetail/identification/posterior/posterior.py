@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.identification.posterior.prior import PRIOR_PRECISION
 
-__all__ = ["LEVEL", "Form", "Posterior", "Verdict", "Word", "quantiles", "split_half_difference"]
+__all__ = ["LEVEL", "NOT_BELIEVED", "Form", "Posterior", "Verdict", "Word", "quantiles", "split_half_difference"]
 
 LEVEL = 0.9
 """Probability that an interval holds the true value."""
 
-Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable"]
+NOT_BELIEVED: Final = "not believed"
+"""The verdict on every parameter of a result that is not to be believed."""
+
+Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable", "not believed"]
 
 Form: TypeAlias = Literal["samples", "laplace"]
 
@@ -54,7 +57,7 @@ class Verdict:
     Parameters
     ----------
     word : str
-        "identified", "weakly identified" or "not identifiable".
+        "identified", "weakly identified" or "not identifiable"; "not believed" if the result is not to be believed.
     gain : float
         Part of the prior variance that the measurement takes away; 1 where the parameter is known exactly.
     reason : str
@@ -94,6 +97,8 @@ class Posterior:
         SI; the posterior mode, with the form "laplace".
     unreliable : tuple of str
         Parameters for which the Laplace approximation fails; their intervals are not to be trusted.
+    caveat : str
+        That of the `Identification`: why no interval is to be believed, empty if nothing speaks against it.
     """
 
     names: tuple[str, ...]
@@ -108,6 +113,7 @@ class Posterior:
     form: Form = "samples"
     mode: NDArray[np.float64] | None = None
     unreliable: tuple[str, ...] = ()
+    caveat: str = ""
 
     @staticmethod
     def from_fractions(
@@ -188,6 +194,8 @@ class Posterior:
         return {name: self._verdict(index, float(gains[index])) for index, name in enumerate(self.names)}
 
     def _verdict(self, index: int, gain: float) -> Verdict:
+        if self.caveat:
+            return Verdict(NOT_BELIEVED, gain, self.caveat)
         word: Word = "not identifiable"
         if gain >= _SETTINGS.weakly_identified:
             word = "identified" if gain >= _SETTINGS.identified else "weakly identified"
@@ -225,6 +233,7 @@ class Posterior:
         intervals = self.interval()
         return {
             "form": self.form,
+            "caveat": self.caveat,
             "level": LEVEL,
             "warnings": list(self.warnings),
             "parameters": {

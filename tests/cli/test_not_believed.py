@@ -1,0 +1,214 @@
+"""A result that is not to be believed says so in every file and table that a command makes of it; others say nothing.
+
+The measurement of another structure is that of a mass on a spring with 100 g that the description lacks.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import warnings
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.cli.result_files import write_results
+from dovetail.identification.result_file import read_identification
+
+CAVEAT = "The model cannot have made the measurement: do not believe the numbers."
+HEAVIER = "extends: sdof.yaml\nname: heavier\nsubstructures: {mass: {masses: [{mass: 2 kg}]}}\n"
+JOINT = "{assembly: sdof.yaml, measured: measured.uff}"
+CASES = f"""\
+dovetail_cases: 1
+series: number
+cases:
+  identified: {{assembly: heavier.yaml, measured: heavier.csv, joint: {JOINT}, value: 1}}
+  read: {{assembly: heavier.yaml, measured: heavier.csv, joint: {{result: results}}, value: 2}}
+"""
+COMPARED = f"dovetail_cases: 1\ncases: {{same: {{assembly: sdof.yaml, measured: measured.uff, joint: {JOINT}}}}}\n"
+
+
+def make_bench(folder, assemblies, added_mass):
+    """Write descriptions, cases and measurements, with noise, of an SDOF with so many kg more than described."""
+    (folder / "sdof.yaml").write_bytes((assemblies / "sdof.yaml").read_bytes())
+    for name, text in (("heavier.yaml", HEAVIER), ("cases.yaml", CASES), ("compared.yaml", COMPARED)):
+        (folder / name).write_text(text)
+    random = np.random.default_rng(0)
+    for description, file in (("sdof", "measured.uff"), ("heavier", "heavier.csv")):
+        assembly = dovetail.load(folder / f"{description}.yaml")
+        values = assembly.frf({"k": 3e6, "c": 40.0})
+        values = values / (1 + added_mass * values)
+        noise = 1e-3 * values.std() * random.standard_normal((2, values.size))
+        frf = dovetail.Frf(assembly.frequency, values + noise[0] + 1j * noise[1], "accelerance")
+        dovetail.write_frf(frf, folder / file)
+
+
+def run_all(run, folder, code):
+    """Run every command that makes something of a result, for people and for programs; return what each printed."""
+    at = {name: folder / name for name in ("results", "sdof.yaml", "heavier.yaml", "measured.uff")}
+    commands = {
+        "identify": ["identify", at["sdof.yaml"], at["measured.uff"], "--method", "posterior", "--samples", 60],
+        "predict": ["predict", at["heavier.yaml"], at["results"]],
+        "validate": ["validate", folder / "cases.yaml"],
+        "compare": ["compare", folder / "compared.yaml", "--methods", "refined,posterior"],
+    }
+    files = [word for suffix in ("csv", "uff", "npz", "png") for word in ("-o", folder / f"predicted.{suffix}")]
+    outputs = {name: ["-o", folder / name] for name in commands}
+    outputs |= {"identify": ["-o", at["results"]], "predict": [*files, "--band", folder / "band.csv"]}
+    tables = {name: run(*words, *outputs[name], code=code) for name, words in commands.items()}
+    plain = {name: run(*words, "--json", code=code) for name, words in commands.items()}
+    return SimpleNamespace(folder=folder, tables=tables, plain=plain)
+
+
+@pytest.fixture(scope="module", params=[(0.1, 3), (0.0, 0)], ids=["another structure", "genuine"])
+def made(request, run, assemblies, tmp_path_factory):
+    added_mass, code = request.param
+    folder = tmp_path_factory.mktemp("made")
+    make_bench(folder, assemblies, added_mass)
+    before = set(folder.rglob("*"))
+    done = run_all(run, folder, code)
+    result = read_identification(folder / "results")
+    (folder / "several").mkdir()
+    write_results(replace(result, further=result.responses), folder / "several", None)
+    written = [file for file in folder.rglob("*") if file.is_file() and file not in before]
+    return SimpleNamespace(**vars(done), result=result, written=written, believable=code == 0)
+
+
+def says_so(file):
+    """Whether a file says of itself that its numbers are not to be believed; an unknown kind of file is refused."""
+    if file.suffix in (".uff", ".npz"):
+        return dovetail.read_frf(file).note == CAVEAT
+    content = file.read_bytes()
+    if file.suffix == ".png":
+        return CAVEAT.encode() in content
+    text = content.decode()
+    return {".csv": csv_says_so, ".json": json_says_so, ".html": html_says_so, ".md": lambda text: CAVEAT in text}[
+        file.suffix
+    ](text)
+
+
+def csv_says_so(text):
+    comments = [line for line in text.splitlines() if line.startswith("#")]
+    if comments:
+        return f"# note: {CAVEAT}" in comments
+    rows = list(csv.DictReader(text.splitlines()))
+    assert rows
+    said = {row["believable"] == "False" if "believable" in row else bool(row["not_believed"]) for row in rows}
+    assert len(said) == 1
+    return said.pop()
+
+
+def json_says_so(text):
+    content = json.loads(text)
+    assert content["believable"] == (content["caveat"] == "")
+    return not content["believable"] and CAVEAT in content["caveat"]
+
+
+def html_says_so(text):
+    head = text[: text.index("<table")]
+    title = head[head.index("<title>") : head.index("</title>")]
+    return "believed:" in title and CAVEAT in head[head.index("<body>") :]
+
+
+def test_every_file_says_so(made):
+    assert len(made.written) == 27
+    said = {str(file.relative_to(made.folder)): says_so(file) for file in made.written}
+    assert said == dict.fromkeys(said, not made.believable)
+
+
+def test_a_genuine_result_does_not_mention_belief(made):
+    if not made.believable:
+        return
+    for file in made.written:
+        text = file.read_bytes().replace(b"believable", b"").replace(b"not_believed", b"")
+        assert b"believe" not in text, file
+    for done in made.tables.values():
+        assert "believe" not in done.output
+
+
+def test_every_table_says_so(made):
+    for name, done in made.tables.items():
+        tables = [block for block in done.stdout.split("\n\n") if "───" in block]
+        assert tables, name
+        for block in tables:
+            assert ("not believed" in block or "not_believed" in block) != made.believable, block
+        assert (CAVEAT in " ".join(done.stdout.split())) != made.believable
+
+
+def test_stderr_says_so(made):
+    for done in (*made.tables.values(), *made.plain.values()):
+        assert (CAVEAT in done.stderr) != made.believable
+
+
+def test_printed_json_says_so(made):
+    assert {name: json_says_so(done.stdout) for name, done in made.plain.items()} == dict.fromkeys(
+        made.plain, not made.believable
+    )
+
+
+def test_intervals_are_withheld_and_no_verdict_is_given(made):
+    page = (made.folder / "results" / "report.html").read_text(encoding="utf-8")
+    compared = (made.folder / "compare" / "comparison.html").read_text(encoding="utf-8")
+    low, _ = made.result.interval["k"]
+    for text in (made.tables["identify"].stdout, page, compared):
+        assert ("withheld" in text) != made.believable
+        assert (f"{low / 1e6:.4g} to" in text) == made.believable
+    words = {verdict.word for verdict in made.result.posterior.verdicts.values()}
+    assert (words == {"not believed"}) != made.believable
+
+
+def test_python_says_so(made):
+    result = made.result
+    assert result.believable == made.believable
+    for shown in (repr(result), str(result), repr(result.posterior), repr(result.frf)):
+        assert (CAVEAT in shown) != made.believable
+    assert repr(result).startswith("<Identification: sdof, measured.uff, posterior: ")
+    assert result.caveat == ("" if made.believable else CAVEAT)
+    assert (dovetail.plot_frf(result).get_suptitle() == CAVEAT) != made.believable
+
+
+@pytest.mark.parametrize("predict", [dovetail.predict, dovetail.predict_band])
+def test_a_prediction_in_python_warns(made, predict):
+    heavier = dovetail.load(made.folder / "heavier.yaml")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        done = predict(heavier, made.result)
+    assert [(str(warning.message), warning.filename) for warning in caught] == (
+        [] if made.believable else [(f"predicted from measured.uff: {CAVEAT}", __file__)]
+    )
+    assert (CAVEAT in repr(done)) != made.believable
+
+
+def test_a_file_of_an_earlier_version_is_judged_by_its_verdict(made, tmp_path):
+    stored = made.result.to_dict()
+    del stored["believable"], stored["caveat"], stored["posterior"]["caveat"]
+    stored["foreign"] = stored.pop("misspecification")
+    for parameter in stored["posterior"]["parameters"].values():
+        parameter["verdict"] = "identified"
+    (tmp_path / "result.json").write_text(json.dumps(stored))
+    read = read_identification(tmp_path)
+    assert (read.believable, read.caveat) == (made.result.believable, made.result.caveat)
+    assert read.posterior.verdicts == made.result.posterior.verdicts
+
+
+def test_what_is_handed_on_follows_the_result(made):
+    genuine = replace(made.result, misspecification=None)
+    assert genuine.frf.note == genuine.posterior.caveat == ""
+    assert "not believed" not in {verdict.word for verdict in genuine.posterior.verdicts.values()}
+
+
+def test_a_calibration_counts_the_results_that_are_not_believed(run, sdof, assemblies, tmp_path, monkeypatch):
+    done = dovetail.calibrate(sdof, cases=2, samples=50, workers=1)
+    assert done.believable.all()
+    monkeypatch.setattr(dovetail, "calibrate", lambda *_, **__: replace(done, believable=np.array([True, False])))
+    printed = run("calibrate", assemblies / "sdof.yaml", "--cases", 2, "-o", tmp_path / "out")
+    said = "Results that are not to be believed: 1; they count like the others."
+    assert said in " ".join(printed.stdout.split())
+    assert said in (tmp_path / "out" / "calibration.md").read_text()
+    assert json.loads((tmp_path / "out" / "calibration.json").read_text())["not_believed"] == 1
+    with (tmp_path / "out" / "cases.csv").open() as stream:
+        next(stream)
+        assert [row["believable"] for row in csv.DictReader(stream)] == ["True", "False"]
