@@ -130,7 +130,7 @@ def fit_resonances(frequency: NDArray[np.float64], values: Sequence[NDArray[np.c
 
 def _poles(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
     """Return the poles of all FRFs; each enters with another phase, so that none is lost where two cancel."""
-    sizes = [max(float(np.abs(frf).std()), np.finfo(float).tiny) for frf in values]
+    sizes = [float(np.abs(frf).std()) or 1.0 for frf in values]
     mixture = sum(np.exp(1j * index) * frf / size for index, (frf, size) in enumerate(zip(values, sizes, strict=True)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # measured parts have noise, which no rational function meets

@@ -1,0 +1,139 @@
+"""From where a fit is as good as the random error allows, lines are isolated and searches agree: from both sides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy_measurements import noisy
+
+import dovetail
+from dovetail.identification.fitting import refine
+from dovetail.identification.fitting.fit import bounds_reached, count_agreeing
+from dovetail.identification.fitting.least_squares import Linearisation, minimise
+from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines, known_variance
+
+
+@pytest.mark.parametrize(("deviations", "explained"), [(4.5, True), (5.5, False)])
+def test_a_fit_is_noise_within_five_standard_deviations_of_chi_squared(sdof, deviations, explained):
+    """The stated variance is brought to where chi-squared is 1 + 4.5 or 5.5 sqrt(2 / degrees of freedom)."""
+    frf = noisy(sdof, sdof.frf(), 0.01, 1)
+    fit = refine(sdof, frf)
+    assert fit.discrepancy == 0.0
+    excess = deviations * np.sqrt(2.0 / fit.degrees_of_freedom)
+    other = refine(sdof, replace(frf, variance=frf.variance * fit.chi_squared / (1.0 + excess)))
+    assert other.chi_squared == pytest.approx(1.0 + excess, abs=0.01)
+    assert (other.discrepancy == 0.0) is explained
+
+
+@pytest.mark.parametrize(("scatter", "explained"), [(1.1, True), (1.6, False)])
+def test_a_variance_from_the_scatter_may_be_wrong_by_its_own_error(sdof, monkeypatch, scatter, explained):
+    """0.15 more is allowed where the variance is estimated: beside 5 sqrt(2 / 1198) = 0.2 that makes 1.35."""
+    frf = noisy(sdof, sdof.frf(), 0.01, 1)
+    chi_squared = refine(sdof, frf).chi_squared
+    variance = frf.variance * chi_squared / scatter
+    monkeypatch.setattr("dovetail.identification.fitting.observations.estimated_variance", lambda *_: variance)
+    fit = refine(sdof, replace(frf, variance=None))
+    assert not fit.variance_known
+    assert fit.chi_squared == pytest.approx(scatter, abs=0.01)
+    assert (fit.discrepancy == 0.0) is explained
+
+
+def test_the_discrepancy_is_what_makes_chi_squared_one(sdof):
+    """A ripple of 1 % of each magnitude, 30 times the noise: half of it, since it is a sine, is the mean square."""
+    ripple = 0.01 * np.sin(sdof.frequency / 3.0)
+    clean = noisy(sdof, sdof.frf(), 1e-4)
+    fit = refine(sdof, replace(clean, values=clean.values * (1.0 + ripple)))
+    assert fit.discrepancy == pytest.approx(0.01 / np.sqrt(2.0), rel=0.1)
+
+
+def test_searches_agree_within_a_thousandth_or_one_of_the_sum_of_squares():
+    assert count_agreeing(np.array([5000.0, 5005.5, 5006.5])) == 2
+    assert count_agreeing(np.array([1.0, 1.9, 2.1])) == 2
+
+
+class Slope:
+    """A residual that falls towards one end of the range and is 1 there; or a minimum a little inside."""
+
+    def __init__(self, minimum):
+        self._minimum = minimum
+
+    def residuals(self, position):
+        return np.stack([position[:, 0] - self._minimum, np.ones(len(position))], axis=1)
+
+    def linearise(self, position):
+        jacobian = np.zeros((len(position), 1, 2))
+        jacobian[:, 0, 0] = 1.0
+        return Linearisation(self.residuals(position), jacobian)
+
+
+@pytest.mark.parametrize(("minimum", "end"), [(-0.5, 0.0), (1.5, 1.0), (3e-4, None), (1.0 - 3e-4, None)])
+def test_a_search_that_is_driven_beyond_its_range_ends_on_the_bound_and_no_other(sdof, minimum, end):
+    position = minimise(Slope(minimum), np.array([[0.4]]), tolerance=1e-12, most_steps=100).position
+    assert position[0, 0] == pytest.approx(minimum if end is None else end, abs=5e-5 if end is None else 0.0)
+    reached = bounds_reached(sdof, np.array([position[0, 0], 0.5]))
+    assert reached == ({} if end is None else {"k": "lower" if end == 0.0 else "upper"})
+
+
+def test_a_search_ends_where_a_step_gains_too_little():
+    """The tolerance is a decrease of the sum of squares, for as many squares as there are residuals."""
+
+    class Flat:
+        def residuals(self, position):
+            return np.concatenate([position**2 / 4.0, np.ones((len(position), 99))], axis=1)
+
+        def linearise(self, position):
+            jacobian = np.zeros((len(position), 1, 100))
+            jacobian[:, 0, 0] = position[:, 0] / 2.0
+            return Linearisation(self.residuals(position), jacobian)
+
+    loose, tight = (minimise(Flat(), np.array([[0.9]]), tolerance=t, most_steps=200) for t in (0.02, 1e-9))
+    assert loose.steps[0] < tight.steps[0]
+    assert loose.cost[0] - tight.cost[0] < 0.02
+
+
+def large_residuals(*lines, size, beside=1.0):
+    """Sizes of residuals: 1 for noise, large at some lines."""
+    sizes = np.full(1001, beside)
+    sizes[list(lines)] = size
+    return sizes
+
+
+def test_an_isolated_line_is_significant_and_prominent():
+    assert not isolated_lines(large_residuals(500, size=4.4, beside=0.1)).any()  # significant: 4.5
+    assert not isolated_lines(large_residuals(500, size=4.9)).any()  # prominent: five times noise
+    assert np.flatnonzero(isolated_lines(large_residuals(500, size=5.1))).tolist() == [500]
+    assert not isolated_lines(large_residuals(500, size=9.0, beside=2.0)).any()  # or five times its neighbours
+    assert isolated_lines(large_residuals(500, size=10.5, beside=2.0)).sum() == 1
+
+
+@pytest.mark.parametrize(("distance", "isolated"), [(1, True), (2, False), (3, False), (4, False), (5, True)])
+def test_neighbours_stand_two_to_four_lines_away(distance, isolated):
+    assert bool(isolated_lines(large_residuals(500, 500 + distance, size=20.0))[500]) is isolated
+
+
+def test_where_many_lines_are_isolated_the_model_is_wrong_and_not_the_lines():
+    few, many = (np.arange(10, 10 + 10 * count, 10) for count in (45, 55))  # of 1001: 4.5 % and 5.5 %
+    assert isolated_lines(large_residuals(*few, size=20.0)).sum() == 45
+    assert not isolated_lines(large_residuals(*many, size=20.0)).any()
+
+
+def test_no_measurement_is_better_than_a_billionth_and_a_short_one_is_taken_for_a_hundredth():
+    frequency = np.linspace(100.0, 200.0, 400)
+    smooth = dovetail.Frf(frequency, 2.0 + 0j * frequency, "accelerance")
+    np.testing.assert_allclose(estimated_variance(smooth), 4e-18, rtol=1e-5)
+    np.testing.assert_allclose(known_variance(replace(smooth, variance=np.zeros(400))), 4e-18)
+    short = dovetail.Frf(frequency[:9], smooth.values[:9], "accelerance")
+    np.testing.assert_allclose(estimated_variance(short), 4e-4)
+
+
+def test_sharp_resonances_do_not_disturb_the_estimate_of_the_noise():
+    """Peaks of three lines on a tenth of the axis spoil the upper part of each bin, not its lower quantile."""
+    frequency = np.linspace(1000.0, 3000.0, 2001)
+    poles = np.arange(1050.0, 3000.0, 100.0)[:, np.newaxis] * (1.0 + 5e-4j)
+    values = 1.0 + np.sum(20.0 / (frequency - poles), axis=0)
+    normal = np.random.default_rng(0).standard_normal((2, 2001))
+    shown = values + 0.01 * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
+    told = estimated_variance(dovetail.Frf(frequency, shown, "accelerance"))
+    assert np.median(told) == pytest.approx(1e-4, rel=0.3)

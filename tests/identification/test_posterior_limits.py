@@ -1,0 +1,189 @@
+"""Sizes of the model's errors, limits of verdicts and the checks of the sampler: from both sides, by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dovetail.identification.posterior import Posterior, model_errors
+from dovetail.identification.posterior import randomize_then_optimize as rto
+from dovetail.identification.posterior.laplace import LaplaceApproximation
+from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
+
+FREQUENCY = np.linspace(100.0, 200.0, 501)
+HATS = np.stack([np.interp(FREQUENCY, np.linspace(100.0, 200.0, 6), height) for height in np.eye(6)])
+
+
+def test_the_errors_of_a_flat_frf_have_the_stated_sizes():
+    """Of docs/uncertainty.md, over the error of natural frequencies: magnitude 20, phase 2; no slope, no stretching."""
+    flat = np.full(501, 3.0 + 4.0j)
+    errors = model_errors(FREQUENCY, [flat], 1e-3)
+    none = np.zeros((12, 501))  # stretched, and the same with another damping
+    expected = np.concatenate([none, 20e-3 * HATS * flat, 2e-3 * 1j * HATS * flat])
+    np.testing.assert_allclose(errors, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_the_errors_at_a_resonance_have_the_stated_sizes():
+    """One pole, known exactly: each error is its derivative, or a term of its Taylor series."""
+    level, pole = 1e-3, 150.0 * (1.0 + 0.01j)
+    near, mirrored = 1.0 / (FREQUENCY - pole), 1.0 / (FREQUENCY + np.conj(pole))
+    frf = near - mirrored
+    stretched = level * HATS * FREQUENCY * np.gradient(frf, FREQUENCY)
+    relative = level * pole / (FREQUENCY - pole)  # at most 0.1: the series converges
+    alone = 0.3 * near * relative
+    linear = np.concatenate([stretched, alone[np.newaxis]])
+    higher = np.stack([near * relative**2, near * relative**3])
+    sizes = level * np.concatenate([HATS * frf, 0.3 * frf[np.newaxis]])
+    expected = [linear, 0.3j * linear, higher, 1j * higher, 20.0 * sizes, 2.0j * sizes]
+    errors = model_errors(FREQUENCY, [frf], level)
+    np.testing.assert_allclose(errors, np.concatenate(expected), rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("natural", "loss", "counted"),
+    [(45.0, 0.02, False), (55.0, 0.02, True), (235.0, 0.02, True), (245.0, 0.02, False), (150.0, 0.35, True)],
+)
+def test_a_pole_far_outside_the_frequencies_is_no_resonance(natural, loss, counted):
+    """From half the lowest frequency to 1.2 times the highest, as far as the FRF still shows the pole."""
+    pole = natural * (1.0 + 0.5j * loss)
+    frf = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
+    poles = fit_resonances(FREQUENCY, [frf]).poles
+    assert (len(poles) == 1) is counted
+    if counted:
+        assert poles[0] == pytest.approx(pole, rel=1e-4)
+
+
+@pytest.mark.parametrize(("loss", "counted"), [(0.38, True), (0.42, False)])
+def test_what_is_damped_too_much_is_no_resonance(loss, counted):
+    pole = 150.0 * (1.0 + 0.5j * loss)
+    frf = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
+    assert (len(fit_resonances(FREQUENCY, [frf]).poles) == 1) is counted
+
+
+def posterior_of(*columns, weight=None):
+    fraction = np.stack(columns, axis=1)
+    count = len(fraction)
+    return Posterior(
+        names=tuple("abc"[: len(columns)]),
+        theta=fraction,
+        fraction=fraction,
+        weight=np.full(count, 1.0 / count) if weight is None else weight,
+        estimate=fraction.mean(axis=0),
+        model_error=0.0,
+        searches=count,
+        lines=10,
+        seconds=0.0,
+    )
+
+
+def spread_out(gain):
+    """Fractions around the middle, even, with that part of the prior's variance taken away."""
+    return 0.5 + np.sqrt(1.0 - gain) * (np.linspace(0.0, 1.0, 4000) - 0.5)
+
+
+@pytest.mark.parametrize(
+    ("gain", "word"),
+    [
+        (0.92, "identified"),
+        (0.88, "weakly identified"),
+        (0.52, "weakly identified"),
+        (0.48, "not identifiable"),
+        (0.02, "not identifiable"),
+    ],
+)
+def test_a_verdict_is_how_much_of_the_priors_variance_is_taken_away(gain, word):
+    verdict = posterior_of(spread_out(gain)).verdicts["a"]
+    assert verdict.word == word
+    assert verdict.gain == pytest.approx(gain, abs=1e-3)
+
+
+@pytest.mark.parametrize(("correlation", "trades"), [(0.56, False), (0.64, True), (-0.64, True)])
+def test_parameters_trade_where_their_correlation_is_large(correlation, trades):
+    normal = np.random.default_rng(0).standard_normal((2, 4000))
+    normal -= normal.mean(axis=1, keepdims=True)
+    first, second = np.linalg.solve(np.linalg.cholesky(np.cov(normal)), normal)
+    other = correlation * first + np.sqrt(1.0 - correlation**2) * second
+    verdict = posterior_of(0.5 + 0.1 * first, 0.5 + 0.1 * other).verdicts["a"]
+    assert ("trades with b" in verdict.reason) is trades
+    if trades:
+        assert f"(correlation {correlation:+.2f})" in verdict.reason
+
+
+@pytest.mark.parametrize(("share", "presses"), [(0.35, False), (0.39, True)])
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_a_parameter_presses_against_an_end_with_a_third_of_its_samples_in_a_quarter_of_its_interval(
+    share, presses, end
+):
+    """Even below and above a quarter of the support, of which the interval is nine tenths: 32 % or 35 % lie near."""
+    count = 4000
+    low = int(share * count)
+    fraction = 0.1 * np.concatenate([np.linspace(0.0, 0.25, low), np.linspace(0.25, 1.0, count - low)])
+    reason = posterior_of(fraction if end == "lower" else 1.0 - fraction).verdicts["a"].reason
+    assert (f"presses against the {end} end" in reason.lower()) is presses
+
+
+@pytest.mark.parametrize(("effective", "warned"), [(45, True), (55, False)])
+def test_fewer_than_fifty_effective_samples_are_warned_of(effective, warned):
+    fraction = np.random.default_rng(0).permutation(spread_out(0.9))[:400]
+    weight = np.where(np.arange(400) % (400 // effective) == 0, 1.0, 1e-9)[:400]
+    weight[np.flatnonzero(weight == 1.0)[effective:]] = 1e-9
+    messages = posterior_of(fraction, weight=weight / weight.sum()).warnings
+    assert any("independent ones" in message for message in messages) is warned
+
+
+@pytest.mark.parametrize(("apart", "warned"), [(0.4, False), (0.6, True)])
+def test_halves_that_differ_by_half_an_interval_are_warned_of(apart, warned):
+    """Two even halves of width 1, shifted by s: the interval of both is 0.9 + s wide, to a few hundredths."""
+    half = np.linspace(0.0, 1.0, 2001)
+    shift = next(s for s in np.linspace(0.0, 2.0, 2001) if shifted(half, s) >= apart)
+    posterior = posterior_of(np.concatenate([half, half + shift]))
+    assert posterior.split_half_difference["a"] == pytest.approx(apart, abs=0.01)
+    assert any("Two halves" in message for message in posterior.warnings) is warned
+
+
+def shifted(half, shift):
+    low, high = np.quantile(np.concatenate([half, half + shift]), [0.05, 0.95])
+    return shift / (high - low)
+
+
+@pytest.mark.parametrize(("bend", "decrement", "misleads"), [(0.28, 0.0, False), (0.32, 0.0, True), (0.0, 0.48, False),
+                                                            (0.0, 0.52, True)])  # fmt: skip
+def test_a_gaussian_misleads_where_the_posterior_is_bent_or_the_mode_was_not_reached(bend, decrement, misleads):
+    gaussian = LaplaceApproximation(np.zeros(1), np.eye(1), np.array([bend]), decrement)
+    assert gaussian.unreliable.tolist() == [misleads]
+
+
+class Wave:
+    """A narrow valley along a sine, whose tangent maps fold over: the second coordinate is sin(2 z) to a tenth."""
+
+    def residuals(self, z):
+        return np.concatenate([z, 10.0 * (z[:, 1:] - np.sin(2.0 * z[:, :1]))], axis=1)
+
+    def linearise(self, z):
+        jacobian = np.zeros((len(z), 2, 3))
+        jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
+        jacobian[:, 0, 2], jacobian[:, 1, 2] = -20.0 * np.cos(2.0 * z[:, 0]), 10.0
+        return self.residuals(z), jacobian
+
+
+def steps_that_do_not_lead_back(check, monkeypatch):
+    """How many of 1500 points were moved to where the reversed step ends elsewhere."""
+    random = np.random.default_rng(0)
+    along = random.uniform(-2.0, 2.0, 1500)
+    before = LinearisedPoints.at(Wave(), np.stack([along, np.sin(2.0 * along)], axis=1))
+    if not check:
+        monkeypatch.setattr(rto, "_are_reversible", lambda _, start, end: np.ones(len(end.z), dtype=bool))
+    after, acceptance = metropolis_step(Wave(), before, random)
+    moved = np.flatnonzero(np.any(after.z != before.z, axis=1))
+    assert acceptance > 0.5
+    assert len(moved) / 1500 == pytest.approx(acceptance)
+    back = TangentMap(Wave(), after.at_rows(moved))
+    returned, _ = back.solve(back.components(before.residuals[moved]), after.at_rows(moved), 100)
+    return int(np.count_nonzero(np.abs(returned.z - before.z[moved]).max(axis=1) > 0.05))
+
+
+def test_no_step_is_taken_that_would_not_lead_back(monkeypatch):
+    """Without this the steps leave another density invariant than that of the posterior."""
+    assert steps_that_do_not_lead_back(True, monkeypatch) == 0
+    assert steps_that_do_not_lead_back(False, monkeypatch) > 10
