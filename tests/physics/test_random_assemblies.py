@@ -1,0 +1,218 @@
+"""Whole assemblies at random against a dense solve that is written from the published formulas alone.
+
+An entry is held to 1e-8, unless rounding in the elements themselves moves it further: a line next to a resonance
+without damping, a drive point at an antiresonance, a free structure at 1 Hz, whose stiffness hides its mass. How far it
+moves is computed for each entry (`System.receptance`), and the tolerance is the larger of the two. No case is left out.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dense_modes import natural_frequencies
+from dense_solve import DenseAssembly, System
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from random_assemblies import Drawn, drawn_assemblies
+
+import dovetail
+
+EPS = float(np.finfo(float).eps)
+UNUSUAL_JOINTS = str(Path(__file__).with_name("unusual_joints.py"))
+QUICK = settings(
+    max_examples=100, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck)
+)
+POWER = {"receptance": 0, "mobility": 1, "accelerance": 2}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How far an answer may be from the dense one.
+
+    Attributes
+    ----------
+    relative : float
+        Of the entry. What the project promises.
+    rounding : float
+        Of the change by a relative change of eps in all elements' entries. For sums over a hundred DOFs and some growth
+        in an elimination without pivoting, in both solves.
+    difference : float
+        Of an entry of a joint's matrices over its parameter: what the contract of joints says of differences.
+    law_difference : float
+        Of the derivative of a dynamic stiffness that a joint gives itself: what the contract says of it.
+    ill_posed, loose : float
+        Largest share of assemblies without a receptance at the response, and of entries with a looser tolerance.
+    """
+
+    relative: float = 1e-8
+    rounding: float = 10.0
+    difference: float = 1e-12
+    law_difference: float = 1e-9
+    ill_posed: float = 0.2
+    loose: float = 0.3
+
+
+SETTINGS = Settings()
+
+
+@dataclass
+class Tally:
+    """Assemblies compared, those without a receptance at the response, entries, and those with a looser tolerance."""
+
+    assemblies: int = 0
+    ill_posed: int = 0
+    entries: int = 0
+    loose: int = 0
+    differences: list[str] = field(default_factory=list)
+
+    def hold(self, what: str, computed: np.ndarray, dense: np.ndarray, moved: np.ndarray) -> None:
+        """Note an array that is not the dense one; `moved` is how far rounding may move it."""
+        strict = SETTINGS.relative * abs(dense)
+        allowed = np.maximum(strict, moved)
+        self.entries += dense.size
+        self.loose += int(np.count_nonzero(allowed > strict))
+        if computed.shape != dense.shape or not np.all(abs(computed - dense) <= allowed):
+            self.differences.append(f"{what}: {computed} is not {dense} within {allowed}")
+
+    def refused(self, what: str, objection: str, ask) -> bool:
+        """Return whether there is an objection; note it if Dovetail does not refuse then."""
+        if objection:
+            with suppress(dovetail.DovetailError):
+                self.differences.append(f"{what}: {objection}, but the answer is {ask()}")
+        return bool(objection)
+
+
+def compare(drawn: Drawn, tally: Tally) -> None:
+    """Hold everything that an assembly computes against the dense solve."""
+    dense = DenseAssembly(drawn.description, drawn.archives)
+    tally.assemblies += 1
+    with tempfile.TemporaryDirectory() as folder:
+        position = {
+            (part, label): dense.parts[part].positions[label] for part in drawn.nodes for label in drawn.nodes[part]
+        }
+        description = drawn.written(Path(folder), dense.frequency, position)
+        assembly = dovetail.load(description, plugins=UNUSUAL_JOINTS)
+    if [parameter.name for parameter in assembly.parameters] != dense.parameters:
+        tally.differences.append(f"parameters {assembly.parameters}, not {dense.parameters}")
+        return
+    objection = dense.objection([drawn.response], drawn.theta[0])
+    if tally.refused("frf", objection, lambda: assembly.frf(drawn.theta)):
+        tally.ill_posed += 1
+    else:
+        hold_frf_and_jacobian(drawn, assembly, dense, tally)
+    hold_rigid(drawn, assembly, dense, tally)
+    hold_receptance(drawn, assembly, dense, position, tally)
+    hold_natural_frequencies(drawn, assembly, dense, tally)
+
+
+def hold_frf_and_jacobian(drawn: Drawn, assembly: dovetail.Assembly, dense: DenseAssembly, tally: Tally) -> None:
+    """All vectors at once, as a batch."""
+    factor = (2j * np.pi * dense.frequency) ** POWER[drawn.description["response"]["quantity"]]
+    point = int(dense.numbering()[dense.dof(drawn.response)])
+    frfs, (with_jacobian, jacobians) = assembly.frf(drawn.theta), assembly.frf_jacobian(drawn.theta)
+    for theta, frf, again, jacobian in zip(drawn.theta, frfs, with_jacobian, jacobians, strict=True):
+        system = dense.system(theta, [drawn.response])
+        for computed in (frf, again):
+            hold_entry("frf", computed, system, point, point, factor, tally)
+        slopes = dense.slopes(theta, system)
+        for column, (slope, moved, by_difference) in enumerate(system.derivatives(point, slopes)):
+            parameter = assembly.parameters[column]
+            step = max(abs(theta[column]), 1e-3 * (parameter.upper - parameter.lower))
+            moved = SETTINGS.rounding * EPS * moved + SETTINGS.difference * by_difference[1] / step
+            if dense.gives_its_own_law(column):
+                moved += SETTINGS.law_difference * by_difference[0]
+            tally.hold(f"jacobian by {parameter.name}", jacobian[:, column], slope * factor, moved * abs(factor))
+
+
+def hold_entry(what: str, computed, system: System, row: int, column: int, factor, tally: Tally) -> None:
+    """One receptance between two reduced DOFs, times a factor."""
+    H, moved = system.receptance(row, column)
+    tally.hold(what, computed, H * factor, SETTINGS.rounding * EPS * moved * abs(factor))
+
+
+def hold_rigid(drawn: Drawn, assembly: dovetail.Assembly, dense: DenseAssembly, tally: Tally) -> None:
+    """The same with all contacts of joints with unknowns rigid; their stiffness then is between DOFs that are one."""
+    theta, rigid = drawn.theta[0], assembly.rigid()
+    if not tally.refused("rigid frf", dense.objection([drawn.response], theta, rigid=True), lambda: rigid.frf(theta)):
+        factor = (2j * np.pi * dense.frequency) ** POWER[drawn.description["response"]["quantity"]]
+        point = int(dense.numbering(rigid=True)[dense.dof(drawn.response)])
+        system = dense.system(theta, [drawn.response], rigid=True)
+        hold_entry("rigid frf", rigid.frf(theta), system, point, point, factor, tally)
+
+
+def hold_receptance(drawn: Drawn, assembly: dovetail.Assembly, dense: DenseAssembly, position, tally: Tally) -> None:
+    """Between any points."""
+    theta, numbers = drawn.theta[0], dense.numbering()
+    outputs, inputs = (
+        [(part, position[part, label], direction) for part, label, direction in points]
+        for points in (drawn.outputs, drawn.inputs)
+    )
+    objection = dense.objection([*drawn.outputs, *drawn.inputs], theta)
+    if tally.refused("receptance", objection, lambda: assembly.receptance(theta, outputs, inputs)):
+        return
+    computed = assembly.receptance(theta, outputs, inputs)
+    system = dense.system(theta, [*drawn.outputs, *drawn.inputs])
+    for row, output in enumerate(drawn.outputs):
+        for column, force in enumerate(drawn.inputs):
+            between = int(numbers[dense.dof(output)]), int(numbers[dense.dof(force)])
+            hold_entry(f"receptance {output} {force}", computed[:, row, column], system, *between, 1.0, tally)
+
+
+def hold_natural_frequencies(drawn: Drawn, assembly: dovetail.Assembly, dense: DenseAssembly, tally: Tally) -> None:
+    """The lowest six elastic ones, with the contacts as they are and rigid."""
+    theta = drawn.theta[0]
+    no_matrices = "a part or a joint has no matrices" if drawn.tested or dense.depends_on_frequency() else ""
+    if tally.refused("natural frequencies", no_matrices, lambda: assembly.natural_frequencies(theta)):
+        return
+    for model, rigid in ((assembly, False), (assembly.rigid(), True)):
+        frequencies, moved = (values[:6] for values in natural_frequencies(dense, theta, rigid=rigid))
+        computed = model.natural_frequencies(theta, count=6)
+        computed = computed[~np.isnan(computed)]
+        tally.hold("natural frequencies", computed, frequencies, SETTINGS.rounding * EPS * moved)
+
+
+def check_shares(tally: Tally) -> None:
+    assert tally.ill_posed <= SETTINGS.ill_posed * tally.assemblies
+    assert tally.loose <= SETTINGS.loose * tally.entries
+
+
+def test_a_hundred_random_assemblies_against_the_dense_solve():
+    tally = Tally()
+
+    @QUICK
+    @given(drawn_assemblies())
+    def hold(drawn):
+        compare(drawn, tally)
+        assert tally.differences == []
+
+    hold()
+    assert tally.assemblies >= QUICK.max_examples
+    check_shares(tally)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(20))
+def test_two_thousand_random_assemblies_against_the_dense_solve(part):
+    """Twenty times a hundred others; all of a hundred are compared before one of them fails."""
+    tally, failing = Tally(), []
+
+    @seed(part)
+    @settings(QUICK, derandomize=False, phases=[Phase.generate])
+    @given(drawn_assemblies())
+    def hold(drawn):
+        before = len(tally.differences)
+        try:
+            compare(drawn, tally)
+        except Exception as error:  # a crash is a difference too
+            tally.differences.append(repr(error))
+        if len(tally.differences) > before:
+            failing.append((tally.differences[before:], drawn.description, drawn.theta))
+
+    hold()
+    print(f"{tally.assemblies} assemblies, {tally.ill_posed} ill-posed, {tally.entries} entries, {tally.loose} loose")
+    assert failing == []
+    check_shares(tally)
