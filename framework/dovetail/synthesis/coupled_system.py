@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,15 +17,47 @@ from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.joint_evaluation import Theta, depends_on_frequency, joint_matrices, joint_stiffness
 from dovetail.synthesis.sparsity import Sparsity, UnplannedEntries, filled_by_matrix, filled_entries
 
-__all__ = ["CoupledSystem", "Point", "condense"]
+__all__ = ["BoundaryStiffness", "CoupledSystem", "Point", "condense"]
 
 Point = tuple[str, int]
 """A DOF of a substructure: its name and the DOF's number there."""
 
 
-def condense(
-    graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point]
-) -> dict[str, tuple[NDArray[np.intp], NDArray[np.complex128]]]:
+@dataclass(frozen=True, eq=False)
+class BoundaryStiffness:
+    """Dynamic stiffness of a substructure over its boundary DOFs; a chain of elements fills a third of it or less.
+
+    Parameters
+    ----------
+    numbers : (n,) int array
+        Global numbers of the boundary DOFs that are not held.
+    entry : (n, n) int array
+        Row of `values` where the stiffness is, -1 where it is 0 at every frequency.
+    values : (n_entries, n_freq) complex array
+        The entries that are not 0.
+    """
+
+    numbers: NDArray[np.intp]
+    entry: NDArray[np.intp]
+    values: NDArray[np.complex128]
+
+    @staticmethod
+    def of(numbers: NDArray[np.intp], Z: NDArray[np.complex128]) -> BoundaryStiffness:
+        """Keep the entries of Z (n_freq, n, n) that are not 0."""
+        filled = (Z != 0).any(axis=0)
+        entry = np.full(filled.shape, -1, dtype=np.intp)
+        entry[filled] = np.arange(np.count_nonzero(filled))
+        return BoundaryStiffness(numbers, entry, np.ascontiguousarray(Z[:, filled].T))
+
+    def dense(self, lines: NDArray[np.intp] | slice) -> NDArray[np.complex128]:
+        """Return Z (n_lines, n, n) at some of the frequencies."""
+        values = self.values[:, lines].T
+        Z = np.zeros((len(values), *self.entry.shape), dtype=np.complex128)
+        Z[:, self.entry >= 0] = values
+        return Z
+
+
+def condense(graph: Graph, frequency: NDArray[np.float64], points: Sequence[Point]) -> dict[str, BoundaryStiffness]:
     """Condense every substructure to the DOFs that joints and points need.
 
     Parameters
@@ -36,8 +69,8 @@ def condense(
 
     Returns
     -------
-    dict of str to ((n,) int array, (n_freq, n, n) complex array)
-        By the substructure's name, the global numbers of its DOFs and their dynamic stiffness. Held DOFs are left out.
+    dict of str to BoundaryStiffness
+        By the substructure's name. Held DOFs are left out.
     """
     needed: dict[str, set[int]] = {name: set() for name in graph.substructures}
     for connection in graph.connections.values():
@@ -53,7 +86,7 @@ def condense(
             with plugin_errors(substructure, f"substructure '{name}' ({substructure.name})"):
                 Z = boundary_dynamic_stiffness(substructure, dofs, frequency)
             moving = np.flatnonzero(numbers >= 0)
-            condensed[name] = numbers[moving], Z[:, moving[:, None], moving]
+            condensed[name] = BoundaryStiffness.of(numbers[moving], Z[:, moving[:, None], moving])
     return condensed
 
 
@@ -78,7 +111,7 @@ class CoupledSystem:
         graph: Graph,
         frequency: NDArray[np.float64],
         points: Sequence[Point],
-        condensed: Mapping[str, tuple[NDArray[np.intp], NDArray[np.complex128]]],
+        condensed: Mapping[str, BoundaryStiffness],
         sparsity: Sparsity,
     ) -> None:
         self.graph = graph
@@ -90,9 +123,9 @@ class CoupledSystem:
     @cached_property
     def _pattern(self) -> NDArray[np.bool_]:
         pattern = np.zeros((self.graph.size, self.graph.size), dtype=bool)
-        for numbers, Z in self.condensed.values():
-            rows, columns = np.nonzero((Z != 0).any(axis=0))
-            pattern[numbers[rows], numbers[columns]] = True
+        for boundary in self.condensed.values():
+            rows, columns = np.nonzero(boundary.entry >= 0)
+            pattern[boundary.numbers[rows], boundary.numbers[columns]] = True
         for name in self.graph.connections:
             numbers = self.graph.joint_dofs(name)
             moving = np.flatnonzero(numbers >= 0)
@@ -157,9 +190,9 @@ class CoupledSystem:
         """
         frequency, size = self.frequency[lines], len(self.active)
         system = np.zeros((len(frequency), size, size), dtype=np.complex128)
-        for numbers, Z in self.condensed.values():
-            local, indices = self.locate(numbers)
-            _scatter(system, indices, Z[lines][:, local[:, None], local])
+        for boundary in self.condensed.values():
+            local, indices = self.locate(boundary.numbers)
+            _scatter(system, indices, boundary.dense(lines)[:, local[:, None], local])
         for name, connection in self.graph.connections.items():
             local, indices = self.locate(self.graph.joint_dofs(name))
             Z = joint_stiffness(name, connection.model, frequency, theta[name])[0]
@@ -172,7 +205,7 @@ class CoupledSystem:
         filled, sparsity, model = filled_entries(Z), self.sparsity[name], self.graph.connections[name].model
         if (filled & ~sparsity.filled).any():
             constant = not depends_on_frequency(model)
-            matrices = filled_by_matrix(joint_matrices(name, model, theta)) if constant else filled[np.newaxis]
+            matrices = filled_by_matrix(joint_matrices(name, model, theta))[0] if constant else filled[np.newaxis]
             raise UnplannedEntries({name: sparsity.with_matrices(matrices)})
 
 

@@ -71,14 +71,14 @@ class KernelInputs:
         for slot, (row, column) in enumerate(zip(program.rows, program.columns, strict=True)):
             self._slot_of[row, column] = self._slot_of[column, row] = slot
 
-    @cached_property
     def static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
-        """Non-zero rows of the substructures: slot and part (0 real, 1 imaginary), and values (n_rows, n_freq)."""
+        """Return slot and part (0 real, 1 imaginary) of the substructures' non-zero rows; the rows (n_rows, n_freq)."""
         Z_slots = np.zeros((self._program.slots, len(self._system.frequency)), dtype=np.complex128)
-        for numbers, Z in self._system.condensed.values():
-            local, indices = self._system.locate(numbers)
-            for row, column, slot in self._entries(indices, np.ones((len(indices),) * 2, dtype=bool)):
-                Z_slots[slot] += Z[:, local[row], local[column]]
+        for boundary in self._system.condensed.values():
+            local, indices = self._system.locate(boundary.numbers)
+            entry = boundary.entry[np.ix_(local, local)]
+            for row, column, slot in self._entries(indices, entry >= 0):
+                Z_slots[slot] += boundary.values[entry[row, column]]
         halves = np.stack([Z_slots.real, Z_slots.imag], axis=1)
         keys = tuple((int(slot), int(half)) for slot, half in np.argwhere(halves.any(axis=-1)))
         return keys, np.array([halves[key] for key in keys]).reshape(len(keys), len(self._system.frequency))

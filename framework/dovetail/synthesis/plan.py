@@ -94,9 +94,15 @@ class Plan:
         return PivotedSolver(self.system, self._jacobian_columns)
 
     @cached_property
+    def _static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
+        """Slot and part of the substructures' entries, and the entries as the kernel reads them."""
+        keys, rows = self.inputs.static()
+        return keys, as_vectors(rows, WIDTH)
+
+    @property
     def static(self) -> NDArray[np.float64]:
         """The substructures' entries as the kernel reads them."""
-        return as_vectors(self.inputs.static[1], WIDTH)
+        return self._static[1]
 
     @cached_property
     def omega(self) -> NDArray[np.float64]:
@@ -105,7 +111,7 @@ class Plan:
 
     def layout(self, *, derivatives: bool = False) -> Layout:
         """Return what the columns of the kernel's arrays mean."""
-        layout = Layout(self.inputs.static[0], self.inputs.terms, self.spectral.slots)
+        layout = Layout(self._static[0], self.inputs.terms, self.spectral.slots)
         if not derivatives:
             return layout
         return replace(

@@ -78,7 +78,7 @@ class Perturbation:
         return ": " in self.name
 
 
-@lru_cache(maxsize=1)  # each perturbed assembly keeps its condensed substructures, a gigabyte for all of the spindle
+@lru_cache(maxsize=1)  # each perturbed assembly keeps its condensed substructures; all of the spindle's, a gigabyte
 def list_perturbations(assembly: Assembly) -> tuple[Perturbation, ...]:
     """Return the perturbations of the measurement and of each substructure."""
     of_measurement = (*_factors(assembly), *_sensor_mass(assembly), *_frequency_axis(assembly))
