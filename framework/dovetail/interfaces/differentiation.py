@@ -34,10 +34,9 @@ class Settings:
     greatest_step : float
         Greatest step, relative to the parameter's range, so that a stencil fits into it.
     kink : float
-        Disagreement between the differences of fourth and of second order, relative to the derivative, from which on
-        the function is taken to change its law within the stencil. A smooth function's are near step^2.
-    rounding_of_differences : float
-        Disagreement, relative to the values over the step, that may be rounding.
+        Disagreement between the differences of fourth and of second order, relative to the derivative or, where that
+        vanishes, to the value over the parameter, from which on the function is taken to change its law within the
+        stencil. A smooth function's is near step^2.
     shorter : tuple of float
         Factors of the step with which the derivative is taken again where there may be a kink.
     better : float
@@ -55,7 +54,6 @@ class Settings:
     least_step: float = 1e-6
     greatest_step: float = 0.1
     kink: float = 1e-4
-    rounding_of_differences: float = 1e-13
     shorter: tuple[float, ...] = (1e-2, 1e-4)
     better: float = 0.1
     probes: int = 4
@@ -137,7 +135,7 @@ def _difference(
     values = function(moved.reshape(-1, vectors.shape[1]))
     shape = (len(column), *values.shape[1:])
     values = values.reshape(_NODES.shape[1], len(column), -1)
-    rounding = SETTINGS.rounding_of_differences * np.abs(values).max(axis=0)
+    size = np.abs(values).max(axis=0)
     one_sided = np.flatnonzero(kind)
     if len(one_sided):
         values[:, one_sided] -= function(vectors[one_sided]).reshape(len(one_sided), -1)
@@ -145,9 +143,8 @@ def _difference(
     values, per_step = values[..., changing], 1.0 / step[:, np.newaxis]
     fourth = _weighted_sum(_FOURTH_ORDER[kind], values) * per_step
     second = _weighted_sum(_SECOND_ORDER[kind], values) * per_step
-    difference, scale = np.abs(fourth - second), np.maximum(np.abs(fourth), np.abs(second))
-    disagrees = difference > rounding[:, changing] * per_step
-    disagreement = np.divide(difference, scale, out=np.zeros_like(scale), where=disagrees)
+    scale = np.maximum(np.maximum(np.abs(fourth), np.abs(second)), SETTINGS.step * size[:, changing] * per_step)
+    disagreement = np.divide(np.abs(fourth - second), scale, out=np.zeros_like(scale), where=scale > 0)
     derivative = np.zeros((len(column), changing.size), dtype=values.dtype)
     derivative[:, changing] = fourth
     return derivative.reshape(shape), disagreement.max(axis=1, initial=0.0)

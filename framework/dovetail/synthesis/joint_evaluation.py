@@ -134,7 +134,8 @@ def _check_matrices(label: str, model: JointModel, matrices: object, count: int)
     if matrices.K.shape != wanted:
         raise PluginError(f"{label} returns matrices of shape {matrices.K.shape}, not {wanted}.")
     for matrix in MATRICES:
-        if not np.isfinite(getattr(matrices, matrix)).all():
+        values = getattr(matrices, matrix)
+        if not np.isfinite(values if values.strides[0] else values[:1]).all():
             raise PluginError(f"{label} returns a matrix {matrix} that is not finite.")
 
 

@@ -185,7 +185,7 @@ class KernelInputs:
         connections = self._system.graph.connections
         matrices = {name: joint_matrices(name, connections[name].model, theta[name]) for name in self._names}
         filled = {
-            name: self._system.sparsity[name].with_matrices(filled_by_matrix(matrices[name])) for name in self._names
+            name: self._system.sparsity[name].with_matrices(filled_by_matrix(matrices[name])[0]) for name in self._names
         }
         require(self._system, filled)
         total = np.zeros((count, len(self.terms)))
@@ -201,19 +201,16 @@ class KernelInputs:
         UnplannedEntries
             A joint fills entries of a derivative that have no column.
         """
-        connections = self._system.graph.connections
-        jacobians = {
-            name: joint_jacobian(name, connections[name].model, theta[name])
-            for name in dict.fromkeys(name for _, name, _ in self._differentiated)
-        }
-        filled: dict[str, JointSparsity] = {}
-        for _, name, column in self._differentiated:
-            sparsity = filled.get(name, self._system.sparsity[name])
-            filled[name] = sparsity.with_derivative(column, filled_by_matrix(jacobians[name][column]))
+        connections, jacobians, filled = self._system.graph.connections, {}, {}
+        for name in dict.fromkeys(name for _, name, _ in self._differentiated):
+            jacobians[name] = joint_jacobian(name, connections[name].model, theta[name])
+            columns = self._jacobian_columns[name]
+            entries = filled_by_matrix(*(jacobians[name][column] for column in columns))
+            filled[name] = self._system.sparsity[name].with_derivatives(columns, entries)
         require(self._system, filled)
         total = np.zeros((count, len(self.derivatives)))
-        for name, column, matrix, columns, factors in self._weight_columns:
-            columns.add(total, getattr(jacobians[name][column], matrix), factors)
+        for name, column, matrix, entry_columns, factors in self._weight_columns:
+            entry_columns.add(total, getattr(jacobians[name][column], matrix), factors)
         return total
 
 
@@ -321,8 +318,8 @@ class SpectralInputs:
                 derivatives = joint_stiffness_jacobian(name, self._model(name), self._system.frequency, theta[name])
                 for column, dZ in enumerate(derivatives):
                     if column in numbers:
-                        sparsity = self._system.sparsity[name]
-                        require(self._system, {name: sparsity.with_derivative(column, filled_entries(dZ)[np.newaxis])})
+                        filled = filled_entries(dZ)[np.newaxis, np.newaxis]
+                        require(self._system, {name: self._system.sparsity[name].with_derivatives([column], filled)})
                         yield name, numbers[column], dZ
 
     def _parameter_numbers(self, name: str) -> dict[int, int]:

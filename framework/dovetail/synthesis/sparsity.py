@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,10 +63,10 @@ class JointSparsity:
         """Return the same with other entries of the matrices."""
         return replace(self, matrices=matrices)
 
-    def with_derivative(self, column: int, entries: NDArray[np.bool_]) -> JointSparsity:
-        """Return the same with other entries (n_matrices, d, d) of the derivative by one parameter."""
+    def with_derivatives(self, columns: Sequence[int], entries: NDArray[np.bool_]) -> JointSparsity:
+        """Return the same with other entries (n_columns, n_matrices, d, d) of the derivatives by some parameters."""
         derivatives = self.derivatives.copy()
-        derivatives[column] = entries
+        derivatives[list(columns)] = entries
         return replace(self, derivatives=derivatives)
 
 
@@ -90,15 +90,17 @@ class UnplannedEntries(Exception):  # noqa: N818 (a reason to plan anew, not an 
 
 def filled_entries(values: NDArray[np.generic]) -> NDArray[np.bool_]:
     """Return the entries of (..., d, d) arrays that are not zero everywhere, (d, d)."""
-    if values.strides[0] == 0:
-        values = values[:1]
     filled: NDArray[np.bool_] = (values != 0).any(axis=tuple(range(values.ndim - 2)))
     return filled
 
 
-def filled_by_matrix(matrices: StructuralMatrices) -> NDArray[np.bool_]:
-    """Return the entries of K, D, C and M that any sample fills, (4, d, d)."""
-    return np.stack([filled_entries(getattr(matrices, matrix)) for matrix in MATRICES])
+def filled_by_matrix(*sets: StructuralMatrices) -> NDArray[np.bool_]:
+    """Return the entries of K, D, C and M, sets of (n, d, d) arrays, that any sample fills, (n_sets, 4, d, d)."""
+    arrays = [getattr(matrices, matrix) for matrices in sets for matrix in MATRICES]
+    nonzero = [(values if values.strides[0] else values[:1]) != 0 for values in arrays]
+    starts = np.cumsum([0, *map(len, nonzero[:-1])])
+    filled: NDArray[np.bool_] = np.logical_or.reduceat(np.concatenate(nonzero), starts, axis=0)
+    return filled.reshape(len(sets), len(MATRICES), *filled.shape[1:])
 
 
 def probe_matrices(graph: Graph, frequency: NDArray[np.float64], theta: Theta) -> dict[str, JointSparsity]:
@@ -119,7 +121,7 @@ def probe_matrices(graph: Graph, frequency: NDArray[np.float64], theta: Theta) -
                 stiffness = joint_stiffness(name, model, _few_lines(frequency), theta[name])
                 matrices = filled_entries(stiffness)[np.newaxis]
             else:
-                matrices = filled_by_matrix(joint_matrices(name, model, theta[name]))
+                matrices = filled_by_matrix(joint_matrices(name, model, theta[name]))[0]
         none = np.zeros((len(model.parameters), *matrices.shape), dtype=np.bool_)
         sparsity[name] = JointSparsity(matrices, none)
     return sparsity
@@ -139,11 +141,12 @@ def probe_derivatives(
         model = graph.connections[name].model
         if depends_on_frequency(model):
             lines = _few_lines(frequency)
-            entries = [filled_entries(dZ)[None] for dZ in joint_stiffness_jacobian(name, model, lines, theta[name])]
+            spectral = [filled_entries(dZ) for dZ in joint_stiffness_jacobian(name, model, lines, theta[name])]
+            entries = np.stack(spectral)[:, np.newaxis]
         else:
-            entries = [filled_by_matrix(derivative) for derivative in joint_jacobian(name, model, theta[name])]
+            entries = filled_by_matrix(*joint_jacobian(name, model, theta[name]))
         wanted = np.isin(np.arange(len(entries)), columns[name])
-        derivatives[name] = np.stack(entries) & wanted[:, np.newaxis, np.newaxis, np.newaxis]
+        derivatives[name] = entries & wanted[:, np.newaxis, np.newaxis, np.newaxis]
     return derivatives
 
 
