@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from masses_in_a_row import Viscoelastic, chain
 
+import dovetail
 from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
 from dovetail.errors import DovetailError, PluginError
 from dovetail.interfaces import SparseMatrices
@@ -273,3 +274,55 @@ def test_complex_matrices_are_refused_by_name(make, name):
 def test_a_complex_stiffness_written_into_a_real_matrix_is_refused():
     with pytest.raises(DovetailError, match="ComplexWarning: Casting complex values to real"):
         engine_of(Complex(Complex.Config()))
+
+
+PLUGIN = '''
+import numpy as np
+import dovetail
+
+
+class Pad(dovetail.JointModel):
+    name, summary = "pad", "A pad whose rotational stop bears above 97 % of the range of k"
+    ports = (dovetail.Port("a", 1), dovetail.Port("b", 1))
+    parameters = (dovetail.Parameter("k", "N/m", 1e5, 1e7), dovetail.Parameter("c", "N s/m", 1.0, 100.0))
+
+    class Config(dovetail.ComponentConfig):
+        """No options."""
+
+    def matrices(self, theta):
+        matrices = dovetail.StructuralMatrices.zeros(len(theta), self.size)
+        matrices.add_contact_layer([(0, 2)], theta[:, 0], theta[:, 1])
+        matrices.add_contact_layer([(1, 3)], 1e5 * np.maximum(theta[:, 0] / 9.7e6 - 1.0, 0.0))
+        return matrices
+
+
+@dovetail.hookimpl
+def dovetail_components():
+    return [Pad]
+'''
+
+
+def test_a_plugin_with_a_stop_gives_the_same_by_every_route(tmp_path):
+    plugin = tmp_path / "pad.py"
+    plugin.write_text(PLUGIN)
+    material = {"young": "206 GPa", "density": "7850 kg/m^3", "poisson": 0.3, "loss_factor": 0.002}
+    section = {"length": "200 mm", "outer": "20 mm", "elements": 4}
+    beam = {"model": "timoshenko_beam", "material": material, "sections": [section]}
+    ends = {"a": {"to": "left", "at": "200 mm"}, "b": {"to": "right", "at": "0 mm"}}
+    description = {
+        "dovetail": 1,
+        "name": "two beams and a pad",
+        "frequency": {"start": "20 Hz", "stop": "2000 Hz", "step": "33 Hz"},
+        "substructures": {"left": beam, "right": beam},
+        "joints": {"pad": {"model": "pad", "connect": ends}},
+        "response": {"at": "left", "position": "0 mm", "direction": "x", "quantity": "accelerance"},
+    }
+    assembly = dovetail.load(description, plugins=plugin)
+    for k in (5e6, 9.9e6):
+        theta = {"pad.k": k, "pad.c": 20.0}
+        frf, jacobian = assembly.frf_jacobian(theta)
+        exact = assembly.receptance(theta, [("left", 0.0, "x")], [("left", 0.0, "x")])[:, 0, 0]
+        np.testing.assert_allclose(frf, -((2 * np.pi * assembly.frequency) ** 2) * exact, rtol=1e-8)
+        near = [assembly.frf({**theta, "pad.k": k * (1 + 1e-5 * step)}) for step in (-2, -1, 1, 2)]
+        difference = np.tensordot([1, -8, 8, -1], near, 1) / (12e-5 * k)
+        assert np.abs(jacobian[:, 0] - difference).max() < 1e-6 * np.abs(difference).max()
