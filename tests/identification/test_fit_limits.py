@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from noisy_measurements import noisy
+from scipy.stats import rice
 
 import dovetail
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.fit import bounds_reached, count_agreeing
 from dovetail.identification.fitting.least_squares import Linearisation, minimise
 from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines, known_variance
+from dovetail.identification.fitting.residuals import LogAmplitude, Weighted
 
 
 @pytest.mark.parametrize(("deviations", "explained"), [(4.5, True), (5.5, False)])
@@ -27,7 +29,7 @@ def test_a_fit_is_noise_within_five_standard_deviations_of_chi_squared(sdof, dev
     assert (other.discrepancy == 0.0) is explained
 
 
-@pytest.mark.parametrize(("scatter", "explained"), [(1.1, True), (1.6, False)])
+@pytest.mark.parametrize(("scatter", "explained"), [(1.3, True), (1.41, False)])
 def test_a_variance_from_the_scatter_may_be_wrong_by_its_own_error(sdof, monkeypatch, scatter, explained):
     """0.15 more is allowed where the variance is estimated: beside 5 sqrt(2 / 1198) = 0.2 that makes 1.35."""
     frf = noisy(sdof, sdof.frf(), 0.01, 1)
@@ -100,9 +102,8 @@ def large_residuals(*lines, size, beside=1.0):
     return sizes
 
 
-def test_an_isolated_line_is_significant_and_prominent():
-    assert not isolated_lines(large_residuals(500, size=4.4, beside=0.1)).any()  # significant: 4.5
-    assert not isolated_lines(large_residuals(500, size=4.9)).any()  # prominent: five times noise
+def test_an_isolated_line_stands_out_of_noise_and_of_its_neighbours():
+    assert not isolated_lines(large_residuals(500, size=4.9, beside=0.1)).any()  # five times noise at least
     assert np.flatnonzero(isolated_lines(large_residuals(500, size=5.1))).tolist() == [500]
     assert not isolated_lines(large_residuals(500, size=9.0, beside=2.0)).any()  # or five times its neighbours
     assert isolated_lines(large_residuals(500, size=10.5, beside=2.0)).sum() == 1
@@ -137,3 +138,40 @@ def test_sharp_resonances_do_not_disturb_the_estimate_of_the_noise():
     shown = values + 0.01 * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
     told = estimated_variance(dovetail.Frf(frequency, shown, "accelerance"))
     assert np.median(told) == pytest.approx(1e-4, rel=0.3)
+
+
+def amplitudes(values):
+    return dovetail.Frf(np.arange(1.0, len(values) + 1.0), values, "accelerance", has_phase=False)
+
+
+@pytest.mark.parametrize("clear", [0.0, 0.5, 3.0, 30.0, 90.0, 110.0, 1e4])
+def test_an_amplitude_has_the_mean_and_the_deviation_of_rices_distribution(clear):
+    """Even lines whose mean square is that of the amplitude and of noise with E|e|^2 = 1 together."""
+    weighted = Weighted.against(amplitudes(np.full(40, np.hypot(clear, 1.0))), np.ones(40), np.ones(40, dtype=bool))
+    scale = np.sqrt(0.5)
+    mean, deviation = clear + 0.25 / max(clear, 1.0), scale  # far above the noise
+    if clear < 10.0:
+        mean, deviation = (getattr(rice(clear / scale, scale=scale), moment)() for moment in ("mean", "std"))
+    np.testing.assert_allclose(1.0 / weighted.weight, deviation, rtol=1e-3)
+    residuals = weighted.of(np.full((1, 40), clear + 0j))
+    np.testing.assert_allclose(residuals, (mean - np.hypot(clear, 1.0)) / deviation, rtol=1e-3, atol=2e-4)
+
+
+def test_noise_that_happens_to_cancel_a_value_makes_it_no_more_certain():
+    """Zero lines say less noise than there is: the deviation is at least that of noise alone, sqrt(1 - pi / 4)."""
+    weighted = Weighted.against(amplitudes(np.zeros(40)), np.ones(40), np.ones(40, dtype=bool))
+    np.testing.assert_allclose(1.0 / weighted.weight, np.sqrt(1.0 - np.pi / 4.0), rtol=1e-6)
+
+
+def test_the_size_of_an_amplitude_is_that_of_nine_lines_around():
+    values = np.full(41, 2.0)
+    values[20] = 20.0
+    weight = Weighted.against(amplitudes(values), np.ones(41), np.ones(41, dtype=bool)).weight
+    assert np.flatnonzero(weight != weight[0]).tolist() == list(range(16, 25))
+
+
+def test_the_search_allows_each_line_a_tenth():
+    frf = amplitudes(np.full(40, 3.0))
+    np.testing.assert_allclose(LogAmplitude(frf, np.full(40, 1e-12)).of(6.0 + np.zeros((1, 40))), np.log(2.0) / 0.1)
+    noisy_lines = LogAmplitude(frf, np.full(40, 2.0 * 0.3**2)).of(6.0 + np.zeros((1, 40)))
+    np.testing.assert_allclose(noisy_lines, np.log(2.0) / np.hypot(0.1, 0.1))

@@ -187,3 +187,22 @@ def test_no_step_is_taken_that_would_not_lead_back(monkeypatch):
     """Without this the steps leave another density invariant than that of the posterior."""
     assert steps_that_do_not_lead_back(True, monkeypatch) == 0
     assert steps_that_do_not_lead_back(False, monkeypatch) > 10
+
+
+class Bent:
+    """One residual z + z^2 / 2: a step v from 0 is bent by v^2, its acceleration."""
+
+    def residuals(self, z):
+        return z + z**2 / 2.0
+
+    def linearise(self, z):
+        return self.residuals(z), 1.0 + z[:, :, np.newaxis]
+
+
+@pytest.mark.parametrize(("velocity", "taken"), [(1.4, True), (1.6, False)])
+def test_a_step_that_is_bent_by_more_than_half_again_its_length_is_not_trusted(velocity, taken):
+    start = LinearisedPoints.at(Bent(), np.zeros((1, 1)))
+    ends, _ = TangentMap(Bent(), start).solve(np.array([[velocity]]), start, 1)
+    assert bool(ends.z[0, 0] != 0.0) is taken
+    if taken:
+        assert ends.z[0, 0] == pytest.approx(velocity - velocity**2 / 2.0, rel=1e-3)

@@ -32,10 +32,9 @@ class Settings:
     """At least: a quantile of fewer lines scatters too much."""
     quantile: float = 0.4
     """Of each bin, from which the noise is estimated: sharp resonances have their differences in the upper part."""
-    significant: float = 4.5
-    """Standard deviations that noise alone practically never reaches."""
     prominence: float = 5.0
-    """Size of an isolated line over that of its neighbours; a misplaced resonance raises these too."""
+    """Size of an isolated line over that of its neighbours, or over that of noise, which practically never reaches it;
+    a misplaced resonance raises the neighbours too."""
     neighbours: tuple[int, ...] = (2, 3, 4)
     """Distances, in lines, of the neighbours: the adjacent line is none, so that a bad pair is isolated too."""
     most_isolated: float = 0.05
@@ -140,5 +139,5 @@ def isolated_lines(size: NDArray[np.float64]) -> NDArray[np.bool_]:
     padded = np.pad(size, reach, mode="reflect") if len(size) > reach else np.pad(size, reach, mode="edge")
     shifts = [sign * distance for distance in _SETTINGS.neighbours for sign in (-1, 1)]
     around = np.max([padded[reach + shift : reach + shift + len(size)] for shift in shifts], axis=0)
-    isolated = size > np.maximum(_SETTINGS.significant, _SETTINGS.prominence * np.maximum(around, 1.0))
+    isolated = size > _SETTINGS.prominence * np.maximum(around, 1.0)
     return isolated if isolated.mean() <= _SETTINGS.most_isolated else np.zeros_like(isolated)
