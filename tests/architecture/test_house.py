@@ -10,8 +10,11 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE_BEFORE = 19_721
-"""Of framework and plugins before the floor plan, without blank lines and docstrings."""
+LINES_OF_CODE_BEFORE = 18_611
+"""Of framework and plugins before the floor plan, without blank lines and docstrings.
+
+The conformance kit is left out then and now: it grows with every mistake that it learns to see.
+"""
 
 
 def test_no_module_imports_itself_round_about():
@@ -28,7 +31,8 @@ def test_no_file_is_longer_than_400_lines():
 
 
 def test_there_is_less_code_than_before():
-    assert sum(map(house.code_lines, house.source_files())) < LINES_OF_CODE_BEFORE
+    files = [file for file in house.source_files() if "testing" not in file.parts]
+    assert sum(map(house.code_lines, files)) < LINES_OF_CODE_BEFORE
 
 
 def test_no_name_lives_long_that_says_nothing_of_what_it_holds():

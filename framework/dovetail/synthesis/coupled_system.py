@@ -14,8 +14,16 @@ from dovetail.errors import DovetailError
 from dovetail.interfaces import plugin_errors
 from dovetail.synthesis.condensation import boundary_dynamic_stiffness
 from dovetail.synthesis.graph import Graph
-from dovetail.synthesis.joint_evaluation import Theta, depends_on_frequency, joint_matrices, joint_stiffness
-from dovetail.synthesis.sparsity import Sparsity, UnplannedEntries, filled_by_matrix, filled_entries
+from dovetail.synthesis.joint_evaluation import (
+    Sparsity,
+    Theta,
+    UnplannedEntries,
+    depends_on_frequency,
+    filled_by_matrix,
+    filled_entries,
+    joint_matrices,
+    joint_stiffness,
+)
 
 __all__ = ["BoundaryStiffness", "CoupledSystem", "Point", "condense"]
 

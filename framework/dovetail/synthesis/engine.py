@@ -21,9 +21,15 @@ from dovetail.synthesis.codegen.vector_ir import WIDTH
 from dovetail.synthesis.coupled_system import CoupledSystem, Point, condense
 from dovetail.synthesis.elimination import Program
 from dovetail.synthesis.graph import Graph
-from dovetail.synthesis.joint_evaluation import Theta, sample_count
+from dovetail.synthesis.joint_evaluation import (
+    JointSparsity,
+    Theta,
+    UnplannedEntries,
+    probe_derivatives,
+    probe_matrices,
+    sample_count,
+)
 from dovetail.synthesis.plan import Plan
-from dovetail.synthesis.sparsity import JointSparsity, UnplannedEntries, probe_derivatives, probe_matrices
 
 __all__ = ["Engine", "Settings"]
 

@@ -14,14 +14,17 @@ from dovetail.synthesis.codegen.layout import MATRICES, Derivative, SpectralDeri
 from dovetail.synthesis.coupled_system import CoupledSystem
 from dovetail.synthesis.elimination import Program
 from dovetail.synthesis.joint_evaluation import (
+    JointSparsity,
     Theta,
+    UnplannedEntries,
     depends_on_frequency,
+    filled_by_matrix,
+    filled_entries,
     joint_jacobian,
     joint_matrices,
     joint_stiffness,
     joint_stiffness_jacobian,
 )
-from dovetail.synthesis.sparsity import JointSparsity, UnplannedEntries, filled_by_matrix, filled_entries
 
 __all__ = ["KernelInputs", "SpectralInputs"]
 

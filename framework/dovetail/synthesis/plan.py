@@ -17,9 +17,9 @@ from dovetail.synthesis.codegen.straight_line import kernel_source
 from dovetail.synthesis.codegen.vector_ir import WIDTH
 from dovetail.synthesis.coupled_system import CoupledSystem
 from dovetail.synthesis.elimination import Program, plan_elimination
+from dovetail.synthesis.joint_evaluation import Sparsity
 from dovetail.synthesis.kernel_inputs import KernelInputs, SpectralInputs
 from dovetail.synthesis.pivoting import PivotedSolver
-from dovetail.synthesis.sparsity import Sparsity
 
 __all__ = ["Plan", "Settings"]
 
@@ -99,7 +99,7 @@ class Plan:
         keys, rows = self.inputs.static()
         return keys, as_vectors(rows, WIDTH)
 
-    @property
+    @cached_property
     def static(self) -> NDArray[np.float64]:
         """The substructures' entries as the kernel reads them."""
         return self._static[1]
