@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,30 @@ if PARALLEL:  # every core has a process of its own already
 
 ROOT = Path(__file__).resolve().parent.parent
 ASSEMBLIES = ROOT / "assemblies"
+MOST_MEMORY = 3000
+"""MiB that a process of the default suite takes at most: one for each core must fit into a usual machine."""
+TOO_MUCH = pytest.StashKey[bool]()
+"""Whether a test of this process has been failed for it."""
+
+
+def peak_memory() -> float:
+    """MiB that this process has taken at most since it began; 0 where the system does not tell."""
+    if sys.platform == "win32":
+        return 0.0
+    import resource
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20
+
+
+@pytest.fixture(autouse=True)
+def memory_is_bounded(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Fail the test in which the process passes the limit; it, or those before it, keep too much."""
+    yield
+    peak, slow = peak_memory(), request.node.get_closest_marker("slow") is not None
+    if peak > MOST_MEMORY and not slow and TOO_MUCH not in request.config.stash:
+        request.config.stash[TOO_MUCH] = True
+        pytest.fail(f"this process has taken {peak:.0f} MiB by now; {MOST_MEMORY} MiB are the limit of the suite.")
 
 
 @pytest.fixture(scope="session", autouse=PARALLEL)

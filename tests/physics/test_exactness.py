@@ -116,7 +116,7 @@ def largest_error(assembly, theta, lines_of) -> float:
     worst = 0.0
     for vector, found in zip(theta, assembly.engine.drive_point(assembly.by_joint(theta)), strict=True):
         lines = lines_of(vector, found)
-        blocks = np.array_split(lines, -(-len(lines) // 500))
+        blocks = np.array_split(lines, -(-len(lines) // 100))
         truth = np.concatenate([whole.drive_point(vector, block) for block in blocks])
         worst = max(worst, float(np.max(np.abs(found[lines] - truth) / np.abs(truth))))
     return worst
