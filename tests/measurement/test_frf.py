@@ -8,6 +8,7 @@ import pytest
 import dovetail
 from dovetail import Frf
 from dovetail.errors import MeasurementError
+from dovetail.frf import unit_of
 
 AXIS = np.array([10.0, 20.0, 40.0])
 VALUES = np.array([3.0 + 4.0j, -1.0j, -2.0])
@@ -61,6 +62,12 @@ def test_an_frf_keeps_its_own_numbers():
             array[0] = 1.0
 
 
+def test_numbers_of_any_kind_become_those_of_an_frf():
+    frf = Frf([10, 20], [1, 2], "mobility", coherence=[1, 0], variance=np.ones(2, dtype=np.float32))
+    assert (frf.frequency.dtype, frf.values.dtype) == (np.float64, np.complex128)
+    assert (frf.coherence.dtype, frf.variance.dtype) == (np.float64, np.float64)
+
+
 def test_amplitude_and_phase_by_hand():
     frf = Frf(AXIS, VALUES, "accelerance")
     np.testing.assert_allclose(frf.amplitude, [5.0, 1.0, 2.0])
@@ -80,6 +87,8 @@ def test_amplitude_and_phase_by_hand():
 )
 def test_units(quantity, rotation, unit):
     assert Frf(AXIS, VALUES, quantity, rotation=rotation).unit == unit
+    assert unit_of(quantity, rotation=rotation) == unit
+    assert unit_of(quantity) == unit or rotation
 
 
 @pytest.mark.parametrize(
@@ -125,6 +134,15 @@ def test_the_variance_from_coherence_and_averages_by_hand():
     assert Frf(AXIS, VALUES, "mobility", averages=5).random_variance is None
 
 
+def test_where_nothing_is_coherent_the_variance_is_infinite():
+    """Without a warning, and where the FRF is zero as well."""
+    with np.errstate(divide="raise"):
+        variance = Frf(AXIS, VALUES, "mobility", coherence=[0.0, 0.5, 0.0], averages=3).random_variance
+    np.testing.assert_allclose(variance, [np.inf, 0.5, np.inf])
+    with np.errstate(invalid="ignore"):
+        assert Frf([1.0], [0.0], "mobility", coherence=[0.0], averages=3).random_variance.tolist() == [np.inf]
+
+
 def test_the_coherence_spectrum_by_hand():
     """Equal, opposite, one of them zero, both zero, a right angle, and twice as much."""
     first = np.array([[1 + 1j, 2.0, 3.0], [0.0, 1.0, 1.0]])
@@ -133,3 +151,8 @@ def test_the_coherence_spectrum_by_hand():
         agreement = dovetail.coherence_spectrum(first, second)
     np.testing.assert_allclose(agreement, [[1.0, 0.0, 0.5], [1.0, 0.5, 0.9]], rtol=1e-14, atol=1e-15)
     assert dovetail.coherence_spectrum([1e-9], [1e-9]).tolist() == [1.0]
+    single = np.array([1.0, 0.1], dtype=np.complex64)
+    assert dovetail.coherence_spectrum(single, single[::-1]).dtype == np.float64
+    second = float(np.float32(0.1))
+    exact = 0.5 * (1.0 + second) ** 2 / (1.0 + second**2)
+    np.testing.assert_allclose(dovetail.coherence_spectrum(single, single[::-1]), exact, rtol=1e-14)

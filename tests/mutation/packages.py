@@ -42,7 +42,7 @@ def _in(folder: str, *names: str) -> tuple[str, ...]:
 
 
 PACKAGES = {
-    "synthesis": Package(("dovetail/synthesis/*",), ("tests/physics",), SLOW),
+    "synthesis": Package(("dovetail/synthesis/*",), ("tests/physics", *_in("plugins", "measured")), SLOW),
     "plugins": Package(
         ("dovetail_plugins/*",),
         (

@@ -54,6 +54,13 @@ class Dependent(Frail):
             stiffness[0, -1, 0, 0] = np.nan
         return stiffness[0] if self.config.fails == "shape" else stiffness
 
+    def dynamic_stiffness_jacobian(self, frequency, theta):
+        if self.config.fails == "derivatives":
+            raise LookupError("no such derivative")
+        if self.config.fails == "later":
+            return (self.no_such_stiffness for _ in self.parameters)
+        return super().dynamic_stiffness_jacobian(frequency, theta) if self.config.fails != "few" else []
+
 
 class Hollow(dovetail.SubstructureModel):
     """A part without anything in it."""
@@ -126,6 +133,19 @@ def test_a_failing_joint(model, fails, said):
     compute = broken.frf_jacobian if model == "frail" else broken.frf
     with pytest.raises(PluginError, match=said):
         compute()
+
+
+@pytest.mark.parametrize(
+    ("fails", "said"),
+    [
+        ("derivatives", rf"^{HERE}:\d+\n  joint 'spring' \(dependent\) failed: LookupError: no such derivative\n"),
+        ("later", rf"^{HERE}:\d+\n  joint 'spring' \(dependent\) failed: AttributeError: .* 'no_such_stiffness'"),
+        ("few", r"joint 'spring' \(dependent\) returns 0 derivatives of its dynamic stiffness, not one for each of "),
+    ],
+)
+def test_failing_derivatives_of_a_dynamic_stiffness(fails, said):
+    with pytest.raises(PluginError, match=said):
+        assembly("dependent", fails).frf_jacobian()
 
 
 def test_a_failing_substructure():

@@ -58,6 +58,14 @@ def test_a_rational_function_of_low_degree_comes_out_exactly_and_says_so():
     assert estimated[0] < 1e-9
 
 
+def test_where_no_rational_function_passes_through_the_lines_the_error_is_infinite():
+    """The same value at every line: any weights would do, so that the equations for them are singular."""
+    interpolant = RationalInterpolant(FREQUENCY, chebyshev_lines(9, len(FREQUENCY)))
+    estimated = interpolant.fill(np.full((3, 9), 2.0 - 1.0j), np.empty((3, len(FREQUENCY)), dtype=complex))
+    assert np.isinf(estimated).all()
+    assert estimated.shape == (3,)
+
+
 @pytest.mark.filterwarnings("ignore:AAA failed to converge")
 def test_the_estimate_is_the_difference_of_both_functions_written_out():
     """kappa / ((f - a)(f - b) n d), against two rational functions that scipy makes of the same values."""

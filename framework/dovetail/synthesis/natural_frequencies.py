@@ -23,6 +23,10 @@ _SPARSE_STRAIN_FLOOR = 1e-13
 """The same for a shape by Lanczos. Rounding leaves a hundredth of it; a beam of 2500 elements in its first bending mode
 has twice as much."""
 
+_SHIFT_FLOOR = 1e-14
+"""A square of a frequency [1/s^2] below this part of the shift is rounding. The motion of a mass that nothing holds has
+no strain but the rounding of its shape, which is in that of its amplitudes as any elastic mode's is."""
+
 
 def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: int) -> NDArray[np.float64]:
     """Return the lowest natural frequencies of the modes that deform the structure.
@@ -48,6 +52,8 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
     Neither massless DOFs nor rigid-body modes are a special case. Dense matrices: M phi = mu (K + s M) phi. Sparse
     ones: shift-invert Lanczos with a shift below zero.
     """
+    if (matrices.M.diagonal() < 0).any():
+        raise DovetailError("there are no natural frequencies: with these parameters a mass is negative.")
     if isinstance(matrices, SparseMatrices):
         return _sparse_elastic_frequencies(matrices, count)
     active = _dofs_with_inertia((matrices.K != 0) | (matrices.M != 0), np.diag(matrices.M))
@@ -63,7 +69,8 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
             "there are no natural frequencies: with these parameters a stiffness or a mass is negative."
         ) from None
     finite = mu > mu[-1] * 1e-14
-    return np.array(list(islice(_elastic_modes(K, M, shapes[:, finite][:, ::-1], _STRAIN_FLOOR), count)))
+    shapes = shapes[:, finite][:, ::-1]
+    return np.array(list(islice(_elastic_modes(K, M, shapes, _STRAIN_FLOOR, _SHIFT_FLOOR * shift), count)))
 
 
 def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray[np.float64]:
@@ -71,8 +78,6 @@ def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray
 
     active = _dofs_with_inertia(abs(matrices.K) + abs(matrices.M), matrices.M.diagonal())
     K, M = matrices.K[active][:, active], matrices.M[active][:, active]
-    if (matrices.M.diagonal() < 0).any():
-        raise DovetailError("there are no natural frequencies: with these parameters a mass is negative.")
     inertia = M.diagonal() > 0
     most = int(inertia.sum()) - 1
     wanted = min(count + _RIGID_BODY_MODES, most)
@@ -80,12 +85,14 @@ def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray
     while wanted > 0:
         stiffest = float(np.median(K.diagonal()[inertia] / M.diagonal()[inertia])) or 1.0
         try:
-            values, shapes = eigsh(K, wanted, M, sigma=-1e-6 * stiffest, which="LM", v0=start)
+            basis = min(max(2 * wanted + 1, 20), most + 1)  # massless DOFs add no direction
+            values, shapes = eigsh(K, wanted, M, sigma=-1e-6 * stiffest, which="LM", v0=start, ncv=basis)
         except (ArpackError, RuntimeError) as error:
             raise DovetailError(f"the natural frequencies of this large model are not found: {error}") from None
         if values.min() < -1e-6 * stiffest:
             raise DovetailError("there are no natural frequencies: with these parameters a stiffness is negative.")
-        modes = list(islice(_elastic_modes(K, M, shapes[:, np.argsort(values)], _SPARSE_STRAIN_FLOOR), count))
+        least = _SHIFT_FLOOR * 1e-6 * stiffest
+        modes = list(islice(_elastic_modes(K, M, shapes[:, np.argsort(values)], _SPARSE_STRAIN_FLOOR, least), count))
         if len(modes) == count or wanted == most:
             return np.array(modes)
         wanted = min(2 * wanted, most)
@@ -98,10 +105,10 @@ def _dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np
     return np.flatnonzero(np.isin(group, group[inertia > 0]))
 
 
-def _elastic_modes(K: Any, M: Any, shapes: NDArray[np.float64], strain_floor: float) -> Iterator[float]:
-    """Yield the frequencies [Hz] of those shapes that deform the structure."""
+def _elastic_modes(K: Any, M: Any, shapes: NDArray[np.float64], strain_floor: float, least: float) -> Iterator[float]:
+    """Yield the frequencies [Hz] of those shapes that deform the structure, with squares [1/s^2] above the least."""
     stiffness = abs(K)
     for shape in shapes.T:
-        strain = shape @ K @ shape
-        if strain > strain_floor * (abs(shape) @ stiffness @ abs(shape)):
-            yield np.sqrt(strain / (shape @ M @ shape)) / (2.0 * np.pi)
+        strain, mass = shape @ K @ shape, shape @ M @ shape
+        if strain > least * mass and strain > strain_floor * (abs(shape) @ stiffness @ abs(shape)):
+            yield np.sqrt(strain / mass) / (2.0 * np.pi)
