@@ -72,7 +72,8 @@ def made(request, run, assemblies, tmp_path_factory):
     done = run_all(run, folder, code)
     result = read_identification(folder / "results")
     (folder / "several").mkdir()
-    write_results(replace(result, further=result.responses), folder / "several", None)
+    second = replace(result.responses[0], frf=replace(result.frf, note=""))
+    write_results(replace(result, further=(second,)), folder / "several", None)
     written = [file for file in folder.rglob("*") if file.is_file() and file not in before]
     return SimpleNamespace(**vars(done), result=result, written=written, believable=code == 0)
 
@@ -110,7 +111,10 @@ def json_says_so(text):
 def html_says_so(text):
     head = text[: text.index("<table")]
     title = head[head.index("<title>") : head.index("</title>")]
-    return "believed:" in title and CAVEAT in head[head.index("<body>") :]
+    sections = [section for section in text.split("<section") if "<table" in section]
+    assert len(sections) >= 3
+    marked = all("not believed" in section.lower() for section in sections)
+    return "believed:" in title and CAVEAT in head[head.index("<body>") :] and marked
 
 
 def test_every_file_says_so(made):
@@ -130,11 +134,12 @@ def test_a_genuine_result_does_not_mention_belief(made):
 
 
 def test_every_table_says_so(made):
-    for name, done in made.tables.items():
-        tables = [block for block in done.stdout.split("\n\n") if "───" in block]
-        assert tables, name
-        for block in tables:
-            assert ("not believed" in block or "not_believed" in block) != made.believable, block
+    blocks = {name: done.stdout.split("\n\n") for name, done in made.tables.items()}
+    tables = [(name, block) for name, texts in blocks.items() for block in texts if "───" in block]
+    assert {name for name, _ in tables} == set(made.tables)
+    marked = [table for table in tables if "not believed" in table[1] or "not_believed" in table[1]]
+    assert marked == ([] if made.believable else tables)
+    for done in made.tables.values():
         assert (CAVEAT in " ".join(done.stdout.split())) != made.believable
 
 
@@ -156,6 +161,7 @@ def test_intervals_are_withheld_and_no_verdict_is_given(made):
     for text in (made.tables["identify"].stdout, page, compared):
         assert ("withheld" in text) != made.believable
         assert (f"{low / 1e6:.4g} to" in text) == made.believable
+    assert ('stroke-width="7"' in page) == made.believable  # the interval drawn on the range
     words = {verdict.word for verdict in made.result.posterior.verdicts.values()}
     assert (words == {"not believed"}) != made.believable
 
