@@ -55,8 +55,8 @@ PACKAGES = {
     "frf": Package(
         ("dovetail/frf/*",),
         (
-            *_in("measurement", "random_variance", "csv_files", "accelerometer_mass", "resampling", "noise"),
-            *_in("measurement", "tables_with_units", "npz_files", "uff_files", "round_trip"),
+            *_in("measurement", "frf", "random_variance", "csv_files", "accelerometer_mass", "resampling", "noise"),
+            *_in("measurement", "tables_with_units", "npz_files", "uff_files", "round_trip", "every_reader_refuses"),
             *_in("coupling", "receptance_coupling"),
             *_in("physics", "synthesis"),
             *_in("identification", "identify_result"),

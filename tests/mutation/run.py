@@ -44,6 +44,12 @@ timeout_constant = 8.0
 timeout_multiplier = 4.0
 """
 """A time limit of four times what the tests take, because other work may share the machine."""
+CHILD = """import os
+
+if os.environ.get("MUTANT_UNDER_TEST") == "stats":  # mutmut counts only in the process that has its configuration
+    os.environ["MUTANT_UNDER_TEST"] = ""
+"""
+"""What Python runs first in the processes that tests start."""
 
 
 def lay_out(package: Package, root: Path, folder: Path) -> None:
@@ -52,7 +58,9 @@ def lay_out(package: Package, root: Path, folder: Path) -> None:
     ignored = shutil.ignore_patterns("__pycache__", "_build")
     for source in ("framework/dovetail", "plugins/dovetail_plugins"):
         shutil.copytree(root / source, folder / "src" / Path(source).name, ignore=ignored)
-    (folder / "mutants" / "src").mkdir(parents=True)  # Python passes over a path that is not there when it starts
+    importable = folder / "mutants" / "src"
+    importable.mkdir(parents=True)  # Python passes over a path that is not there when it starts
+    (importable / "sitecustomize.py").write_text(CHILD, encoding="utf-8")
     for name in ("tests", "assemblies", "docs"):
         shutil.copytree(root / name, folder / name, ignore=ignored)
     for name in ("pyproject.toml", "README.md"):
