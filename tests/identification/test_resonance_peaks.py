@@ -93,3 +93,28 @@ def test_a_low_peak_is_found_on_request_and_placed_where_the_accelerance_is_high
 
 def test_at_the_usual_prominence_a_low_peak_is_none() -> None:
     assert resonance_peaks(damped_mode(0.0, 0)).size == 0
+
+
+def two_modes(decibels: float, noise: float = 0.0) -> dovetail.Frf:
+    """A peak of so many decibels over even lines, in logarithms a bell of forty lines, and noise of that deviation."""
+    level = decibels * np.exp(-(((FREQUENCY - 5000.0) / 80.0) ** 2))
+    normal = np.random.default_rng(0).standard_normal((2, len(FREQUENCY)))
+    values = 10.0 ** (level / 20.0) + noise * (normal[0] + 1j * normal[1])
+    return dovetail.Frf(FREQUENCY, values, "accelerance")
+
+
+def test_a_peak_stands_out_by_six_decibels() -> None:
+    assert resonance_peaks(two_modes(5.7)).size == 0
+    np.testing.assert_allclose(resonance_peaks(two_modes(6.3)), [5000.0], rtol=1e-3)
+
+
+def test_amplitudes_below_ten_standard_deviations_of_the_noise_are_not_distinguished() -> None:
+    """A peak of 20 dB from 1 to 10; with a floor at 10 s it stands out by 10 log10((100 + f^2) / (1 + f^2))."""
+    for noise, peaks in ((0.45, 1), (0.75, 0)):  # floors of 4.5 and 7.5: 7.5 dB and 4.4 dB
+        assert resonance_peaks(two_modes(20.0, noise)).size == peaks
+
+
+@pytest.mark.parametrize(("distance", "paired"), [(0.14, True), (0.16, False)])
+def test_counterparts_are_within_a_seventh_of_the_frequency(distance: float, paired: bool) -> None:
+    (mode,) = paired_modes(np.array([1000.0]), np.array([1000.0 * (1.0 + distance)]), np.empty(0))
+    assert (mode.reconstructed_peak is not None) is paired
