@@ -9,6 +9,7 @@ from dovetail.identification.posterior import Posterior, model_errors
 from dovetail.identification.posterior import randomize_then_optimize as rto
 from dovetail.identification.posterior.laplace import LaplaceApproximation
 from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.identification.posterior.prior import CubeResiduals, normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
 
 FREQUENCY = np.linspace(100.0, 200.0, 501)
@@ -165,6 +166,14 @@ class Wave:
         jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
         jacobian[:, 0, 2], jacobian[:, 1, 2] = -20.0 * np.cos(2.0 * z[:, 0]), 10.0
         return self.residuals(z), jacobian
+
+
+def test_coordinates_reach_the_ends_of_the_ranges_to_double_precision():
+    np.testing.assert_allclose(normal_from_unit(np.array([0.0, 1e-12, 0.5, 1.0])), [-8.0, -7.0344838, 0.0, 8.0])
+    np.testing.assert_array_equal(CubeResiduals.to_normal(np.array([0.0, 0.5, 0.75, 1.0])), [-8.0, 0.0, 4.0, 8.0])
+    assert unit_from_normal(np.array([8.0]))[0] == pytest.approx(1.0, abs=1e-15)
+    z = np.linspace(-8.0, 8.0, 5)
+    np.testing.assert_allclose(CubeResiduals.to_normal(CubeResiduals.from_normal(z)), z)
 
 
 def steps_that_do_not_lead_back(check, monkeypatch):

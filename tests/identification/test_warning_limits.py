@@ -1,0 +1,55 @@
+"""When a result has a warning: from both sides of each limit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy_measurements import noisy
+
+import dovetail
+from dovetail.identification.fitting import refine
+from dovetail.identification.reconstruction import reconstruct
+
+
+@pytest.fixture(scope="module")
+def fit(sdof):
+    return refine(sdof, noisy(sdof, sdof.frf(), 0.01, 1))
+
+
+def warnings_of(assembly, factor=1.0, **options):
+    theta = assembly.from_unit(np.full(2, 0.5))
+    measured = dovetail.Frf(assembly.frequency, factor * assembly.frf(theta), "accelerance")
+    return " ".join(
+        reconstruct(assembly, theta, measured, **({"method": "network", "provenance": {}} | options)).warnings
+    )
+
+
+@pytest.mark.parametrize(("factor", "warned"), [(1.9, False), (2.1, True)])
+def test_a_coherence_below_nine_tenths_is_warned_of(sdof, factor, warned):
+    """That of an FRF and of twice it is (1 + 2)^2 / (2 (1 + 4)) = 0.9."""
+    assert ("The mean coherence is 0.8" in warnings_of(sdof, factor)) is warned
+
+
+def test_a_network_that_hardly_tells_a_parameter_is_warned_of(sdof):
+    evaluation = {"parameters": {"k": {"r2": 0.09}, "c": {"r2": 0.11}}}
+    told = warnings_of(sdof, provenance={"evaluation": evaluation})
+    assert "Do not rely on k: on FRFs" in told
+
+
+@pytest.mark.parametrize(("agreeing", "warned"), [(1, True), (2, False)])
+def test_a_minimum_that_one_search_found_is_warned_of(sdof, fit, agreeing, warned):
+    missed = replace(fit, discrepancy=0.001, agreeing=agreeing)
+    told = warnings_of(sdof, method="refined", fit=missed)
+    assert "the model is off by about 0.1 % of the FRF" in told
+    assert ("No two searches ended in the same place" in told) is warned
+
+
+@pytest.mark.parametrize(("count", "shown"), [(8, "101, 102, 103, 104, 105, 106, 107, 108 Hz"),
+                                              (9, "101, 102, 103, 104, 105, 106, 107, 108, ... Hz")])  # fmt: skip
+def test_eight_lines_that_were_left_out_are_listed(sdof, fit, count, shown):
+    used = fit.used.copy()
+    used[:count] = False
+    told = warnings_of(sdof, method="refined", fit=replace(fit, used=used, ignored=101.0 + np.arange(count)))
+    assert f"{count} lines stand alone and were left out: {shown}." in told
