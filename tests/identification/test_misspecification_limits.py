@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,6 +27,7 @@ from dovetail.identification.misspecification.whitened_residuals import (
     small_errors,
     whiten_residuals,
 )
+from dovetail.identification.posterior import laplace_posterior, sample_posterior
 
 
 def significance(statistic=0.0, sum_of_squares=0.0, **deviations):
@@ -177,3 +179,13 @@ def test_with_an_explanation_the_residuals_are_nearly_noise_and_half_of_what_the
     for after, explained in ((0.97 * limit, True), (1.03 * limit, False)):
         monkeypatch.setattr(explanations, "assess_significance", lambda *_, after=after: significance(after))
         assert (explanations._fit_assembly(flagged(before), None, "it were so") is not None) is explained
+
+
+def test_a_model_is_allowed_half_a_thousandth_where_nothing_is_said(sdof):
+    """As in docs/misspecification.md; it is the same for the check of misspecification and for the posterior."""
+    target = noisy(sdof, sdof.frf(), 0.01)
+    fit = refine(sdof, target)
+    by_default, stated = whiten_residuals(sdof, target, fit), whiten_residuals(sdof, target, fit, 5e-4)
+    np.testing.assert_array_equal(by_default.whitening.factors, stated.whitening.factors)
+    assert laplace_posterior(sdof, target, fit, samples=10).model_error == 5e-4
+    assert inspect.signature(sample_posterior).parameters["model_error"].default == 5e-4
