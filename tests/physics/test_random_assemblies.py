@@ -18,8 +18,10 @@ from dense_modes import natural_frequencies
 from dense_solve import DenseAssembly, System
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from random_assemblies import Drawn, drawn_assemblies
+from scipy.linalg import eigh
 
 import dovetail
+from dovetail.synthesis.natural_frequencies import elastic_frequencies
 
 EPS = float(np.finfo(float).eps)
 UNUSUAL_JOINTS = str(Path(__file__).with_name("unusual_joints.py"))
@@ -216,3 +218,40 @@ def test_two_thousand_random_assemblies_against_the_dense_solve(part):
     print(f"{tally.assemblies} assemblies, {tally.ill_posed} ill-posed, {tally.entries} entries, {tally.loose} loose")
     assert failing == []
     check_shares(tally)
+
+
+def test_a_part_without_any_mass_of_its_own_on_a_bearing():
+    """Its condensed stiffness has no entry at all; x moves against the spring alone, with the mass of the ring."""
+    assembly = dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "one mass",
+            "frequency": {"start": 1.0, "stop": 601.0, "lines": 5},
+            "substructures": {"part": {"model": "lumped", "masses": [{"mass": 0.0}]}, "base": {"model": "ground"}},
+            "joints": {
+                "bearing": {
+                    "model": "bearing",
+                    "connect": {"shaft": {"to": "part", "at": 0.0}, "housing": {"to": "base", "at": 0.0}},
+                }
+            },
+            "response": {"at": "part", "position": 0.0, "quantity": "receptance"},
+        }
+    )
+    theta = {"k": 1e7, "kr": 1e4, "c": 300.0, "cr": 1.0, "m": 0.2, "J": 1e-4}
+    omega = 2 * np.pi * np.array([1.0, 151.0, 301.0, 451.0, 601.0])
+    H = 1 / (1e7 + 300j * omega - 0.2 * omega**2)
+    np.testing.assert_allclose(assembly.frf(theta), H, rtol=1e-12)
+    np.testing.assert_allclose(assembly.frf_jacobian(theta)[1][:, 4], omega**2 * H**2, rtol=1e-12)
+    np.testing.assert_allclose(assembly.natural_frequencies(theta, 2), np.sqrt([5e7, 1e8]) / (2 * np.pi), rtol=1e-12)
+
+
+def test_masses_that_nothing_holds_are_rigid_body_modes_whatever_rounding_makes_of_them():
+    """Four digits of an assembly that was drawn: two pairs on springs, a free mass and a free inertia between them."""
+    K, M = np.zeros((2, 6, 6))
+    K[0, 0], K[4, 4], K[0, 4], K[4, 0] = 5.537e9, 5.520e9, -5.520e9, -5.520e9
+    K[1:3, 1:3] = [[9.147e7, -1.981e7], [-1.981e7, 1.981e7]]
+    M[np.diag_indices(6)] = [1.438, 2.228, 5.675e-2, 7.311e-4, 6.194e-2, 1e-6]
+    M[1, 2] = M[2, 1] = 0.2201
+    pairs = [eigh(K[np.ix_(pair, pair)], M[np.ix_(pair, pair)], eigvals_only=True) for pair in ([0, 4], [1, 2])]
+    expected = np.sqrt(np.sort(np.concatenate(pairs))) / (2 * np.pi)
+    np.testing.assert_allclose(elastic_frequencies(dovetail.StructuralMatrices(M, K), 6), expected, rtol=1e-8)

@@ -70,7 +70,8 @@ def _target_machine() -> Any:
 
 def as_vectors(rows: NDArray[np.float64], width: int) -> NDArray[np.float64]:
     """Arrange rows (n_rows, n_lines), a whole number of vectors long, as (n_vectors, n_rows, width)."""
-    return np.ascontiguousarray(np.moveaxis(rows.reshape(*rows.shape[:-1], -1, width), -2, 0))
+    vectors = rows.shape[-1] // width  # as a number, since there may be no rows
+    return np.ascontiguousarray(np.moveaxis(rows.reshape(*rows.shape[:-1], vectors, width), -2, 0))
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:
