@@ -45,18 +45,14 @@ PACKAGES = {
     "synthesis": Package(("dovetail/synthesis/*",), ("tests/physics", *_in("plugins", "measured")), SLOW),
     "plugins": Package(
         ("dovetail_plugins/*",),
-        (
-            "tests/plugins",
-            *_in("physics", "joints", "beam", "imported_solid", "shipped_assemblies", "sparse_substructures"),
-            "tests/testing/test_check_component.py",
-        ),
+        ("tests/plugins", *_in("physics", "joints", "beam", "imported_solid", "shipped_assemblies")),
         SLOW,
     ),
     "frf": Package(
         ("dovetail/frf/*",),
         (
             *_in("measurement", "frf", "random_variance", "csv_files", "accelerometer_mass", "resampling", "noise"),
-            *_in("measurement", "tables_with_units", "npz_files", "uff_files", "round_trip", "every_reader_refuses"),
+            *_in("measurement", "tables_with_units", "npz_files", "uff_files", "round_trip"),
             *_in("coupling", "receptance_coupling"),
             *_in("physics", "synthesis"),
             *_in("identification", "identify_result"),
