@@ -18,6 +18,8 @@ from pydantic_core import PydanticCustomError, core_schema
 from dovetail.errors import UnitError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pint
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 
@@ -26,6 +28,7 @@ __all__ = [
     "InUnit",
     "Mass",
     "Position",
+    "dimension",
     "format_quantity",
     "is_unit",
     "to_si",
@@ -79,6 +82,20 @@ def is_unit(unit: str) -> bool:
     except UnitError:
         return False
     return True
+
+
+@cache
+def dimension(unit: str) -> tuple[float, Mapping[str, float]]:
+    """Return a unit's factor to the base units of SI, and its exponents by the name of each base dimension.
+
+    Parameters
+    ----------
+    unit : str
+        In pint's spelling: ``"kN/m"`` gives 1000 and ``{"mass": 1, "time": -2}``.
+    """
+    quantity = _registry().Quantity(1.0, "" if unit == "1" else unit).to_base_units()
+    dimensions: Mapping[Any, Any] = quantity.dimensionality
+    return float(quantity.magnitude), {str(name).strip("[]"): float(power) for name, power in dimensions.items()}
 
 
 def _parse_text(text: str, unit: str) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 from dovetail.testing import check_names
 
@@ -38,8 +39,9 @@ def test_a_sound_plugin_file(run, tmp_path):
     file.write_text(SOUND)
     printed = run("check-plugin", "pad", "--plugin", file).stdout
     assert "matrices are symmetric" in printed
-    count = len(check_names("joint"))
-    assert printed.splitlines()[-1] == f"{count - 2} checks run: {count - 2} passed, 2 not applicable."
+    counts = re.fullmatch(r"(\d+) checks run: \1 passed, (\d+) not applicable\.", printed.splitlines()[-1])
+    assert sum(map(int, counts.groups())) == len(check_names("joint"))
+    assert "not applicable  the law has a limit at rest: " in printed
 
 
 def test_a_broken_plugin_file_ends_with_one(run, tmp_path):

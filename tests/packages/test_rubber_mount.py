@@ -26,7 +26,7 @@ def test_it_is_listed_checked_and_identified_and_red_when_broken(environment, pa
     assert where.startswith(str(tmp_path / "environment"))
     assert re.search(r"joint +rubber_mount .*dovetail-rubber-mount 0\.1\.0", environment.run("dovetail", "plugins"))
     checked = environment.run("dovetail", "check-plugin", "rubber_mount")
-    assert f"{len(check_names('joint'))} checks run: {len(check_names('joint'))} passed." in checked
+    assert f"{len(check_names('joint')) - 2} passed, 2 not applicable." in checked
 
     def run(*words: str) -> str:
         return environment.run("dovetail", *words, folder=package)

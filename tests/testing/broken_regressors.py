@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from broken import breaks, checked
+from broken import also_breaks, breaks, checked
 
 from dovetail import FittedRegressor, Regressor, silent
 
@@ -29,7 +29,7 @@ class SoundRegressor(Regressor):
 
     def fit(self, features, targets, *, seed, progress=silent):
         """Solve for the weights."""
-        mean = targets.mean(axis=0)
+        mean = checked(targets).mean(axis=0)
         weights = np.linalg.lstsq(checked(features).astype(float), targets - mean, rcond=None)[0]
         progress("regressor", 1, 1, "done")
         return FittedLine(weights, mean)
@@ -39,7 +39,7 @@ class SoundRegressor(Regressor):
         return FittedLine(np.array(state["weights"]), np.array(state["mean"]))
 
 
-@breaks("it_learns")
+@also_breaks("every_target_is_learnt", "one_target_is_learnt", "seven_targets_are_learnt", "epochs_can_be_learnt_from")
 class WrongSign(SoundRegressor):
     """It learns the opposite."""
 
@@ -51,12 +51,13 @@ class WrongSign(SoundRegressor):
 
 @breaks("targets_are_left_unchanged")
 class Overwriting(SoundRegressor):
-    """It centres the caller's targets in place."""
+    """It centres the caller's targets in place where it may."""
 
     def fit(self, features, targets, *, seed, progress=silent):
         """Change the targets when done."""
         fitted = super().fit(features, targets, seed=seed, progress=progress)
-        targets -= targets.mean(axis=0)
+        if targets.flags.writeable:
+            targets -= targets.mean(axis=0)
         return fitted
 
 
@@ -70,7 +71,7 @@ class Backwards(SoundRegressor):
         return super().fit(features, targets, seed=seed, progress=progress)
 
 
-@breaks("epochs_with_other_noise_can_be_learnt_from")
+@also_breaks("epochs_can_be_learnt_from")
 class NoEpochs(SoundRegressor):
     """It returns nothing from epochs."""
 

@@ -13,17 +13,19 @@ from dovetail import ComponentConfig, Node, StructuralMatrices, SubstructureMode
 _LENGTH, _MASS, _BENDING = 0.4, 2.0, 200.0
 
 
-def euler_beam(elements: int) -> StructuralMatrices:
+def euler_beam(
+    elements: int, length: float = _LENGTH, mass: float = _MASS, bending: float = _BENDING
+) -> StructuralMatrices:
     """A free Euler-Bernoulli beam with lumped masses."""
     size = 2 * (elements + 1)
     M, K = np.zeros((size, size)), np.zeros((size, size))
-    h = _LENGTH / elements
+    h = length / elements
     element = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2]])
-    element = _BENDING / h**3 * np.vstack([element, [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h**2, -6 * h, 4 * h**2]])
+    element = bending / h**3 * np.vstack([element, [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h**2, -6 * h, 4 * h**2]])
     for index in range(elements):
         here = slice(2 * index, 2 * index + 4)
         K[here, here] += element
-        M[here, here] += _MASS / elements * np.diag([0.5, h**2 / 24, 0.5, h**2 / 24])
+        M[here, here] += mass / elements * np.diag([0.5, h**2 / 24, 0.5, h**2 / 24])
     return StructuralMatrices(M, K, D=0.02 * K)
 
 
@@ -221,7 +223,8 @@ class Overwriting(Unmeshed):
     def receptance(self, frequency, dofs):
         """Change the caller's array."""
         H = super().receptance(frequency, dofs)
-        frequency *= 2.0 * np.pi
+        if frequency.flags.writeable and frequency.dtype.kind == "f":
+            frequency *= 2.0 * np.pi
         return H
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
 import json
 import re
@@ -11,11 +12,14 @@ from typing import Any
 from dovetail.errors import UnitError
 from dovetail.interfaces import Component, ComponentConfig, option_schema
 from dovetail.testing.outcomes import Nonconformity
-from dovetail.units import is_unit, to_si
+from dovetail.units import dimension, is_unit, to_si
 
 __all__: list[str] = []
 
 _LONGEST_SUMMARY = 150
+_CONTRACTS = "dovetail.interfaces."
+_NEARLY = 0.85
+"""Similarity (difflib) from which on a name is taken for a misspelling: a letter or two in ten."""
 
 
 def check_name_summary_and_references_are_texts(model: type[Component]) -> None:
@@ -54,6 +58,23 @@ def check_options_are_described_with_their_units(model: type[Component]) -> None
                 problem = f"the option '{name}' of {section.get('title', model.__qualname__)} is not described."
                 raise Nonconformity(problem, "Describe it in the Attributes section of the Config's docstring.")
             _check_unit(name, text, set(_units(entry)))
+            for unit in _units(entry):
+                if is_unit(unit) and dimension(unit)[0] != 1.0:
+                    problem = f"the option '{name}' is read in {unit}, which is not a unit of SI without a prefix."
+                    raise Nonconformity(problem, 'Read it in SI, such as dovetail.InUnit("m"); "5 mm" may be written.')
+
+
+def check_overrides_are_spelt_as_in_the_contract(model: type[Component]) -> None:
+    """No method or attribute nearly has the name of one that may be overridden, and that is not."""
+    contract = next(base for base in model.__mro__ if base.__module__.startswith(_CONTRACTS))
+    own = {name for base in model.__mro__[: model.__mro__.index(contract)] for name in vars(base)}
+    missing = {_plain(name): name for name in dir(contract) if not name.startswith("_") and name not in own}
+    for name in sorted(own - {*dir(contract)}):
+        if name.startswith("__") or f"_{model.__name__}__" in name:
+            continue
+        for near in difflib.get_close_matches(_plain(name), missing, n=1, cutoff=_NEARLY):
+            problem = f"'{name}' is nearly '{missing[near]}', which may be overridden; nothing calls it under its name."
+            raise Nonconformity(problem, f"Call it '{missing[near]}' if that is meant, or give it an unlike name.")
 
 
 def check_options_have_a_schema(model: type[Component]) -> None:
@@ -71,6 +92,10 @@ def check_config_is_frozen_and_refuses_unknown_keys(model: type[Component]) -> N
             if config.model_config.get(key) != value:
                 problem = f"{config.__qualname__} has {key} = {config.model_config.get(key)!r}, not {value!r}."
                 raise Nonconformity(problem, "Leave model_config as dovetail.ComponentConfig has it.")
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", "").lower()
 
 
 def _own_docstring(model: type) -> str:

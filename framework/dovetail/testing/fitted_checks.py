@@ -1,7 +1,10 @@
-"""Checks that reducers and regressors share: what fitting gives, and what a file keeps of it."""
+"""Checks that reducers and regressors share: what fitting gives, and on what answers may depend."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,16 +12,19 @@ from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import FittedReducer, FittedRegressor
-from dovetail.testing.fresh_process import answer_of_a_fresh_process
+from dovetail.testing.alike import require_alike
+from dovetail.testing.fitted_specimens import FittedSpecimen, ReducerSpecimen, RegressorSpecimen
 from dovetail.testing.outcomes import Nonconformity
-from dovetail.testing.specimens import ReducerSpecimen, RegressorSpecimen
+from dovetail.testing.surroundings import with_other_random_numbers
+from dovetail.testing.training_sets import TrainingSet
 
 __all__: list[str] = []
 
-FittedSpecimen = ReducerSpecimen | RegressorSpecimen
 _FEW = 12
-_ALIKE = 1e-4
-"""Of the greatest value: single precision, with room for the order of a sum."""
+_BATCH = 500
+"""More than any block of 256 rows, and no multiple of one."""
+_GREATEST_SEED = 2**32 - 1
+"""That a description takes."""
 
 
 def check_fit_returns_what_the_contract_says(specimen: FittedSpecimen) -> None:
@@ -27,142 +33,222 @@ def check_fit_returns_what_the_contract_says(specimen: FittedSpecimen) -> None:
     if not isinstance(specimen.fitted, contract):
         problem = f"fit returned {type(specimen.fitted).__name__}."
         raise Nonconformity(problem, f"Return an object of a class derived from dovetail.{contract.__name__}.")
+    new = specimen.model(specimen.component.config)
+    kept = sorted(set(vars(specimen.component)) - set(vars(new)))
+    if kept:
+        raise Nonconformity(f"fit put '{kept[0]}' into the component.", "Put what was fitted into the object returned.")
 
 
 def check_answers_have_a_row_for_each_sample(specimen: FittedSpecimen) -> None:
-    """Any number of rows gives as many, always of the same width."""
-    whole = specimen.answer(specimen.fitted, specimen.features.copy())
+    """Any number of rows gives as many, always of the same width, in single or double precision."""
+    features = specimen.training.features
+    whole = specimen.answer(specimen.fitted, features.copy())
     width = whole.shape[1] if isinstance(whole, np.ndarray) and whole.ndim == 2 else 0
-    if isinstance(specimen, RegressorSpecimen) and width not in (0, specimen.targets.shape[1]):
+    if isinstance(specimen, RegressorSpecimen) and width not in (0, specimen.training.targets.shape[1]):
         raise Nonconformity(f"for 2 targets it predicts {width}.", "Return a column for each target.")
-    for count in (len(specimen.features), 1, 3):
-        answer = specimen.answer(specimen.fitted, specimen.features[:count].copy())
-        if not isinstance(answer, np.ndarray) or answer.dtype.kind not in "f" or answer.shape != (count, width or 1):
+    for count in (len(features), 1, 3):
+        answer = specimen.answer(specimen.fitted, features[:count].copy())
+        kind = getattr(answer, "dtype", None)
+        if (
+            not isinstance(answer, np.ndarray)
+            or kind not in (np.float32, np.float64)
+            or answer.shape != (count, width or 1)
+        ):
             shape = getattr(answer, "shape", type(answer).__name__)
-            problem = f"for {count} rows it returned {shape}, {getattr(answer, 'dtype', '')}."
-            raise Nonconformity(problem, f"Return a floating-point array of shape ({count}, {width or 'n_columns'}).")
+            problem = f"for {count} rows it returned {shape}, {kind}."
+            shape = f"({count}, {width or 'n_columns'})"
+            raise Nonconformity(problem, f"Return an array of shape {shape}, float32 or float64.")
 
 
 def check_answers_are_finite(specimen: FittedSpecimen) -> None:
-    """Finite features give finite answers."""
-    if not np.isfinite(specimen.answer(specimen.fitted, specimen.features.copy())).all():
-        raise Nonconformity("it returned values that are not finite.", "Guard divisions: a column may be constant.")
+    """Finite features give finite answers, also those of samples that it has not seen."""
+    for samples in (specimen.training, specimen.unseen):
+        if not np.isfinite(specimen.ask(specimen.fitted, samples.features)).all():
+            raise Nonconformity("it returned values that are not finite.", "Guard divisions, and what may overflow.")
 
 
-def check_the_same_seed_gives_the_same_fit(specimen: FittedSpecimen) -> None:
-    """Fitted twice with one seed, it answers alike to the last bit."""
-    again = specimen.answer(specimen.fit(), specimen.features[:_FEW].copy())
-    if not np.array_equal(again, specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())):
+def check_the_same_seed_gives_the_same_fit(specimen: FittedSpecimen) -> str:
+    """Fitted twice with one seed, it answers alike to the last bit, whatever the global random numbers are."""
+    features = specimen.unseen.features
+    start = time.perf_counter()
+    again = with_other_random_numbers(specimen.fit)
+    seconds = time.perf_counter() - start
+    if not np.array_equal(specimen.ask(again, features), specimen.ask(specimen.fitted, features)):
         raise Nonconformity("two fits with the same seed differ.", "Draw all random numbers from default_rng(seed).")
+    return f"a fit to {len(features)} samples takes {1000 * seconds:.3g} ms"
+
+
+def check_every_seed_is_accepted(specimen: FittedSpecimen) -> None:
+    """A description's seed is 0 to 2^32 - 1; 0 is one like any other."""
+    first, again = (specimen.fit(seed=0) for _ in range(2))
+    features = specimen.unseen.features[:_FEW]
+    if not np.array_equal(specimen.ask(first, features), specimen.ask(again, features)):
+        raise Nonconformity("two fits with the seed 0 differ.", "Use the seed as it is, not `seed or ...`.")
+    try:
+        specimen.fit(seed=_GREATEST_SEED)
+    except (DovetailError, ValueError, OverflowError, TypeError) as error:
+        problem = f"it cannot be fitted with the seed {_GREATEST_SEED}: {error}."
+        raise Nonconformity(problem, "Take seeds up to 2^32 - 1.") from None
 
 
 def check_global_random_numbers_are_left_alone(specimen: FittedSpecimen) -> None:
-    """Fitting neither draws from NumPy's global generator nor seeds it."""
-    np.random.seed(3)  # noqa: NPY002  the generator that must be left alone
-    expected = np.random.random()  # noqa: NPY002
-    np.random.seed(3)  # noqa: NPY002
-    specimen.fit()
-    if np.random.random() != expected:  # noqa: NPY002
-        raise Nonconformity("fitting changed NumPy's global random numbers.", "Use numpy.random.default_rng(seed).")
+    """Neither fitting nor answering draws from global generators (NumPy, random, torch), or seeds them."""
+    if specimen.observed.observation.generators:
+        drawn = ", ".join(specimen.observed.observation.generators)
+        remedy = "Use numpy.random.default_rng(seed), or put the generator back (torch.random.fork_rng)."
+        raise Nonconformity(f"it changes the global random numbers of {drawn}.", remedy)
 
 
-def check_one_alone_is_as_in_a_batch(specimen: FittedSpecimen) -> None:
-    """One FRF gives the same answer by itself and among others: a measurement comes alone."""
-    batch = specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())
-    alone = [specimen.answer(specimen.fitted, specimen.features[row : row + 1].copy())[0] for row in range(_FEW)]
-    _compare(
-        np.stack(alone), batch, "a row alone gives another answer than in a batch", "Let each row depend on itself."
-    )
+def check_global_settings_are_left_alone(specimen: FittedSpecimen) -> None:
+    """NumPy's error handling, torch's threads and dtype, the environment and the like are as before the call."""
+    if specimen.observed.observation.settings:
+        changed = ", ".join(specimen.observed.observation.settings)
+        raise Nonconformity(f"it changes {changed}.", "Put settings back in a `finally`, or use a context manager.")
+
+
+def check_nothing_is_printed(specimen: FittedSpecimen) -> None:
+    """The standard output belongs to the caller, who may write a table or JSON to it."""
+    if text := specimen.observed.observation.printed.strip():
+        raise Nonconformity(f"it prints {text.splitlines()[0]!r:.60}.", "Report by `progress`, or use logging.")
+
+
+def check_one_alone_is_as_in_a_batch(specimen: FittedSpecimen) -> str:
+    """One FRF gives the same answer by itself, in pairs, and among 500: a measurement comes alone."""
+    features = specimen.samples(_BATCH, seed=3).features
+    start = time.perf_counter()
+    batch = specimen.ask(specimen.fitted, features)
+    times = [time.perf_counter() - start]
+    rows = np.linspace(0, _BATCH - 1, _FEW).astype(int)
+    for size in (2, 1):
+        start = time.perf_counter()
+        small = [specimen.ask(specimen.fitted, features[rows[i : i + size]]) for i in range(0, _FEW, size)]
+        times.append((time.perf_counter() - start) / len(small))
+        problem = f"in a batch of {size} a row has another answer than in one of {_BATCH}"
+        require_alike(np.concatenate(small), batch[rows], problem, "Let each row depend on itself.")
+    return f"{_BATCH} take {1000 * times[0]:.3g} ms, one {1000 * times[-1]:.3g} ms"
 
 
 def check_the_order_of_rows_does_not_matter(specimen: FittedSpecimen) -> None:
     """Rows in another order give the same answers in that order."""
-    batch = specimen.answer(specimen.fitted, specimen.features.copy())
-    turned = specimen.answer(specimen.fitted, specimen.features[::-1].copy())[::-1]
-    _compare(turned, batch, "rows in another order give other answers", "Let each row depend on itself, not its place.")
+    features = specimen.training.features
+    turned = specimen.ask(specimen.fitted, features[::-1])[::-1]
+    batch = specimen.ask(specimen.fitted, features)
+    require_alike(turned, batch, "rows in another order give other answers", "Let a row not depend on its place.")
 
 
 def check_asking_changes_nothing(specimen: FittedSpecimen) -> None:
-    """The same question gets the same answer, whatever was asked between."""
-    first = specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())
-    specimen.answer(specimen.fitted, 2.0 * specimen.features[_FEW:].copy())
-    again = specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())
+    """The same question gets the same answer, whatever was asked between, and the state stays as it is."""
+    features = specimen.training.features
+    state = specimen.fitted.state()
+    first = specimen.ask(specimen.fitted, features[:_FEW])
+    specimen.ask(specimen.fitted, 2.0 * features[_FEW:])
+    again = specimen.ask(specimen.fitted, features[:_FEW])
     if not np.array_equal(first, again):
         raise Nonconformity("a question asked twice got two answers.", "Keep nothing of what is asked.")
+    later = specimen.fitted.state()
+    if state.keys() != later.keys() or not all(np.array_equal(state[name], later[name]) for name in state):
+        raise Nonconformity("its state changes when it is asked.", "Keep nothing of what is asked.")
+
+
+def check_answers_are_fresh(specimen: FittedSpecimen) -> None:
+    """An answer stays as it is, and may be written into, since features are standardised in place."""
+    features = specimen.training.features[:_FEW]
+    asked = features.copy()
+    first = specimen.answer(specimen.fitted, asked)
+    kept = first.copy()
+    specimen.ask(specimen.fitted, specimen.unseen.features[:_FEW])
+    if not np.array_equal(first, kept):
+        raise Nonconformity("a later answer changes an earlier one.", "Return a new array each time.")
+    if np.shares_memory(first, asked):
+        raise Nonconformity("its answer is a view of the features.", "Return a copy.")
+    if first.flags.writeable:
+        first[...] = 0.0
+    if not np.array_equal(specimen.ask(specimen.fitted, features), kept):
+        raise Nonconformity("writing into an answer changes the next one.", "Return a new array each time.")
 
 
 def check_inputs_are_left_unchanged(specimen: FittedSpecimen) -> None:
-    """Arrays given to `fit`, `transform` and `predict` belong to the caller, who may have made them read-only."""
-    features = specimen.features.copy()
-    fitted = specimen.fit(features)
-    specimen.answer(fitted, features)
-    if not np.array_equal(features, specimen.features):
+    """Arrays given to `fit`, `transform` and `predict` belong to the caller."""
+    changed = [name for name in specimen.observed.changed if name == "features"]
+    asked = specimen.training.features.copy()
+    specimen.answer(specimen.fitted, asked)
+    if changed or not np.array_equal(asked, specimen.training.features):
         raise Nonconformity("it changed the features that it was given.", "Compute with copies.")
 
 
-def check_state_is_arrays_and_plain_values(specimen: FittedSpecimen) -> None:
-    """A model's folder holds safetensors and JSON, nothing that could be code."""
-    for name, value in specimen.fitted.state().items():
-        numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
-        if not isinstance(name, str) or not (numbers or isinstance(value, (bool, int, float, str))):
-            kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
-            problem = f"state() holds '{name}', which is {kind}."
-            raise Nonconformity(problem, "Give arrays of numbers, int, float, str and bool only.")
+def check_read_only_arrays_are_accepted(specimen: FittedSpecimen) -> None:
+    """The caller may have made the arrays read-only, such as those of a memory map."""
+    samples = specimen.training.copy()
+    for array in vars(samples).values():
+        array.flags.writeable = False
+    try:
+        specimen.fit(samples)
+        specimen.answer(specimen.fitted, samples.features)
+    except (ValueError, TypeError, BufferError) as error:
+        raise Nonconformity(f"it fails for read-only arrays: {error}.", "Compute with copies.") from None
 
 
-def check_state_is_a_copy(specimen: FittedSpecimen) -> None:
-    """Who writes into the state that was returned does not change later answers."""
-    fitted = specimen.component.restore(specimen.fitted.state())
-    before = specimen.answer(fitted, specimen.features[:_FEW].copy())
-    for value in fitted.state().values():
-        if isinstance(value, np.ndarray) and value.flags.writeable:
-            value[...] = 0
-    if not np.array_equal(before, specimen.answer(fitted, specimen.features[:_FEW].copy())):
-        raise Nonconformity("writing into its state changes its answers.", "Return copies from state().")
+def check_its_samples_may_be_overwritten(specimen: FittedSpecimen) -> None:
+    """After `fit` the caller may write into what it was fitted to."""
+    if not np.array_equal(specimen.observed.answers, specimen.observed.overwritten):
+        problem = "writing into the training samples after fit changes its answers."
+        raise Nonconformity(problem, "Copy what is kept of them.")
 
 
-def check_restoring_brings_back_the_answers(specimen: FittedSpecimen) -> None:
-    """`restore` of `state` answers as the original does."""
-    again = specimen.component.restore(specimen.fitted.state())
-    answer = specimen.answer(again, specimen.features[:_FEW].copy())
-    fitted = specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())
-    _compare(answer, fitted, "restored from its state it answers otherwise", "Put all that was fitted into state().")
+def check_layout_and_precision_do_not_matter(specimen: FittedSpecimen) -> None:
+    """The same numbers give the same fit and answers, in Fortran's order, strided, or in double precision."""
+    remedy = "Begin with numpy.ascontiguousarray(features, dtype=...)."
+    features = specimen.unseen.features
+    wanted = specimen.ask(specimen.fitted, features)
+    layouts: dict[str, NDArray[Any]] = {
+        "in Fortran's order": np.array(features, order="F"),
+        "in double precision": features.astype(np.float64),
+        "of every other row of an array": np.repeat(features, 2, axis=0)[::2],
+        "in reversed memory": features[::-1, ::-1].copy()[::-1, ::-1],
+    }
+    for name, array in layouts.items():
+        answers = np.array(specimen.answer(specimen.fitted, array))
+        require_alike(answers, wanted, f"features {name} have other answers", remedy)
+    double: Any = np.asfortranarray(specimen.training.features, dtype=np.float64)
+    turned = TrainingSet(double, np.array(specimen.training.targets, order="F"))
+    answers = specimen.ask(specimen.fit(turned), features)
+    require_alike(answers, wanted, "fitted to arrays in Fortran's order and double precision it differs", remedy)
 
 
-def check_a_fresh_process_gives_the_same_answers(specimen: FittedSpecimen) -> None:
-    """Stored in files and restored in a fresh process, without unpickling anything, it answers as before."""
-    answer = answer_of_a_fresh_process(specimen, specimen.features[:_FEW])
-    fitted = specimen.answer(specimen.fitted, specimen.features[:_FEW].copy())
-    problem = "in a fresh process it answers otherwise"
-    _compare(answer, fitted, problem, "Let restore depend on the state and the Config alone.")
+def check_other_fits_leave_no_trace(specimen: FittedSpecimen) -> None:
+    """What was fitted before, by this instance or another, with other options or not, changes nothing."""
+    features = specimen.unseen.features
+    before = specimen.ask(specimen.fitted, features)
+    remedy = "Keep nothing in the class, the module or the component."
+    elsewhere = specimen.elsewhere
+    require_alike(elsewhere.meanwhile, before, "other fits change the answers of an earlier one", remedy)
+    require_alike(elsewhere.again, before, "fitted to other samples before, it answers otherwise", remedy)
 
 
 def check_values_that_are_not_finite_are_refused(specimen: FittedSpecimen) -> None:
-    """A NaN among the features is an error that names it, not an answer."""
-    features = specimen.features.copy()
-    features[3, 1] = np.nan
-    for verb, call in (
-        ("fitting to", lambda: specimen.fit(features)),
-        ("answering to", lambda: specimen.answer(specimen.fitted, features)),
-    ):
-        try:
-            call()
-        except (DovetailError, ValueError):
-            continue
-        raise Nonconformity(f"{verb} a NaN it raises nothing.", "Raise a dovetail.DovetailError that names the row.")
+    """A NaN or an infinite number among the features is an error that names it, not an answer."""
+    for value in (np.nan, np.inf):
+        samples = specimen.training.copy()
+        samples.features[3, -1] = value
+        calls: dict[str, Callable[[], Any]] = {
+            "fitting to": partial(specimen.fit, samples),
+            "answering to": partial(specimen.answer, specimen.fitted, samples.features),
+        }
+        for verb, call in calls.items():
+            try:
+                call()
+            except (DovetailError, ValueError):
+                continue
+            raise Nonconformity(f"{verb} {value} raises nothing.", "Raise a dovetail.DovetailError that names the row.")
 
 
 def check_another_width_is_refused(specimen: FittedSpecimen) -> None:
     """Features of another number of columns than it was fitted to are an error."""
-    try:
-        specimen.answer(specimen.fitted, specimen.features[:_FEW, :-1].copy())
-    except (DovetailError, ValueError):
-        return
-    problem = "it takes features of another width than it was fitted to."
-    raise Nonconformity(problem, "Compare features.shape[1] with that of the training features.")
-
-
-def _compare(answer: NDArray[Any], wanted: NDArray[Any], problem: str, remedy: str) -> None:
-    greatest = float(np.abs(wanted).max(initial=0.0)) or 1.0
-    if answer.shape != wanted.shape or not float(np.abs(answer - wanted).max()) <= _ALIKE * greatest:
-        raise Nonconformity(f"{problem}.", remedy)
+    features = specimen.training.features[:_FEW]
+    for other in (features[:, :-1], np.repeat(features, 2, axis=1)):
+        try:
+            specimen.ask(specimen.fitted, other)
+        except (DovetailError, ValueError):
+            continue
+        problem = "it takes features of another width than it was fitted to."
+        raise Nonconformity(problem, "Compare features.shape[1] with that of the training features.")

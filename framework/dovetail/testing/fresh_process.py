@@ -1,4 +1,4 @@
-"""What a fitted component answers in a process of its own, from files alone."""
+"""What a component answers in a process of its own: restored from files alone, and fitted where nothing was before."""
 
 from __future__ import annotations
 
@@ -9,80 +9,147 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.interfaces import Component, State
 from dovetail.testing.outcomes import Nonconformity
-from dovetail.testing.specimens import ReducerSpecimen, RegressorSpecimen
+from dovetail.testing.training_sets import TrainingSet
 
-__all__ = ["answer_of_a_fresh_process", "main"]
+__all__ = ["FreshAnswers", "ask_a_fresh_process", "load_module", "main"]
 
 _LIMIT = 300
-_REQUEST, _ARRAYS, _FEATURES, _ANSWER = "request.json", "state.safetensors", "features.npy", "answer.npy"
+_REQUEST, _ARRAYS, _SAMPLES, _WORK = "request.json", "state.safetensors", "samples.npz", "work"
+_REMEDY = "Put the class at the top of a module, and let restore need nothing but the state and the Config."
 
 
-def answer_of_a_fresh_process(
-    specimen: ReducerSpecimen | RegressorSpecimen, features: NDArray[np.float32]
-) -> NDArray[Any]:
-    """Store what was fitted as a model's folder does, and ask a fresh process what it answers to features.
+@dataclass(frozen=True, eq=False)
+class FreshAnswers:
+    """What a fresh process answered.
 
-    Raises
-    ------
-    Nonconformity
-        The process cannot make the component, unpickles something, or fails otherwise.
+    Parameters
+    ----------
+    answers : mapping of str to array
+        'restored': of what was restored from the state; 'fitted': of what was fitted in that process.
+    failures : mapping of str to str
+        Why there is no such answer.
+    files : tuple of str
+        What lay in the working folder afterwards, which was empty before.
+    """
+
+    answers: Mapping[str, NDArray[Any]]
+    failures: Mapping[str, str]
+    files: tuple[str, ...]
+
+    def get(self, name: str) -> NDArray[Any]:
+        """Return an answer.
+
+        Raises
+        ------
+        Nonconformity
+            There is none.
+        """
+        if name in self.failures:
+            raise Nonconformity(f"in a fresh process it cannot be {name}: {self.failures[name]}", _REMEDY)
+        return self.answers[name]
+
+
+def ask_a_fresh_process(component: Component, state: State, samples: TrainingSet, seed: int) -> FreshAnswers:
+    """Store a state as a model's folder does, and ask a fresh process, with other hashes of texts.
+
+    Parameters
+    ----------
+    component : Component
+        A reducer or a regressor.
+    state : mapping
+        Of what was fitted; it is restored and asked for the features of `samples`.
+    samples : TrainingSet
+        To which the fresh process fits a component of its own.
+    seed : int
     """
     from safetensors.numpy import save_file
 
-    state = specimen.fitted.state()
     arrays = {name: np.asarray(value, order="C") for name, value in state.items() if isinstance(value, np.ndarray)}
-    module = sys.modules[specimen.model.__module__]
+    module = sys.modules[type(component).__module__]
     request = {
         "module": module.__name__,
         "file": str(getattr(module, "__file__", "")),
         "path": [str(Path(entry or os.curdir).resolve()) for entry in sys.path],
-        "name": specimen.model.__qualname__,
-        "config": specimen.component.config.model_dump(mode="json"),
+        "name": type(component).__qualname__,
+        "config": component.config.model_dump(mode="json"),
         "values": {name: value for name, value in state.items() if name not in arrays},
+        "seed": seed,
     }
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        (folder / _WORK).mkdir()
         (folder / _REQUEST).write_text(json.dumps(request), encoding="utf-8")
         save_file(arrays, folder / _ARRAYS)
-        np.save(folder / _FEATURES, features)
+        np.savez(folder / _SAMPLES, features=samples.features, targets=samples.targets)
         command = [sys.executable, "-c", f"from {__name__} import main; main()", name]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(request["path"])}
-        done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=_LIMIT, check=False)
+        salt = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(request["path"]), "PYTHONHASHSEED": salt}
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            env=environment,
+            cwd=folder / _WORK,
+            timeout=_LIMIT,
+            check=False,
+        )
         if done.returncode:
             reason = (done.stderr.strip().splitlines() or ["it gave no reason"])[-1]
-            raise Nonconformity(f"in a fresh process it cannot be restored: {reason}", _REMEDY)
-        answer: NDArray[Any] = np.load(folder / _ANSWER, allow_pickle=False)
-        return answer
-
-
-_REMEDY = "Put the class at the top of a module, and let restore need nothing but the state and the Config."
+            return FreshAnswers({}, dict.fromkeys(("restored", "fitted"), reason), ())
+        answers = {file.stem: np.load(file, allow_pickle=False) for file in folder.glob("*.npy")}
+        failures = {file.stem: file.read_text(encoding="utf-8") for file in folder.glob("*.txt")}
+        return FreshAnswers(answers, failures, tuple(sorted(entry.name for entry in (folder / _WORK).iterdir())))
 
 
 def main() -> None:
-    """Answer a request in the folder that the command line names; nothing is unpickled."""
+    """Answer a request in the folder that the command line names; what is restored unpickles nothing."""
     from safetensors.numpy import load_file
 
     folder = Path(sys.argv[1])
     request = json.loads((folder / _REQUEST).read_text(encoding="utf-8"))
-    model: Any = _module(request["module"], request["file"])
+    model: Any = load_module(request["module"], request["file"])
     for part in request["name"].split("."):
         model = getattr(model, part)
     component = model(model.Config.model_validate(request["config"]))
-    features = np.load(folder / _FEATURES, allow_pickle=False)
-    sys.addaudithook(_refuse_pickles)
-    fitted = component.restore({**load_file(folder / _ARRAYS), **request["values"]})
-    answer = fitted.transform(features) if component.kind == "reducer" else fitted.predict(features)
-    np.save(folder / _ANSWER, answer)
+    with np.load(folder / _SAMPLES, allow_pickle=False) as stored:
+        samples = TrainingSet(stored["features"], stored["targets"])
+    state = {**load_file(folder / _ARRAYS), **request["values"]}
+    refusing = [True]
+    sys.addaudithook(lambda event, arguments: _refuse_pickles(event, arguments) if refusing else None)
+    _note(folder / "restored", lambda: _answer(component, component.restore(state), samples.copy()))
+    refusing.clear()
+    fresh = model(component.config)
+    _note(folder / "fitted", lambda: _answer(fresh, _fit(fresh, samples.copy(), request["seed"]), samples))
 
 
-def _module(name: str, file: str) -> Any:
+def _fit(component: Any, samples: TrainingSet, seed: int) -> Any:
+    targets = () if component.kind == "reducer" else (samples.targets,)
+    return component.fit(samples.features, *targets, seed=seed)
+
+
+def _answer(component: Any, fitted: Any, samples: TrainingSet) -> Any:
+    return fitted.transform(samples.features) if component.kind == "reducer" else fitted.predict(samples.features)
+
+
+def _note(file: Path, call: Callable[[], Any]) -> None:
+    """Write what a call gives, or why it gives nothing."""
+    try:
+        np.save(file.with_suffix(".npy"), call())
+    except Exception as error:  # a plugin may raise anything
+        file.with_suffix(".txt").write_text(f"{type(error).__name__}: {error}", encoding="utf-8")
+
+
+def load_module(name: str, file: str) -> Any:
     """Import the component's module by its name, or, for a plugin file, from the file."""
     if name != "__main__" and importlib.util.find_spec(name.partition(".")[0]) is not None:
         return importlib.import_module(name)

@@ -1,25 +1,34 @@
-"""Checks of joints: what they declare, and what their matrices are over the parameters' ranges."""
+"""Checks of joints: what they declare, and what their matrices are over the whole ranges of the parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.interfaces import StructuralMatrices, joint_faults
-from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, relative_difference
+from dovetail.interfaces import DIRECTIONS, StructuralMatrices, joint_faults
+from dovetail.testing.answers import PARTS
+from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, loosest, relative_difference
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimens import FREQUENCY, JointSpecimen
+from dovetail.units import dimension
 
 __all__: list[str] = []
 
-PARTS = {"M": "mass", "K": "stiffness", "C": "viscous damping", "D": "structural damping"}
 _ROUNDING = 1e-9
+"""Of the greatest entry: sums in another order differ by some 1e-15 for each of a thousand terms at most."""
+_SINGLE = 1e-3
+"""Of the greatest entry, for parameters in single precision: 6e-8, with room for high powers and differences."""
 _LEAST_EFFORT = 1e-7
-_DERIVATIVE = 1e-5
-_FEW = 4
+"""Of the effort of each DOF alone: stiffnesses of one joint differ by some 1e8, so that rounding leaves 1e-8 of it."""
+_AT_REST = 1e-3
+"""Frequency [Hz] at which a law of its own is nearly at rest, so that inertia costs nothing."""
+_LOOSE = 1e-12
+"""Least singular value of scaled matrices below which a motion is taken to be free."""
+_BATCHES = 24
+"""Batches of each size, from all over the vectors."""
 
 
 def check_ports_parameters_and_dofs_are_declared(specimen: JointSpecimen) -> None:
@@ -50,10 +59,24 @@ def check_matrices_are_finite(specimen: JointSpecimen) -> None:
     for part, noun in PARTS.items():
         finite = np.isfinite(getattr(specimen.matrices, part)).all(axis=(1, 2))
         if not finite.all():
-            vector = _shown(specimen, int(np.argmin(finite)))
+            vector = specimen.shown(specimen.theta[int(np.argmin(finite))])
             raise Nonconformity(
                 f"the {noun} matrix is not finite for {vector}.", "Narrow the ranges, or mend matrices."
             )
+
+
+def check_dynamic_stiffness_has_its_shape(specimen: JointSpecimen) -> None:
+    """`dynamic_stiffness` is (n, n_freq, d, d), complex, and finite from 1 Hz to 20 kHz."""
+    size = specimen.component.size
+    few = 4
+    for frequency, count in ((specimen.lines, few), (specimen.lines[:1], 1), (specimen.lines, 1)):
+        Z = specimen.component.dynamic_stiffness(frequency.copy(), specimen.some(count).copy())
+        wanted = (count, len(frequency), size, size)
+        if not isinstance(Z, np.ndarray) or Z.shape != wanted or Z.dtype.kind != "c" or not np.isfinite(Z).all():
+            problem = f"dynamic_stiffness returned {getattr(Z, 'dtype', type(Z))} of shape {getattr(Z, 'shape', '?')}"
+            finite = ", with values that are not finite" if getattr(Z, "shape", None) == wanted else ""
+            remedy = f"Return a finite complex array, {wanted} for {count} vectors and {len(frequency)} lines."
+            raise Nonconformity(f"{problem}{finite}.", remedy)
 
 
 def check_parameters_are_described(specimen: JointSpecimen) -> None:
@@ -63,17 +86,12 @@ def check_parameters_are_described(specimen: JointSpecimen) -> None:
         raise Nonconformity(f"without a description: {', '.join(bare)}.", "Give Parameter its sixth argument.")
 
 
-def check_own_ranges_are_accepted(specimen: JointSpecimen) -> None:
-    """`range_objections` has nothing against the joint's own ranges."""
-    parameters = specimen.component.parameters
-    objections = specimen.component.range_objections(
-        {parameter.name: parameter.lower for parameter in parameters},
-        {parameter.name: parameter.upper for parameter in parameters},
-    )
-    if not isinstance(objections, Mapping):
-        raise Nonconformity(f"range_objections returned {type(objections).__name__}.", "Return a dict, {} for none.")
-    for name, objection in objections.items():
-        raise Nonconformity(f"it objects to its own range of {name}: {objection}", "Give the parameter another range.")
+def check_parameters_are_in_si_units(specimen: JointSpecimen) -> None:
+    """Each parameter is in a unit of SI without a prefix, as descriptions, results and figures take it."""
+    for parameter in specimen.component.parameters:
+        if dimension(parameter.unit)[0] != 1.0:
+            problem = f"'{parameter.name}' is in {parameter.unit}."
+            raise Nonconformity(problem, "Use N/m, N m/rad, N s/m, kg, kg m^2, m, Hz, 1; descriptions may write kN/m.")
 
 
 def check_matrices_are_symmetric(specimen: JointSpecimen) -> None:
@@ -99,61 +117,67 @@ def check_damping_is_positive_semidefinite(specimen: JointSpecimen) -> None:
     _check_semidefinite(specimen, "D")
 
 
-def check_each_vector_of_a_batch_is_treated_alone(specimen: JointSpecimen) -> None:
-    """A batch gives what a loop over its vectors gives."""
-    for row in range(len(specimen.theta)):
-        alone = specimen.component.matrices(specimen.theta[row : row + 1].copy())
-        for part, noun in PARTS.items():
-            together = getattr(specimen.matrices, part)[row]
-            if relative_difference(getattr(alone, part)[0], together) > _ROUNDING:
-                problem = f"the {noun} matrix for {_shown(specimen, row)} is another one in a batch than alone."
-                raise Nonconformity(
-                    problem, "Use the vectors' own axis: theta is (n, n_params), matrices are (n, d, d)."
-                )
+def check_each_vector_of_a_batch_is_treated_alone(specimen: JointSpecimen) -> str:
+    """Batches of 1, 2 and 500, and of as many as there are parameters or DOFs, give what one large one gives."""
+    component, many = specimen.component, len(specimen.theta)
+    for count in sorted({1, 2, 3, len(component.parameters), component.size, 500}):
+        first = np.linspace(0, max(0, many - count), _BATCHES).astype(int)
+        for start in dict.fromkeys(first.tolist()) if 0 < count <= many else ():
+            rows = np.arange(start, start + count)[::-1]
+            answer = component.matrices(specimen.theta[rows])
+            for part, noun in PARTS.items():
+                together = getattr(specimen.matrices, part)[rows]
+                if relative_difference(getattr(answer, part), together) > _ROUNDING:
+                    problem = f"the {noun} matrix of a vector is not the same in a batch of {count} as in {many}."
+                    remedy = "Use the vectors' own axis: theta is (n, n_params), matrices are (n, d, d)."
+                    raise Nonconformity(problem, remedy)
+    start_time = time.perf_counter()
+    component.matrices(specimen.theta.copy())
+    return f"{many} vectors took {1e3 * (time.perf_counter() - start_time):.2g} ms"
 
 
-def check_the_same_entries_are_filled(specimen: JointSpecimen) -> None:
-    """An entry is filled for all parameter values or for none: the elimination is planned once."""
-    for part, noun in PARTS.items():
-        filled = getattr(specimen.matrices, part)[2:] != 0  # the first two are the corners of the ranges
-        changing = filled.any(axis=0) != filled.all(axis=0)
-        if changing.any():
-            row, column = np.argwhere(changing)[0]
-            problem = f"entry ({row}, {column}) of the {noun} matrix is zero for some parameters only."
-            raise Nonconformity(problem, "Fill it for all parameter values, with a smooth function of them.")
+def check_theta_may_be_any_array(specimen: JointSpecimen) -> None:
+    """Parameters are numbers: their type, their place in memory and whether they may be written do not matter."""
+    parameters = specimen.component.parameters
+    theta = specimen.vectors(np.random.default_rng(0).uniform(0.1, 0.9, (9, len(parameters))))
+    read_only = theta.copy()
+    read_only.flags.writeable = False
+    kinds: dict[str, NDArray[Any]] = {
+        "in Fortran order": np.asfortranarray(theta),
+        "with other numbers between": np.repeat(theta, 2, axis=0)[::2],
+        "that is read-only": read_only,
+        "in single precision": theta.astype(np.float32),
+    }
+    least, greatest = (np.array([getattr(p, end) for p in parameters], dtype=float) for end in ("lower", "upper"))
+    if (np.ceil(least) <= np.floor(greatest)).all():
+        kinds["of whole numbers"] = np.clip(np.round(theta), np.ceil(least), np.floor(greatest)).astype(np.int64)
+    for kind, array in kinds.items():
+        same = np.array(array, dtype=np.float64, order="C")
+        answer, wanted = specimen.component.matrices(array), specimen.component.matrices(same)
+        limit = _SINGLE if array.dtype == np.float32 else _ROUNDING
+        if any(relative_difference(getattr(answer, part), getattr(wanted, part)) > limit for part in PARTS):
+            problem = f"for an array {kind} matrices answers otherwise than for the same numbers."
+            raise Nonconformity(problem, "Begin with theta = numpy.asarray(theta, dtype=float), and use its axes.")
+    specimen.component.matrices_jacobian(read_only)
+    specimen.component.dynamic_stiffness(FREQUENCY.copy(), read_only)
 
 
-def check_every_parameter_acts(specimen: JointSpecimen) -> None:
-    """A parameter that changes nothing cannot be identified."""
-    if not specimen.component.parameters:
-        raise NotApplicable("the joint has no parameters.")
-    middle = specimen.theta[2:3]
-    before = specimen.component.dynamic_stiffness(FREQUENCY, middle.copy())
-    for column, parameter in enumerate(specimen.component.parameters):
-        changed = middle.copy()
-        changed[0, column] = parameter.from_unit(np.array(0.75))
-        if (specimen.component.dynamic_stiffness(FREQUENCY, changed) == before).all():
-            raise Nonconformity(f"'{parameter.name}' changes nothing.", "Use it in matrices, or leave it out.")
-
-
-def check_jacobian_meets_differences(specimen: JointSpecimen) -> None:
-    """`matrices_jacobian` is the derivative of `matrices`, held against central differences."""
-    parameters, theta = specimen.component.parameters, specimen.theta[2 : 2 + _FEW]
-    if not parameters:
-        raise NotApplicable("the joint has no parameters.")
-    jacobian = specimen.component.matrices_jacobian(theta.copy())
-    if len(jacobian) != len(parameters):
-        problem = f"matrices_jacobian returned {len(jacobian)} derivatives for {len(parameters)} parameters."
-        raise Nonconformity(problem, "Return StructuralMatrices for each parameter, in their order.")
-    for column, parameter in enumerate(parameters):
-        above, below, width = _moved(specimen, theta, column)
-        high, low = specimen.component.matrices(above), specimen.component.matrices(below)
-        for part, noun in PARTS.items():
-            differences = (getattr(high, part) - getattr(low, part)) / width
-            error = np.abs(getattr(jacobian[column], part) - differences).max()
-            if not error <= _DERIVATIVE * np.abs(differences).max() + _noise(getattr(high, part), width):
-                problem = f"the derivative of the {noun} matrix by '{parameter.name}' is wrong by {error:.3g}."
-                raise Nonconformity(problem, "Mend matrices_jacobian, or leave it to the base class.")
+def check_every_port_and_dof_is_used(specimen: JointSpecimen) -> None:
+    """Each port, and each DOF of the joint's own, has an entry in a matrix; none of its own moves without any force."""
+    component, first = specimen.component, 0
+    Z = specimen.stiffness(specimen.lines, specimen.some(64))
+    filled = (Z != 0).any(axis=(0, 1, 2))
+    filled[[dof for pair in component.merged_dofs for dof in pair]] = True
+    for port in component.ports:
+        dofs = slice(first, first := first + len(DIRECTIONS) * port.nodes)
+        if not filled[dofs].any():
+            raise Nonconformity(f"no matrix has an entry for the port '{port.name}'.", "Attach it, or leave it out.")
+    if not filled[first:].all():
+        number = first + int(np.argmin(filled[first:]))
+        raise Nonconformity(f"no matrix has an entry for the joint's own DOF {number}.", "Lower internal_dofs.")
+    if (loosest(Z[:, :, first:, first:]) < _LOOSE).all():
+        problem = "DOFs of the joint's own can move without any force."
+        raise Nonconformity(problem, "Tie them to the ports with springs, or give them masses.")
 
 
 def check_translation_costs_nothing(specimen: JointSpecimen) -> None:
@@ -167,74 +191,38 @@ def check_rotation_costs_nothing(specimen: JointSpecimen) -> None:
 
 
 def check_contact_dofs_are_pairs(specimen: JointSpecimen) -> None:
-    """`contact_dofs` says which DOFs meet, for ``assembly.rigid()``."""
+    """`contact_dofs` says which DOFs meet, for ``assembly.rigid()``: a displacement meets a displacement."""
     size = specimen.component.size
-    for pair in specimen.component.contact_dofs:
+    try:
+        pairs = specimen.component.contact_dofs
+    except NotImplementedError as error:
+        raise NotApplicable(
+            "the joint does not say which of its DOFs meet, and so cannot be taken as rigid."
+        ) from error
+    for pair in pairs:
         whole = isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(dof, (int, np.integer)) for dof in pair)
         if not whole or not all(0 <= dof < size for dof in pair) or pair[0] == pair[1]:
             problem = f"{pair!r:.60} among contact_dofs is not a pair of two of the {size} local DOFs."
             raise Nonconformity(problem, "Give pairs of DOFs: port by port, node by node, x then rz.")
+        _check_direction(specimen, pair, "contact_dofs")
 
 
-def check_dynamic_stiffness_has_its_shape(specimen: JointSpecimen) -> None:
-    """`dynamic_stiffness` is (n, n_freq, d, d), complex and finite."""
-    Z, size = _stiffness(specimen), specimen.component.size
-    wanted = (_FEW, len(FREQUENCY), size, size)
-    if not isinstance(Z, np.ndarray) or Z.shape != wanted or Z.dtype.kind != "c" or not np.isfinite(Z).all():
-        problem = f"dynamic_stiffness returned {getattr(Z, 'dtype', type(Z))} of shape {getattr(Z, 'shape', '?')}."
-        raise Nonconformity(
-            problem, f"Return a finite complex array, {wanted} for {_FEW} vectors and {len(FREQUENCY)} Hz."
-        )
-
-
-def check_dynamic_stiffness_is_symmetric_and_passive(specimen: JointSpecimen) -> None:
-    """A law of its own is reciprocal too, and gives back no energy at any frequency."""
-    _only_with_own_law(specimen)
-    Z = _stiffness(specimen)
-    if asymmetry(Z) > _ROUNDING:
-        raise Nonconformity("dynamic_stiffness is not symmetric.", "Fill [row, column] and [column, row] alike.")
-    if least_eigenvalue(Z.imag) < -_ROUNDING:
-        problem = (
-            "the imaginary part of dynamic_stiffness is not positive semi-definite, so the joint feeds the motion."
-        )
-        raise Nonconformity(problem, "With exp(i omega t) a damper is + i omega c, and a lossy spring k (1 + i eta).")
-
-
-def check_dynamic_stiffness_treats_lines_and_vectors_alone(specimen: JointSpecimen) -> None:
-    """One line and one vector alone give what they give among others."""
-    Z = _stiffness(specimen)
-    for line in range(len(FREQUENCY)):
-        alone = specimen.component.dynamic_stiffness(FREQUENCY[line : line + 1].copy(), specimen.theta[2:3].copy())
-        if relative_difference(alone[0, 0], Z[0, line]) > _ROUNDING:
-            problem = f"at {FREQUENCY[line]:.4g} Hz alone dynamic_stiffness is another one than among other lines."
-            raise Nonconformity(problem, "Use the axes (n, n_freq, d, d) of theta and frequency.")
-
-
-def check_dynamic_stiffness_jacobian_meets_differences(specimen: JointSpecimen) -> None:
-    """`dynamic_stiffness_jacobian` of a law of its own is its derivative, held against central differences."""
-    _only_with_own_law(specimen)
-    component, theta = specimen.component, specimen.theta[2 : 2 + _FEW]
-    jacobian = list(component.dynamic_stiffness_jacobian(FREQUENCY.copy(), theta.copy()))
-    if len(jacobian) != len(component.parameters):
-        problem = f"it returned {len(jacobian)} derivatives for {len(component.parameters)} parameters."
-        raise Nonconformity(problem, "Return an array for each parameter, in their order.")
-    for column, parameter in enumerate(component.parameters):
-        above, below, width = _moved(specimen, theta, column)
-        high, low = (component.dynamic_stiffness(FREQUENCY.copy(), moved) for moved in (above, below))
-        differences = (high - low) / width[..., None]
-        error = np.abs(jacobian[column] - differences).max()
-        if not error <= _DERIVATIVE * np.abs(differences).max() + _noise(high, width):
-            problem = f"the derivative of dynamic_stiffness by '{parameter.name}' is wrong by {error:.3g}."
-            raise Nonconformity(problem, "Mend dynamic_stiffness_jacobian, or leave it to the base class.")
+def check_merged_dofs_have_one_direction(specimen: JointSpecimen) -> None:
+    """A displacement is merged with a displacement, a rotation with a rotation."""
+    if not specimen.component.merged_dofs:
+        raise NotApplicable("the joint merges no DOFs.")
+    for pair in specimen.component.merged_dofs:
+        _check_direction(specimen, pair, "merged_dofs")
 
 
 def check_inputs_are_left_unchanged(specimen: JointSpecimen) -> None:
     """`theta` and `frequency` belong to the caller."""
-    theta, frequency = specimen.theta.copy(), FREQUENCY.copy()
+    asked = specimen.some(16)
+    theta, frequency = asked.copy(), FREQUENCY.copy()
     specimen.component.matrices(theta)
     specimen.component.matrices_jacobian(theta)
     specimen.component.dynamic_stiffness(frequency, theta)
-    if not np.array_equal(theta, specimen.theta) or not np.array_equal(frequency, FREQUENCY):
+    if not np.array_equal(theta, asked) or not np.array_equal(frequency, FREQUENCY):
         raise Nonconformity(
             "the joint changed the arrays that it was given.", "Compute with copies: theta = theta.copy()."
         )
@@ -252,44 +240,22 @@ def check_answers_are_fresh(specimen: JointSpecimen) -> None:
         raise Nonconformity("the same parameters gave other matrices the second time.", "Return new arrays each time.")
 
 
-def _shown(specimen: JointSpecimen, row: int) -> str:
-    values = zip(specimen.component.parameters, specimen.theta[row], strict=True)
-    return ", ".join(f"{parameter.name} = {value:.4g} {parameter.unit}" for parameter, value in values)
-
-
-def _moved(
-    specimen: JointSpecimen, theta: NDArray[np.float64], column: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return parameter vectors a little above and below, and the width (n, 1, 1) between them."""
-    parameter = specimen.component.parameters[column]
-    step = 1e-4 * np.maximum(np.abs(theta[:, column]), 1e-2 * (parameter.upper - parameter.lower))
-    above, below = theta.copy(), theta.copy()
-    above[:, column] += step
-    below[:, column] -= step
-    return above, below, (above - below)[:, column, None, None]
-
-
-def _noise(values: NDArray[Any], width: NDArray[np.float64]) -> float:
-    """Return what rounding may leave of a difference quotient."""
-    return float(1e-14 * np.abs(values).max() / width.min())
+def _check_direction(specimen: JointSpecimen, pair: tuple[int, int], said: str) -> None:
+    """Compare the directions of two DOFs of ports; those of DOFs of the joint's own are not known."""
+    on_ports = specimen.component.size - specimen.component.internal_dofs
+    first, second = pair
+    if max(pair) < on_ports and (first - second) % len(DIRECTIONS):
+        words = [DIRECTIONS[dof % len(DIRECTIONS)] for dof in pair]
+        problem = f"the pair {pair} among {said} puts a DOF {words[0]} together with a DOF {words[1]}."
+        raise Nonconformity(problem, "Even local DOFs of ports are x, odd ones rz.")
 
 
 def _check_semidefinite(specimen: JointSpecimen, part: str) -> None:
-    for row, matrix in enumerate(getattr(specimen.matrices, part)):
-        if least_eigenvalue(matrix) < -_ROUNDING:
-            problem = f"the {PARTS[part]} matrix is not positive semi-definite for {_shown(specimen, row)}."
-            raise Nonconformity(
-                problem, "Look for a wrong sign; a spring adds k to two diagonal entries and -k between."
-            )
-
-
-def _only_with_own_law(specimen: JointSpecimen) -> None:
-    if not specimen.own_law:
-        raise NotApplicable("dynamic_stiffness follows from the matrices, which are checked.")
-
-
-def _stiffness(specimen: JointSpecimen) -> NDArray[np.complex128]:
-    return specimen.component.dynamic_stiffness(FREQUENCY.copy(), specimen.theta[2 : 2 + _FEW].copy())
+    least = least_eigenvalue(getattr(specimen.matrices, part))
+    if (least < -_ROUNDING).any():
+        vector = specimen.shown(specimen.theta[int(np.argmin(least))])
+        problem = f"the {PARTS[part]} matrix is not positive semi-definite for {vector}."
+        raise Nonconformity(problem, "Look for a wrong sign; a spring adds k to two diagonal entries and -k between.")
 
 
 def _check_costs_nothing(specimen: JointSpecimen, axis: int, verb: str) -> None:
@@ -304,14 +270,21 @@ def _check_costs_nothing(specimen: JointSpecimen, axis: int, verb: str) -> None:
     on_ports = component.size - component.internal_dofs
     held = np.arange(on_ports) if axis == 0 else np.arange(1, on_ports, 2)
     motion = (held % 2 == axis).astype(np.float64)
-    for row in range(len(specimen.theta)):
-        total = np.zeros((component.size, component.size))
-        for part in "KCD":
-            matrix = getattr(specimen.matrices, part)[row]
-            total += 0.5 * (matrix + matrix.T) / (np.abs(matrix).max(initial=0.0) or 1.0)
-        if least_effort(total, held, motion) > _LEAST_EFFORT:
-            problem = f"{verb} all its parts alike takes effort, for {_shown(specimen, row)}."
-            remedy = (
-                "Act on differences: a spring k between DOFs i and j is k at (i, i), (j, j) and -k at (i, j), (j, i)."
-            )
-            raise Nonconformity(problem, remedy)
+    total = np.sum([_normalised(getattr(specimen.matrices, part)) for part in "KCD"], axis=0)
+    if specimen.own_law:
+        chosen = specimen.some(200)
+        at_rest = specimen.stiffness(np.array([_AT_REST]), chosen)[:, 0].real
+        total = np.concatenate([total, _normalised(at_rest)])
+    costly = least_effort(total, held, motion) > _LEAST_EFFORT
+    if costly.any():
+        row = int(np.argmax(costly))
+        vectors = [*specimen.theta, *(specimen.some(200) if specimen.own_law else ())]
+        problem = f"{verb} all its parts alike takes effort, for {specimen.shown(vectors[row])}."
+        remedy = "Act on differences: a spring k between DOFs i and j is k at (i, i), (j, j) and -k at (i, j), (j, i)."
+        raise Nonconformity(problem, remedy)
+
+
+def _normalised(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the symmetric parts of (n, d, d) matrices over their greatest entries."""
+    greatest = np.abs(matrices).max(axis=(1, 2), keepdims=True, initial=0.0)
+    return np.asarray(0.5 * (matrices + np.swapaxes(matrices, 1, 2)) / np.where(greatest > 0, greatest, 1.0))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+import numpy as np
 
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import KINDS, Component, Kind, plugin_errors
@@ -14,24 +19,48 @@ from dovetail.registry import Registry, installed_components
 from dovetail.testing import (
     declared_checks,
     fitted_checks,
+    fitted_shape_checks,
+    fitted_state_checks,
     general_checks,
+    history_checks,
     joint_checks,
+    joint_derivative_checks,
+    joint_law_checks,
+    joint_range_checks,
     reducer_checks,
     regressor_checks,
     substructure_checks,
+    training_checks,
+    unit_checks,
 )
-from dovetail.testing.outcomes import CheckResult, Nonconformity, NotApplicable
+from dovetail.testing.outcomes import CheckResult, Nonconformity, NotApplicable, Reservation
 from dovetail.testing.specimens import Specimen, specimen_of
 
 __all__ = ["check_component", "check_names", "components_named"]
 
-_Check = Callable[[Any], None]
+_Check = Callable[[Any], str | None]
+"""Raises where something is wrong; may return what it measured."""
 
 _MODULES: Mapping[Kind, tuple[ModuleType, ...]] = {
-    "substructure": (substructure_checks, general_checks),
-    "joint": (joint_checks, general_checks),
-    "reducer": (fitted_checks, reducer_checks, general_checks),
-    "regressor": (fitted_checks, regressor_checks, general_checks),
+    "substructure": (substructure_checks, history_checks, unit_checks, general_checks),
+    "joint": (
+        joint_checks,
+        joint_derivative_checks,
+        joint_law_checks,
+        joint_range_checks,
+        history_checks,
+        unit_checks,
+        general_checks,
+    ),
+    "reducer": (fitted_checks, fitted_state_checks, fitted_shape_checks, reducer_checks, general_checks),
+    "regressor": (
+        fitted_checks,
+        fitted_state_checks,
+        fitted_shape_checks,
+        regressor_checks,
+        training_checks,
+        general_checks,
+    ),
 }
 
 _MAKING = "examples_make_components"
@@ -41,6 +70,7 @@ _PREREQUISITES = frozenset(
         "ports_parameters_and_dofs_are_declared",
         "matrices_have_the_shape_of_the_dofs",
         "matrices_are_finite",
+        "every_port_and_dof_is_used",
         "dynamic_stiffness_has_its_shape",
         "nodes_are_distinct",
         "matrices_have_the_shape_of_the_nodes",
@@ -81,6 +111,15 @@ def check_component(component: type[Component] | str, *, registry: Registry | No
 def check_names(kind: Kind) -> tuple[str, ...]:
     """Return the names of the checks of a kind, in the order in which they are run."""
     return (*_named(declared_checks), _MAKING, *(name for module in _MODULES[kind] for name in _named(module)))
+
+
+def check_descriptions(kind: Kind) -> dict[str, str]:
+    """Return what each check of a kind demands, in the order in which they are run."""
+    modules = (declared_checks, *_MODULES[kind])
+    checks = {name: check for module in modules for name, check in _named(module).items()}
+    docstrings = {name: inspect.getdoc(check) or "" for name, check in checks.items()}
+    docstrings[_MAKING] = inspect.getdoc(_specimens) or ""
+    return {name: docstrings[name].split("\n")[0] for name in check_names(kind)}
 
 
 def components_named(name: str, registry: Registry | None = None) -> tuple[type[Component], ...]:
@@ -139,7 +178,7 @@ def _check_model(model: type[Component]) -> Iterator[CheckResult]:
 
 
 def _specimens(model: type[Component], folder: Path) -> list[Specimen]:
-    """Make a component of each set of options that its examples give."""
+    """`examples` gives sets of options, and a component can be made of each: `{}`, unless it is overridden."""
     examples = model.examples(folder)
     remedy = "Override the class method `examples`: it returns sets of options as a description has them."
     if isinstance(examples, (str, Mapping)) or not isinstance(examples, Sequence) or not examples:
@@ -152,7 +191,10 @@ def _specimens(model: type[Component], folder: Path) -> list[Specimen]:
             text = " ".join(str(error).split())
             problem = f"it cannot be made with {dict(options)!r:.100}: {type(error).__name__}: {text:.200}"
             raise Nonconformity(problem, remedy) from error
-    return specimens
+    return [
+        replace(specimen, companions=tuple(other for other in specimens if other is not specimen))
+        for specimen in specimens
+    ]
 
 
 def _example_label(specimen: Specimen, specimens: list[Specimen]) -> str:
@@ -162,20 +204,28 @@ def _example_label(specimen: Specimen, specimens: list[Specimen]) -> str:
 
 def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any, Any, str]]) -> CheckResult:
     """Run one check over all subjects: (what it is given, whose code it runs, which example this is)."""
-    reasons = []
+    reasons: list[str] = []
+    remarks: list[str] = []
+    doubts: list[CheckResult] = []
     for subject, component, said in subjects:
         try:
-            with plugin_errors(component, label):
-                check(subject)
+            with plugin_errors(component, label), warnings.catch_warnings():
+                warnings.simplefilter("error", np.exceptions.ComplexWarning)  # damping that would be dropped
+                if measured := check(subject):
+                    remarks.append(f"{said}{measured}")
         except NotApplicable as reason:
             reasons.append(str(reason))
+        except Reservation as doubt:
+            doubts.append(CheckResult(label, name, "warning", f"{said}{doubt.problem}", doubt.remedy))
         except Nonconformity as fault:
             return CheckResult(label, name, "failed", f"{said}{fault.problem}", fault.remedy)
         except Exception as error:  # a plugin may raise anything, and answer with anything
             return CheckResult(label, name, "failed", f"{said}{_failure_text(error)}", _REMEDY)
+    if doubts:
+        return doubts[0]
     if len(reasons) == len(subjects):
         return CheckResult(label, name, "not applicable", reasons[0])
-    return CheckResult(label, name, "passed")
+    return CheckResult(label, name, "passed", "; ".join(remarks))
 
 
 _REMEDY = "The check could not go on."

@@ -7,46 +7,74 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["asymmetry", "least_effort", "least_eigenvalue", "relative_difference"]
+__all__ = ["asymmetry", "condensed", "least_effort", "least_eigenvalue", "loosest", "relative_difference", "unit_free"]
+
+_SINGULAR = 1e-12
+"""Eigenvalue of a scaled matrix below which a motion takes no effort."""
 
 
-def least_eigenvalue(matrices: NDArray[np.float64]) -> float:
-    """Return the least eigenvalue of (..., d, d) matrices scaled to a unit diagonal, since DOFs differ in their units.
+def least_eigenvalue(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the least eigenvalue of each of (..., d, d) matrices, scaled to a unit diagonal as DOFs differ in units.
 
-    -1 where a row is filled and its diagonal entry is not positive.
+    -1 where a row is filled and its diagonal entry is not positive; 0 at most.
     """
     symmetric = 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
     diagonal = np.diagonal(symmetric, axis1=-2, axis2=-1)
     filled = (symmetric != 0).any(axis=-1)
-    if (filled & (diagonal <= 0)).any():
-        return -1.0
-    scale = np.where(filled, 1.0 / np.sqrt(np.where(filled, diagonal, 1.0)), 0.0)
+    wrong = (filled & (diagonal <= 0)).any(axis=-1)
+    scale = np.where(filled & (diagonal > 0), 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 0.0)
     scaled = scale[..., :, None] * symmetric * scale[..., None, :]
-    return float(np.linalg.eigvalsh(scaled).min(initial=0.0))
+    return np.asarray(np.where(wrong, -1.0, np.linalg.eigvalsh(scaled).min(axis=-1, initial=0.0)))
 
 
-def least_effort(matrix: NDArray[np.float64], held: NDArray[np.intp], motion: NDArray[np.float64]) -> float:
+def least_effort(
+    matrices: NDArray[np.float64], held: NDArray[np.intp], motion: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the least effort of a motion of some DOFs, the others free, over the sum of what each would take alone.
 
     Parameters
     ----------
-    matrix : (d, d) array
+    matrices : (..., d, d) array
         Symmetric and positive semi-definite.
     held : (n,) int array
         DOFs whose motion is given.
     motion : (n,) array
+
+    Returns
+    -------
+    (...) array
     """
-    free = np.setdiff1d(np.arange(len(matrix)), held)
-    alone = float(motion**2 @ np.diag(matrix)[held])
-    if alone <= 0.0:
-        return 0.0
-    scale = 1.0 / np.sqrt(np.where(np.diag(matrix)[free] > 0, np.diag(matrix)[free], 1.0))
-    inner = scale[:, None] * matrix[np.ix_(free, free)] * scale
-    coupled = scale * (matrix[np.ix_(free, held)] @ motion)
-    effort = motion @ matrix[np.ix_(held, held)] @ motion
+    diagonal = np.diagonal(matrices, axis1=-2, axis2=-1)
+    free = np.setdiff1d(np.arange(matrices.shape[-1]), held)
+    alone = diagonal[..., held] @ motion**2
+    scale = 1.0 / np.sqrt(np.where(diagonal[..., free] > 0, diagonal[..., free], 1.0))
+    effort = np.einsum("i,...ij,j->...", motion, matrices[..., held[:, None], held], motion)
     if len(free):
-        effort -= coupled @ np.linalg.lstsq(inner, coupled, rcond=None)[0]
-    return float(effort) / alone
+        inner = scale[..., :, None] * matrices[..., free[:, None], free] * scale[..., None, :]
+        coupled = scale * (matrices[..., free[:, None], held] @ motion)
+        followed = np.linalg.pinv(inner, rcond=_SINGULAR, hermitian=True) @ coupled[..., None]
+        effort = effort - np.einsum("...i,...i->...", coupled, followed[..., 0])
+    return np.asarray(np.where(alone > 0, effort / np.where(alone > 0, alone, 1.0), 0.0))
+
+
+def condensed(Z: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
+    """Return the dynamic stiffness (..., count, count) of the first DOFs, the others free of forces."""
+    if count == Z.shape[-1]:
+        return Z
+    outer, inner = Z[..., :count, count:], Z[..., count:, count:]
+    return np.asarray(Z[..., :count, :count] - outer @ np.linalg.solve(inner, Z[..., count:, :count]))
+
+
+def loosest(Z: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the least singular value of each of (..., d, d) matrices, rows and columns scaled; 1 for d = 0."""
+    scaled = unit_free(Z, np.abs(Z).max(axis=-1, initial=0.0))
+    return np.asarray(np.linalg.svd(scaled, compute_uv=False).min(axis=-1, initial=1.0))
+
+
+def unit_free(matrices: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[Any]:
+    """Return (..., d, d) matrices over the square roots of a positive (..., d) scale of their rows and columns."""
+    root = 1.0 / np.sqrt(np.where(scale > 0, scale, 1.0))
+    return np.asarray(root[..., :, None] * matrices * root[..., None, :])
 
 
 def asymmetry(matrices: NDArray[np.complex128] | NDArray[np.float64]) -> float:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["CheckResult", "Nonconformity", "NotApplicable", "Outcome"]
+__all__ = ["CheckResult", "Nonconformity", "NotApplicable", "Outcome", "Reservation"]
 
-Outcome = Literal["passed", "failed", "not run", "not applicable"]
+Outcome = Literal["passed", "warning", "failed", "not run", "not applicable"]
 
 
 class Nonconformity(Exception):  # noqa: N818  not an error of the kit
@@ -27,6 +27,10 @@ class Nonconformity(Exception):  # noqa: N818  not an error of the kit
         self.remedy = remedy
 
 
+class Reservation(Nonconformity):
+    """A check met something that may be meant as it is: a warning, which does not count against the component."""
+
+
 class NotApplicable(Exception):  # noqa: N818
     """A check has nothing to look at in this component; the text says why, and is printed."""
 
@@ -41,10 +45,12 @@ class CheckResult:
         Kind and name of the component.
     name : str
         Of the check.
-    outcome : 'passed', 'failed', 'not run' or 'not applicable'
-        A check is not run where an earlier one, on which it builds, has failed.
+    outcome : 'passed', 'warning', 'failed', 'not run' or 'not applicable'
+        A check is not run where an earlier one, on which it builds, has failed. A warning is about something that may
+        be meant as it is.
     problem : str
-        What is wrong, as a sentence; the reason where the check was not run or does not apply.
+        What is wrong, as a sentence; the reason where the check was not run or does not apply; what was measured,
+        such as the time of a call, where it passed.
     remedy : str
         What to do about it.
     """
@@ -62,11 +68,11 @@ class CheckResult:
 
     @property
     def ok(self) -> bool:
-        """Whether nothing stands against the component here: passed, or not applicable."""
-        return self.outcome in ("passed", "not applicable")
+        """Whether nothing stands against the component here: passed, perhaps with a warning, or not applicable."""
+        return self.outcome in ("passed", "warning", "not applicable")
 
     def __str__(self) -> str:
         line = f"{self.outcome:<15} {self.name.replace('_', ' ')}"
-        if self.outcome != "failed":
+        if self.outcome not in ("warning", "failed"):
             return f"{line}: {self.problem}" if self.problem else line
         return "\n".join([line, *(f"{'':<15}   {text}" for text in (self.problem, self.remedy) if text)])

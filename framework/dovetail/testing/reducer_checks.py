@@ -4,22 +4,37 @@ from __future__ import annotations
 
 import numpy as np
 
-from dovetail.testing.outcomes import Nonconformity
-from dovetail.testing.specimens import ReducerSpecimen
+from dovetail.errors import DovetailError
+from dovetail.testing.fitted_shape_checks import SMALL
+from dovetail.testing.fitted_specimens import ReducerSpecimen
+from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
 
 __all__: list[str] = []
 
 
 def check_features_are_not_multiplied(specimen: ReducerSpecimen) -> None:
     """A reducer gives no more features than it was given."""
-    reduced = specimen.answer(specimen.fitted, specimen.features[:3].copy())
-    if reduced.shape[1] > specimen.features.shape[1]:
-        problem = f"of {specimen.features.shape[1]} features it makes {reduced.shape[1]}."
+    reduced = specimen.ask(specimen.fitted, specimen.training.features[:3])
+    if reduced.shape[1] > specimen.training.features.shape[1]:
+        problem = f"of {specimen.training.features.shape[1]} features it makes {reduced.shape[1]}."
         raise Nonconformity(problem, "Give fewer components.")
 
 
 def check_unlike_samples_stay_unlike(specimen: ReducerSpecimen) -> None:
     """FRFs that differ have reduced features that differ, or nothing can be identified from them."""
-    reduced = specimen.answer(specimen.fitted, specimen.features.copy())
+    for samples in (specimen.training, specimen.unseen):
+        reduced = specimen.ask(specimen.fitted, samples.features)
+        if len(np.unique(reduced, axis=0)) < len(reduced) // 2:
+            raise Nonconformity("most FRFs have the same reduced features.", "Keep what tells one FRF from another.")
+
+
+def check_small_features_stay_unlike(specimen: ReducerSpecimen) -> None:
+    """So do FRFs of a billionth of the size: those of a heavy machine are small in m/(N s^2)."""
+    samples = specimen.training.scaled(SMALL)
+    try:
+        reduced = specimen.ask(specimen.fit(samples.copy()), samples.features)
+    except DovetailError as refusal:
+        raise NotApplicable(f"it refuses features of {SMALL:g} times the size: {refusal.faults[0].problem}") from None
     if len(np.unique(reduced, axis=0)) < len(reduced) // 2:
-        raise Nonconformity("most FRFs have the same reduced features.", "Keep what tells one FRF from another.")
+        problem = f"most FRFs of {SMALL:g} times the size have the same reduced features."
+        raise Reservation(problem, "Use no fixed limits or digits; where an option sets the scale, say so.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,57 +13,52 @@ from numpy.typing import NDArray
 
 from dovetail.interfaces import (
     Component,
-    FittedReducer,
-    FittedRegressor,
     JointModel,
-    Reducer,
-    Regressor,
     SparseMatrices,
     StructuralMatrices,
     SubstructureModel,
 )
+from dovetail.testing.fitted_specimens import ReducerSpecimen, RegressorSpecimen
+from dovetail.testing.specimen import SEED, Specimen
 
 __all__ = [
     "FREQUENCY",
+    "WIDE",
     "JointSpecimen",
-    "ReducerSpecimen",
-    "RegressorSpecimen",
     "Specimen",
     "SubstructureSpecimen",
     "dense",
-    "sample_features",
-    "sample_targets",
     "specimen_of",
 ]
 
 FREQUENCY: NDArray[np.float64] = np.geomspace(20.0, 2000.0, 9)
 """Lines at which components are asked [Hz]; substructures known by FRFs must cover them in their examples."""
 
-SEED = 7
-_VECTORS = 24
-_SAMPLES, _LINES = 160, 120
+WIDE: NDArray[np.float64] = np.geomspace(1.0, 20e3, 14)
+"""Lines at which joints, and substructures with matrices, are asked [Hz]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Specimen:
-    """A component made from one set of options.
+@dataclass(frozen=True)
+class Settings:
+    """At how many parameter vectors joints are asked.
 
-    Parameters
+    Attributes
     ----------
-    model : type[Component]
-    options : mapping
-        As a description has them.
-    component : Component
+    random : int
+        Vectors drawn from the whole ranges: a fault in one per cent of their volume is met with near certainty
+        (1 - 0.99^1000 = 0.99996), and one evaluation of a shipped joint for all of them takes 0.03 s.
+    corners : int
+        Corners of the ranges: all of them for up to eight parameters, as many drawn at random for more.
+    memory : float
+        Bytes of one matrix for all vectors; where a joint has hundreds of DOFs fewer vectors are taken.
     """
 
-    model: type[Component]
-    options: Mapping[str, Any]
-    component: Any
+    random: int = 1000
+    corners: int = 256
+    memory: float = 6.4e7
 
-    @property
-    def label(self) -> str:
-        """How messages name the component."""
-        return f"{self.model.kind} '{self.model.name}'"
+
+SETTINGS = Settings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,19 +68,64 @@ class JointSpecimen(Specimen):
     component: JointModel
 
     @cached_property
+    def inner(self) -> NDArray[np.float64]:
+        """Parameter vectors (n, n_params): the middle of the ranges, and random ones."""
+        count = len(self.component.parameters)
+        fractions = np.random.default_rng(SEED).random((max(8, min(SETTINGS.random, int(0.8 * self._most))), count))
+        fractions[0] = 0.5
+        return self.vectors(fractions)
+
+    @cached_property
+    def corners(self) -> NDArray[np.float64]:
+        """Parameter vectors (n, n_params): the corners of the ranges, the lowest and the highest among them."""
+        count, most = len(self.component.parameters), max(2, min(SETTINGS.corners, int(0.2 * self._most)))
+        if 2**count <= most:
+            return self.vectors(np.array(list(itertools.product((0.0, 1.0), repeat=count))))
+        fractions = np.random.default_rng(SEED).integers(0, 2, (most, count)).astype(np.float64)
+        fractions[0], fractions[1] = 0.0, 1.0
+        return self.vectors(fractions)
+
+    @cached_property
     def theta(self) -> NDArray[np.float64]:
-        """Parameter vectors (n, n_params): both corners of the ranges, their middle, and random ones between."""
-        parameters = self.component.parameters
-        random = np.random.default_rng(SEED).random((_VECTORS, len(parameters)))
-        fractions = np.concatenate([np.zeros((1, len(parameters))), np.ones((1, len(parameters))), random])
-        fractions[2] = 0.5
-        columns = [parameter.from_unit(fractions[:, i]) for i, parameter in enumerate(parameters)]
-        return np.stack(columns, axis=1) if columns else np.empty((len(fractions), 0))
+        """Parameter vectors (n, n_params): the inner ones, then the corners."""
+        return np.concatenate([self.inner, self.corners])
+
+    @property
+    def _most(self) -> float:
+        return SETTINGS.memory / (8.0 * max(1, self.component.size) ** 2)
+
+    def vectors(self, fractions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the parameter vectors (n, n_params) at fractions of the ranges."""
+        theta = np.empty(fractions.shape)
+        for column, parameter in enumerate(self.component.parameters):
+            values = parameter.from_unit(fractions[:, column])
+            theta[:, column] = np.clip(values, parameter.lower, parameter.upper)
+        return theta
+
+    def some(self, count: int) -> NDArray[np.float64]:
+        """Return up to `count` of the vectors: the middle, others from all over the ranges, and as many corners."""
+        corners = self.corners[np.linspace(0, len(self.corners) - 1, min(count // 2, len(self.corners))).astype(int)]
+        return np.concatenate([self.inner[: count - len(corners)], corners])
 
     @cached_property
     def matrices(self) -> StructuralMatrices:
-        """What the joint answers to `theta`."""
-        return self.component.matrices(self.theta.copy())
+        """What the joint answers to `theta`, in arrays that nobody else holds."""
+        answer = self.component.matrices(self.theta.copy())
+        return StructuralMatrices(*(np.array(getattr(answer, part)) for part in "MKCD"))
+
+    def stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the dynamic stiffness (n, n_freq, d, d) in an array that nobody else holds."""
+        return np.array(self.component.dynamic_stiffness(frequency.copy(), theta.copy()))
+
+    def shown(self, vector: NDArray[np.float64]) -> str:
+        """Write a parameter vector out for a message."""
+        values = zip(self.component.parameters, vector, strict=True)
+        return ", ".join(f"{parameter.name} = {value:.4g} {parameter.unit}" for parameter, value in values)
+
+    @property
+    def lines(self) -> NDArray[np.float64]:
+        """Where it is asked [Hz]."""
+        return WIDE
 
     @property
     def own_law(self) -> bool:
@@ -114,70 +155,15 @@ class SubstructureSpecimen(Specimen):
         chosen = np.linspace(0, len(taking_part) - 1, min(len(taking_part), 5)).round().astype(int)
         return [int(dof) for dof in taking_part[chosen]]
 
+    @property
+    def lines(self) -> NDArray[np.float64]:
+        """Where it is asked [Hz]: from 1 Hz to 20 kHz, or, where it is known by FRFs only, what they must cover."""
+        return FREQUENCY if self.matrices is None else WIDE
+
     @cached_property
     def receptance(self) -> NDArray[np.complex128]:
-        """(n_freq, n, n) between `dofs` at `FREQUENCY`."""
-        return self.component.receptance(FREQUENCY.copy(), self.dofs)
-
-
-@dataclass(frozen=True, eq=False)
-class ReducerSpecimen(Specimen):
-    """A reducer, fitted once."""
-
-    component: Reducer
-
-    @cached_property
-    def features(self) -> NDArray[np.float32]:
-        """Training features (n_samples, n_features)."""
-        return sample_features()
-
-    def fit(self, features: NDArray[np.float32] | None = None) -> Any:
-        """Fit to the kit's samples, or to others."""
-        return self.component.fit(self.features.copy() if features is None else features, seed=SEED)
-
-    @cached_property
-    def fitted(self) -> FittedReducer:
-        """What fitting gave."""
-        fitted: FittedReducer = self.fit()
-        return fitted
-
-    def answer(self, fitted: Any, features: NDArray[np.float32]) -> NDArray[Any]:
-        """Return what something fitted makes of features."""
-        answer: NDArray[Any] = fitted.transform(features)
-        return answer
-
-
-@dataclass(frozen=True, eq=False)
-class RegressorSpecimen(Specimen):
-    """A regressor, fitted once."""
-
-    component: Regressor
-
-    @cached_property
-    def features(self) -> NDArray[np.float32]:
-        """Training features (n_samples, 6), standardised."""
-        return _standardised()
-
-    @cached_property
-    def targets(self) -> NDArray[np.float64]:
-        """Training targets (n_samples, 2), from 0 to 1."""
-        return sample_targets()
-
-    def fit(self, features: NDArray[np.float32] | None = None) -> Any:
-        """Fit to the kit's samples, or to other features of them."""
-        given = self.features.copy() if features is None else features
-        return self.component.fit(given, self.targets[: len(given)].copy(), seed=SEED)
-
-    @cached_property
-    def fitted(self) -> FittedRegressor:
-        """What fitting gave."""
-        fitted: FittedRegressor = self.fit()
-        return fitted
-
-    def answer(self, fitted: Any, features: NDArray[np.float32]) -> NDArray[Any]:
-        """Return what something fitted predicts."""
-        answer: NDArray[Any] = fitted.predict(features)
-        return answer
+        """(n_freq, n, n) between `dofs` at `lines`, in an array that nobody else holds."""
+        return np.array(self.component.receptance(self.lines.copy(), list(self.dofs)))
 
 
 def dense(matrix: Any) -> NDArray[np.float64]:
@@ -196,29 +182,3 @@ def specimen_of(model: type[Component], options: Mapping[str, Any]) -> Specimen:
     }
     specimen: Specimen = kinds[model.kind](model, options, component)
     return specimen
-
-
-def _unknowns() -> NDArray[np.float64]:
-    return np.random.default_rng(SEED).random((_SAMPLES, 2))
-
-
-def sample_features() -> NDArray[np.float32]:
-    """Return features (160, 120) as a reducer gets them: log10(A + 1) of unlike oscillators."""
-    unknown = _unknowns()
-    natural, damping = 300.0 + 400.0 * unknown[:, :1], 0.01 + 0.05 * unknown[:, 1:]
-    ratio = np.linspace(50.0, 1000.0, _LINES)[None, :] / natural
-    accelerance: NDArray[np.float64] = ratio**2 / np.hypot(1.0 - ratio**2, 2.0 * damping * ratio)
-    return np.asarray(np.log10(accelerance + 1.0), dtype=np.float32)
-
-
-def _standardised() -> NDArray[np.float32]:
-    lines = sample_features()[:, ::20].astype(np.float64)
-    return np.asarray((lines - lines.mean(axis=0)) / lines.std(axis=0), dtype=np.float32)
-
-
-def sample_targets() -> NDArray[np.float64]:
-    """Return targets (160, 2) as a regressor gets them: what the features came from, from 0 to 1."""
-    unknown = _unknowns()
-    least, greatest = unknown.min(axis=0), unknown.max(axis=0)
-    targets: NDArray[np.float64] = (unknown - least) / (greatest - least)
-    return targets

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.interfaces import DIRECTIONS, Node, SparseMatrices, StructuralMatrices, SubstructureModel
+from dovetail.testing.answers import PARTS
 from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, relative_difference
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimens import FREQUENCY, SubstructureSpecimen, dense
 
 __all__: list[str] = []
 
-_PARTS = {"M": "mass", "K": "stiffness", "C": "viscous damping", "D": "structural damping"}
 _ROUNDING = 1e-9
 _SOLVED = 1e-6
 _FACTORS = (2, 4)
+_TOLERANCE = 1e-3
+"""Error of a condensation that a measured FRF would show."""
+_ORDER = 64.0
+"""By how much an error shrinks at most when a mesh is made twice as fine: order six; more is another part."""
 
 
 def check_nodes_are_distinct(specimen: SubstructureSpecimen) -> None:
@@ -43,24 +48,60 @@ def check_matrices_have_the_shape_of_the_nodes(specimen: SubstructureSpecimen) -
     if len(shape) != 2 or shape[0] != shape[1] or shape[0] < least:
         problem = f"matrices returned arrays of shape {shape} for {least // 2} nodes."
         raise Nonconformity(problem, f"Give two DOFs to each node, x then rz: ({least}, {least}) or more.")
-    for part, noun in _PARTS.items():
+    for part, noun in PARTS.items():
         if not np.isfinite(dense(getattr(matrices, part))).all():
             raise Nonconformity(f"the {noun} matrix is not finite.", "Check the options where they enter.")
 
 
-def check_receptance_has_its_shape(specimen: SubstructureSpecimen) -> None:
+def check_every_node_and_dof_is_used(specimen: SubstructureSpecimen) -> None:
+    """Each node, and each inner DOF, has an entry in a matrix."""
+    matrices, count = _matrices(specimen), len(DIRECTIONS) * len(specimen.component.nodes)
+    _moving(specimen)
+    filled = np.any([(dense(getattr(matrices, part)) != 0).any(axis=0) for part in PARTS], axis=0)
+    idle = ~filled[:count].reshape(-1, len(DIRECTIONS)).any(axis=1)
+    if idle.any():
+        label = specimen.component.nodes[int(np.argmax(idle))].label
+        raise Nonconformity(f"no matrix has an entry for the node '{label}'.", "Tie it to the part, or leave it out.")
+    if not filled[count:].all():
+        problem = f"no matrix has an entry for the inner DOF {count + int(np.argmin(filled[count:]))}."
+        raise Nonconformity(problem, "Leave out DOFs with neither mass nor stiffness.")
+
+
+def check_absent_dofs_and_tolerance_are_in_range(specimen: SubstructureSpecimen) -> None:
+    """`absent_dofs` is a set of DOFs that no matrix has, `condensation_tolerance` a small number."""
+    absent, count = specimen.component.absent_dofs, len(DIRECTIONS) * len(specimen.component.nodes)
+    if not isinstance(absent, frozenset) or not all(isinstance(dof, int) and 0 <= dof < count for dof in absent):
+        problem = f"absent_dofs is {absent!r:.60}, and the nodes have {count} DOFs."
+        raise Nonconformity(problem, "Return a frozenset of DOFs of the nodes: 2 i for x of node i, 2 i + 1 for rz.")
+    if absent and specimen.matrices is not None:
+        problem = "it names absent_dofs, and has matrices."
+        raise Nonconformity(problem, "Leave rows and columns of zeros in the matrices instead.")
+    tolerance = specimen.component.condensation_tolerance
+    if isinstance(tolerance, bool) or not isinstance(tolerance, (int, float)) or not 0 <= tolerance <= _TOLERANCE:
+        problem = f"condensation_tolerance is {tolerance!r:.40}."
+        raise Nonconformity(problem, f"Return a relative error from 0 to {_TOLERANCE:g}.")
+
+
+def check_receptance_has_its_shape(specimen: SubstructureSpecimen) -> str:
     """`receptance` is a finite complex (n_freq, n, n) array for n DOFs."""
     _moving(specimen)
-    count, H = len(specimen.dofs), specimen.receptance
-    wanted = (len(FREQUENCY), count, count)
+    count = len(specimen.dofs)
+    H = specimen.component.receptance(specimen.lines.copy(), list(specimen.dofs))
+    wanted = (len(specimen.lines), count, count)
     if not isinstance(H, np.ndarray) or H.shape != wanted or H.dtype.kind != "c" or not np.isfinite(H).all():
         problem = f"receptance returned {getattr(H, 'dtype', type(H))} of shape {getattr(H, 'shape', '?')}."
         raise Nonconformity(problem, f"Return a finite complex array, {wanted} for {count} DOFs.")
+    start = time.perf_counter()
+    specimen.component.receptance(specimen.lines.copy(), list(specimen.dofs))
+    return f"{len(specimen.lines)} lines took {1e3 * (time.perf_counter() - start):.2g} ms"
 
 
 def check_mass_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None:
-    """No motion has negative kinetic energy."""
+    """No motion has negative kinetic energy, and what has rotary inertia has mass."""
     _check_semidefinite(specimen, "M")
+    outer = np.diag(dense(_matrices(specimen).M))[: len(DIRECTIONS) * len(specimen.component.nodes)]
+    if (outer[1::2] > 0).any() and not (outer[0::2] > 0).any():
+        raise Nonconformity("it has rotary inertia, and no mass.", "The DOFs of a node are x, then rz.")
 
 
 def check_stiffness_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None:
@@ -83,7 +124,7 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
     if (np.diag(K)[outer[1::2]] > 0).all():
         positions = np.array([node.position for node in specimen.component.nodes])
         motions["turned"] = np.stack([positions - positions.mean(), np.ones(len(positions))], axis=1).ravel()
-    costly = [name for name, motion in motions.items() if least_effort(K, outer, motion) > _ROUNDING]
+    costly = [name for name, motion in motions.items() if float(least_effort(K, outer, motion)) > _ROUNDING]
     if specimen.component.held and not costly:
         raise Nonconformity("the part says that it is held, but nothing holds it.", "Leave `held` as it is.")
     if costly and not specimen.component.held:
@@ -105,7 +146,7 @@ def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
 def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
     """Whatever the forces, they put energy in: the imaginary part of the receptance is nowhere positive."""
     _moving(specimen)
-    for line, H in zip(FREQUENCY, specimen.receptance, strict=True):
+    for line, H in zip(specimen.lines, specimen.receptance, strict=True):
         scale = 1.0 / np.sqrt(np.abs(np.diag(H)))
         scaled = scale[:, None] * H * scale
         least = float(np.linalg.eigvalsh(-0.5 * (scaled.imag + scaled.imag.T)).min())
@@ -123,7 +164,7 @@ def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
     M, K, C, D = (dense(getattr(matrices, part)) for part in "MKCD")
     active = np.union1d(np.flatnonzero(((M != 0) | (K != 0) | (C != 0) | (D != 0)).any(axis=0)), specimen.dofs)
     rows = np.searchsorted(active, specimen.dofs)
-    for line, receptance in zip(FREQUENCY, specimen.receptance, strict=True):
+    for line, receptance in zip(specimen.lines, specimen.receptance, strict=True):
         omega = 2.0 * np.pi * line
         Z = ((K - omega**2 * M) + 1j * (D + omega * C))[np.ix_(active, active)]
         scale = 1.0 / np.sqrt(np.abs(np.diag(Z)))
@@ -136,24 +177,43 @@ def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
 
 
 def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> None:
-    """The receptance between some DOFs, in their order, is a part of that between all."""
+    """The receptance between some DOFs, in their order, one of them or one twice, is a part of that between all."""
     _moving(specimen)
-    order = np.arange(len(specimen.dofs))[::-2]
-    part = specimen.component.receptance(FREQUENCY.copy(), [specimen.dofs[index] for index in order])
-    if relative_difference(part, specimen.receptance[:, order[:, None], order]) > _SOLVED:
-        problem = "the receptance between some DOFs is not that part of the receptance between more of them."
-        raise Nonconformity(problem, "Give rows and columns in the order of `dofs`.")
+    count = len(specimen.dofs)
+    for order in (np.arange(count)[::-2], np.array([count - 1]), np.array([0, count - 1, 0])):
+        part = specimen.component.receptance(specimen.lines.copy(), [specimen.dofs[index] for index in order])
+        whole = specimen.receptance[:, order[:, None], order]
+        if part.shape != whole.shape or relative_difference(part, whole) > _SOLVED:
+            problem = "the receptance between some DOFs is not the part of that between all."
+            raise Nonconformity(problem, "Rows and columns follow the order of `dofs`, whatever they are.")
 
 
 def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
-    """The receptance at a line does not depend on the lines asked for beside it."""
+    """The receptance at a line does not depend on the others of the request: one alone, unsorted or repeated."""
     _moving(specimen)
-    few = [1, 4, 7]
-    alone = specimen.component.receptance(FREQUENCY[few], specimen.dofs)
-    if relative_difference(alone, specimen.receptance[few]) > _SOLVED:
-        raise Nonconformity(
-            "at some lines alone the receptance is another one.", "Compute or interpolate line by line."
-        )
+    for order in ([1, 4, 7], [3], [6, 0, 2, 2, 5]):
+        alone, whole = specimen.component.receptance(specimen.lines[order], specimen.dofs), specimen.receptance[order]
+        if alone.shape != whole.shape or relative_difference(alone, whole) > _SOLVED:
+            problem = f"at {len(order)} of the lines, in another order, the receptance is another one."
+            raise Nonconformity(problem, "Compute or interpolate line by line.")
+
+
+def check_dofs_and_frequencies_may_be_any_sequence(specimen: SubstructureSpecimen) -> None:
+    """DOFs may be a list, a tuple or an array; frequencies whole numbers, or an array that may not be written."""
+    _moving(specimen)
+    whole = np.array([1500, 20, 333])
+    read_only = whole.astype(np.float64)
+    read_only.flags.writeable = False
+    wanted = specimen.component.receptance(whole.astype(np.float64), list(specimen.dofs)).copy()
+    for kind, frequency, dofs in (
+        ("DOFs in a tuple", whole.astype(np.float64), tuple(specimen.dofs)),
+        ("DOFs in an array", whole.astype(np.float64), np.array(specimen.dofs)),
+        ("frequencies of whole numbers", whole, list(specimen.dofs)),
+        ("frequencies that are read-only", read_only, list(specimen.dofs)),
+    ):
+        if relative_difference(specimen.component.receptance(frequency, dofs), wanted) > _SOLVED:  # type: ignore[arg-type]
+            problem = f"for {kind} the receptance is another one."
+            raise Nonconformity(problem, "Begin with numpy.asarray(frequency, dtype=float) and numpy.asarray(dofs).")
 
 
 def check_refinement_converges(specimen: SubstructureSpecimen) -> None:
@@ -176,6 +236,28 @@ def check_refinement_converges(specimen: SubstructureSpecimen) -> None:
         raise Nonconformity(problem, "Check how the matrices depend on the length of an element.")
 
 
+def check_refinement_keeps_the_mass(specimen: SubstructureSpecimen) -> None:
+    """A finer mesh has the same ends and the same mass, but for what the mesh explains; refined twice is refined."""
+    _matrices(specimen)
+    finer = [specimen.component.refined(factor) for factor in (1, *_FACTORS)]
+    if any(part is None for part in finer):
+        raise NotApplicable("the part has no mesh to refine.")
+    twice = finer[1].refined(2)  # type: ignore[union-attr]
+    alike = {"refined(1) is": (specimen.component, finer[0]), "refined(2).refined(2) is": (finer[2], twice)}
+    for said, (part, other) in alike.items():
+        if not np.isclose(_mass(part), _mass(other), rtol=_ROUNDING, atol=0.0):
+            raise Nonconformity(f"{said} a part of another mass.", "Multiply the elements by the factor, nothing else.")
+    ends = [sorted(node.position for node in part.nodes) for part in (specimen.component, *finer[1:])]  # type: ignore[union-attr]
+    if not all(np.allclose([each[0], each[-1]], [ends[0][0], ends[0][-1]]) for each in ends):
+        raise Nonconformity("with a finer mesh its ends are elsewhere.", "Keep the length.")
+    masses = [_mass(part) for part in (specimen.component, *finer[1:])]
+    first, second = abs(masses[1] - masses[0]), abs(masses[2] - masses[1])
+    if not second <= 0.5 * first + _SOLVED * masses[0] or first > _ORDER * second + _SOLVED * masses[0]:
+        said = " and ".join(f"{mass:.6g}" for mass in masses[1:])
+        problem = f"of its {masses[0]:.6g} kg meshes twice and four times as fine have {said} kg."
+        raise Nonconformity(problem, "Give each element the mass of its own length, and keep all masses.")
+
+
 def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:
     """Messages name each DOF, and no two alike."""
     labels = [specimen.component.dof_label(dof) for dof in range(2 * len(specimen.component.nodes))]
@@ -186,9 +268,9 @@ def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:
 def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
     """`frequency` and `dofs` belong to the caller."""
     _moving(specimen)
-    frequency, dofs = FREQUENCY.copy(), list(specimen.dofs)
+    frequency, dofs = specimen.lines.copy(), list(specimen.dofs)
     specimen.component.receptance(frequency, dofs)
-    if not np.array_equal(frequency, FREQUENCY) or dofs != specimen.dofs:
+    if not np.array_equal(frequency, specimen.lines) or dofs != specimen.dofs:
         raise Nonconformity("receptance changed what it was given.", "Compute with copies.")
 
 
@@ -196,13 +278,13 @@ def check_answers_are_fresh(specimen: SubstructureSpecimen) -> None:
     """Who writes into an answer does not change the next one."""
     _moving(specimen)
     kept = specimen.receptance.copy()
-    first = specimen.component.receptance(FREQUENCY.copy(), specimen.dofs)
+    first = specimen.component.receptance(specimen.lines.copy(), specimen.dofs)
     if first.flags.writeable:
         first[...] = -1.0
     matrices = specimen.component.matrices()
     if matrices is not None and isinstance(matrices.K, np.ndarray) and matrices.K.flags.writeable:
         matrices.K[...] = -1.0
-    if not np.array_equal(specimen.component.receptance(FREQUENCY.copy(), specimen.dofs), kept):
+    if not np.array_equal(specimen.component.receptance(specimen.lines.copy(), specimen.dofs), kept):
         raise Nonconformity("the same question got another answer the second time.", "Return new or read-only arrays.")
 
 
@@ -221,10 +303,10 @@ def _check_semidefinite(specimen: SubstructureSpecimen, part: str) -> None:
     matrix = dense(getattr(_matrices(specimen), part))
     if asymmetry(matrix) > _ROUNDING:
         raise Nonconformity(
-            f"the {_PARTS[part]} matrix is not symmetric.", "Fill [row, column] and [column, row] alike."
+            f"the {PARTS[part]} matrix is not symmetric.", "Fill [row, column] and [column, row] alike."
         )
-    if least_eigenvalue(matrix) < -_ROUNDING:
-        raise Nonconformity(f"the {_PARTS[part]} matrix is not positive semi-definite.", "Look for a wrong sign.")
+    if float(least_eigenvalue(matrix)) < -_ROUNDING:
+        raise Nonconformity(f"the {PARTS[part]} matrix is not positive semi-definite.", "Look for a wrong sign.")
 
 
 def _unit_free(H: NDArray[Any]) -> NDArray[Any]:
@@ -234,6 +316,17 @@ def _unit_free(H: NDArray[Any]) -> NDArray[Any]:
 
 def _scaled_asymmetry(H: NDArray[np.complex128]) -> float:
     return max(asymmetry(_unit_free(line)) for line in H)
+
+
+def _mass(part: SubstructureModel | None) -> float:
+    """Return the mass [kg] in translation, all nodes displaced alike and inner DOFs following."""
+    assert part is not None
+    matrices = part.matrices()
+    assert matrices is not None
+    M, K, outer = dense(matrices.M), dense(matrices.K), len(DIRECTIONS) * len(part.nodes)
+    motion = np.concatenate([np.tile([1.0, 0.0], outer // 2), np.zeros(len(M) - outer)])
+    motion[outer:] = -np.linalg.pinv(K[outer:, outer:], hermitian=True) @ K[outer:, :outer] @ motion[:outer]
+    return float(motion @ M @ motion)
 
 
 def _at_the_ends(part: SubstructureModel) -> NDArray[np.complex128]:

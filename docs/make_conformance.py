@@ -1,0 +1,66 @@
+"""Writes docs/conformance.md, the checks of the kit with their broken plugins: ``python docs/make_conformance.py``."""
+
+import importlib
+import inspect
+import sys
+from pathlib import Path
+
+from dovetail.testing.kit import check_descriptions
+
+PAGE = Path(__file__).with_name("conformance.md")
+PLUGINS = Path(__file__).parents[1] / "tests" / "testing"
+HEADINGS = {"joint": "Joints", "substructure": "Substructures", "reducer": "Reducers", "regressor": "Regressors"}
+
+INTRODUCTION = """# What the conformance kit checks
+
+This page is made by `python docs/make_conformance.py` from the docstrings of the checks and from the broken plugins in
+`tests/testing`: {plugins} components with a single fault each, all of which the kit catches. Beside each check stands a
+plugin that it alone catches, and how many others are listed for it. How to run the kit and what its outcomes mean is in
+[Write a plugin](plugins.md#the-conformance-kit).
+"""
+ROW = "| {check} | {text} | {alone} | {others} |\n"
+HEAD = ROW.format(check="check", text="what must hold", alone="a plugin that only it catches", others="others")
+
+
+def page() -> str:
+    """Return the text of the page."""
+    broken = _broken_plugins()
+    text = INTRODUCTION.format(plugins=sum(map(len, broken.BROKEN.values())) + len(broken.FURTHER))
+    kinds = {kind: check_descriptions(kind) for kind in HEADINGS}
+    shared = {check for check, _ in set.intersection(*(set(checks.items()) for checks in kinds.values()))}
+    alone = {check: model for kind in reversed(HEADINGS) for check, model in broken.BROKEN[kind].items()}
+    any_kind = {check: said for check, said in kinds["joint"].items() if check in shared}
+    text += _table("Any component", any_kind, alone, [checks for _, checks in broken.FURTHER])
+    for kind, heading in HEADINGS.items():
+        checks = {check: said for check, said in kinds[kind].items() if check not in shared}
+        others = [checks for model, checks in broken.FURTHER if model.kind == kind]
+        text += _table(heading, checks, alone | broken.BROKEN[kind], others)
+    return text
+
+
+def _table(heading: str, checks: dict[str, str], alone: dict, further: list) -> str:
+    rows = "".join(
+        ROW.format(
+            check=check.replace("_", " "),
+            text=said,
+            alone=inspect.getdoc(alone[check]).splitlines()[0],
+            others=sum(check in names for names in further) or "",
+        )
+        for check, said in checks.items()
+    )
+    return f"\n## {heading}\n\n{HEAD}|---|---|---|---|\n{rows}"
+
+
+def _broken_plugins():
+    """Import every module of broken plugins, and return the one in which they are listed."""
+    sys.path.insert(0, str(PLUGINS))
+    try:
+        for file in sorted(PLUGINS.glob("broken_*.py")):
+            importlib.import_module(file.stem)
+        return importlib.import_module("broken")
+    finally:
+        sys.path.remove(str(PLUGINS))
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,161 @@
+"""What a joint or a substructure answers in a process of its own, and what it leaves behind there."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.interfaces import Component
+from dovetail.testing.answers import answers, copied, declarations, varied
+from dovetail.testing.fresh_process import load_module
+from dovetail.testing.outcomes import Nonconformity, Reservation
+from dovetail.testing.specimen import Specimen
+from dovetail.testing.surroundings import changes, surroundings
+
+__all__ = ["Report", "main", "report_of_another_process", "written"]
+
+_LIMIT = 120
+_ENVIRONMENT = dict(os.environ)
+"""Before a component was asked, which may change it."""
+_REQUEST, _ANSWERS, _REPORT, _WORK = "request.json", "answers{}.npz", "report.json", "work"
+_THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "2")
+"""More than one, so that a component is seen to limit them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What another process said.
+
+    Parameters
+    ----------
+    answers, declarations : mapping
+        Of each component, by its config written as JSON.
+    changed : list of str
+        What it left otherwise than it was.
+    imported : list of str
+        Packages with a state of their own that were imported meanwhile.
+    """
+
+    answers: Mapping[str, Mapping[str, NDArray[Any]]]
+    declarations: Mapping[str, Mapping[str, str]]
+    changed: list[str]
+    imported: list[str]
+
+
+def written(config: Any) -> str:
+    """Return options as JSON."""
+    return str(config.model_dump_json())
+
+
+def report_of_another_process(specimen: Specimen) -> Report:
+    """Ask for the answers of all examples, and of varied options, where hashes and the working directory are others.
+
+    Raises
+    ------
+    Nonconformity
+        A component cannot be made there, or fails.
+    Reservation
+        The class is not at the top of a module, so that no other process can import it.
+    """
+    module = sys.modules.get(specimen.model.__module__)
+    at_top: Any = module
+    for name in specimen.model.__qualname__.split("."):
+        at_top = getattr(at_top, name, None)
+    if at_top is not specimen.model or not getattr(module, "__file__", None):
+        raise Reservation(
+            f"no other process can import {specimen.model.__qualname__}, so this was not looked at.",
+            "Put the class at the top of a module.",
+        )
+    options = set()
+    for each in (specimen, *specimen.companions):
+        other = varied(each.component)
+        options |= {json.dumps(dict(each.options), default=str), *([written(other.config)] if other else [])}
+    report = _asked(specimen.model, tuple(sorted(options)), ())
+    return _asked(specimen.model, tuple(sorted(options)), tuple(report.imported)) if report.imported else report
+
+
+@lru_cache(maxsize=2)  # two checks look at the same report, and a package that is imported late makes another
+def _asked(model: type[Component], options: tuple[str, ...], imports: tuple[str, ...]) -> Report:
+    module = sys.modules[model.__module__]
+    request = {
+        "module": module.__name__,
+        "file": str(module.__file__),
+        "path": [str(Path(entry or os.curdir).resolve()) for entry in sys.path],
+        "name": model.__qualname__,
+        "options": list(options),
+        "imports": list(imports),
+    }
+    seed = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / _REQUEST).write_text(json.dumps(request), encoding="utf-8")
+        (folder / _WORK).mkdir()
+        environment = {
+            **_ENVIRONMENT,
+            **_THREADS,
+            "PYTHONPATH": os.pathsep.join(request["path"]),
+            "PYTHONHASHSEED": seed,
+        }
+        command = [sys.executable, "-c", f"from {__name__} import main; main()", name]
+        done = subprocess.run(
+            command, capture_output=True, text=True, env=environment, cwd=folder / _WORK, timeout=_LIMIT, check=False
+        )
+        if done.returncode:
+            reason = (done.stderr.strip().splitlines() or ["it gave no reason"])[-1]
+            raise Nonconformity(f"in a fresh process it fails: {reason}", "Let it depend on its options alone.")
+        said = json.loads((folder / _REPORT).read_text(encoding="utf-8"))
+        arrays = {}
+        for index, config in enumerate(said["configs"]):
+            with np.load(folder / _ANSWERS.format(index), allow_pickle=False) as archive:
+                arrays[config] = dict(archive)
+    declared = dict(zip(said["configs"], said["declarations"], strict=True))
+    return Report(arrays, declared, said["changed"], said["imported"])
+
+
+def main() -> None:
+    """Answer the request in the folder that the command line names."""
+    folder = Path(sys.argv[1])
+    request = json.loads((folder / _REQUEST).read_text(encoding="utf-8"))
+    for name in request["imports"]:
+        __import__(name)
+    loaded, before, threads = "torch" in sys.modules, surroundings(), _threads()
+    model: Any = load_module(request["module"], request["file"])
+    for part in request["name"].split("."):
+        model = getattr(model, part)
+    said, configs = [], []
+    for index, options in enumerate(request["options"]):
+        component = model(model.Config.model_validate_json(options))
+        configs.append(written(component.config))
+        said.append(declarations(component))
+        arrays: dict[str, Any] = copied(answers(component))
+        np.savez(folder / _ANSWERS.format(index), **arrays)
+    changed = changes(before, surroundings())
+    if any(_threads().get(library, count) != count for library, count in threads.items()):
+        changed.append("the number of threads of the linear algebra")
+    if (folder / _WORK).exists() and any((folder / _WORK).iterdir()):
+        changed.append("the working directory, where it leaves a file,")
+    report = {
+        "configs": configs,
+        "declarations": said,
+        "changed": changed,
+        "imported": ["torch"] if "torch" in sys.modules and not loaded else [],
+    }
+    (folder / _REPORT).write_text(json.dumps(report), encoding="utf-8")
+
+
+def _threads() -> dict[str, int]:
+    """Return the number of threads of each library of linear algebra that is loaded."""
+    from threadpoolctl import threadpool_info
+
+    return {library["filepath"]: library["num_threads"] for library in threadpool_info()}

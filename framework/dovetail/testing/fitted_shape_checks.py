@@ -1,0 +1,90 @@
+"""Checks of reducers and regressors with samples of other shapes, sizes and kinds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import DovetailError
+from dovetail.testing.alike import require_alike
+from dovetail.testing.fitted_specimens import FittedSpecimen
+from dovetail.testing.outcomes import Nonconformity, NotApplicable
+from dovetail.testing.training_sets import TrainingSet
+
+__all__: list[str] = []
+
+_FEW = 30
+_LINES = 5000
+"""More than the 4451 of the published measurements."""
+_ENOUGH = 120
+"""Samples of so many lines: for methods that want more samples than their usual hundred components."""
+SMALL, _LARGE = 1e-9, 1e6
+"""FRFs of a heavy machine in m/(N s^2), of which log10(A + 1) is about A / 2.3, and features that nobody scaled."""
+
+
+def check_thirty_samples_are_enough_or_refused(specimen: FittedSpecimen) -> None:
+    """A small training set gives sound answers, or an error that says how many are wanted."""
+    _require_sound(specimen, specimen.samples(_FEW, seed=31), f"{_FEW} samples")
+
+
+def check_one_feature_is_enough_or_refused(specimen: FittedSpecimen) -> None:
+    """So does a single feature."""
+    _require_sound(specimen, specimen.samples(_ENOUGH, columns=1, seed=32), "one feature")
+
+
+def check_five_thousand_features_are_accepted_or_refused(specimen: FittedSpecimen) -> None:
+    """So do as many lines as a fine measurement has."""
+    _require_sound(specimen, specimen.samples(_ENOUGH, columns=_LINES, seed=33), f"{_LINES} features")
+
+
+def check_features_that_do_not_vary_are_no_trouble(specimen: FittedSpecimen) -> None:
+    """A constant line, a line of zeros, repeated samples, a flat FRF and one of zeros give finite answers."""
+    samples = specimen.training.copy()
+    samples.features[:, 0] = samples.features[0, 0]
+    samples.features[:, 1] = 0.0
+    samples.features[1] = samples.features[0]
+    fitted, _ = _finite(specimen, samples, "features that do not vary")
+    for level in (samples.features[0, 0], 0.0):
+        try:
+            answer = specimen.ask(fitted, np.full_like(samples.features[:1], level))
+        except (DovetailError, ValueError):
+            continue
+        if not np.isfinite(answer).all():
+            problem = f"it answers an FRF that is {level:.3g} at all lines with values that are not finite."
+            raise Nonconformity(problem, "Guard divisions by a row's own sum or deviation, or refuse such a row.")
+
+
+def check_the_size_of_features_is_no_trouble(specimen: FittedSpecimen) -> None:
+    """Features of 1e-9 and of 1e6 times the size give finite answers, also where it was fitted to usual ones."""
+    for scale in SMALL, _LARGE:
+        what = f"features of {scale:g} times the size"
+        samples = specimen.training.scaled(scale)
+        _finite(specimen, samples, what)
+        try:
+            answers = specimen.ask(specimen.fitted, samples.features)
+        except (DovetailError, ValueError):
+            continue
+        if not np.isfinite(answers).all():
+            raise Nonconformity(f"it answers {what} with values that are not finite.", "Guard what may overflow.")
+
+
+def _require_sound(specimen: FittedSpecimen, samples: TrainingSet, what: str) -> None:
+    """Fit to samples, which may be refused; answers are finite, and the same when restored."""
+    fitted, answers = _finite(specimen, samples, what)
+    restored = specimen.ask(specimen.component.restore(fitted.state()), samples.features)
+    problem = f"for {what} it answers otherwise when restored from its state"
+    require_alike(restored, answers, problem, "Keep integers and numbers of the state wide enough.")
+
+
+def _finite(specimen: FittedSpecimen, samples: TrainingSet, what: str) -> tuple[Any, NDArray[Any]]:
+    try:
+        fitted = specimen.fit(samples.copy())
+    except DovetailError as refusal:
+        raise NotApplicable(f"it refuses {what}: {refusal.faults[0].problem}") from None
+    answers = specimen.ask(fitted, samples.features)
+    if answers.ndim != 2 or len(answers) != len(samples.features) or not np.isfinite(answers).all():
+        problem = f"for {what} its answers are of shape {answers.shape}, or not finite."
+        raise Nonconformity(problem, "Guard divisions and squeezed axes, or raise a dovetail.DovetailError in fit.")
+    return fitted, answers

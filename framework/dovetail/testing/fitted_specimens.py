@@ -1,0 +1,272 @@
+"""Reducers and regressors to look at: samples of the kit's, and what was fitted to them."""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import DovetailError
+from dovetail.interfaces import Component, Reducer, Regressor
+from dovetail.testing.fresh_process import FreshAnswers, ask_a_fresh_process
+from dovetail.testing.specimen import SEED, Specimen
+from dovetail.testing.surroundings import Observation, observe
+from dovetail.testing.training_sets import TrainingSet, frf_samples, regression_samples
+
+__all__ = ["FittedSpecimen", "ReducerSpecimen", "RegressorSpecimen", "with_other_options"]
+
+_SAMPLES = 160
+_LINES, _FEATURES = 120, 6
+"""Of a reducer and of a regressor: fewer than the seven targets of a model with many parameters."""
+_OTHER_SEED = SEED + 1
+_EPOCH_SEED = 1000
+"""Of the first epoch."""
+
+
+@dataclass(frozen=True, eq=False)
+class FittedSpecimen(Specimen, ABC):
+    """A reducer or regressor with what it fits; fits that several checks look at are made once.
+
+    Parameters
+    ----------
+    model : type[Component]
+    options : mapping
+        As a description has them.
+    component : Reducer or Regressor
+    """
+
+    @abstractmethod
+    def samples(self, count: int, *, columns: int = 0, targets: int = 2, seed: int = SEED) -> TrainingSet:
+        """Return samples of this kind; `columns` features, or as many as it usually gets."""
+
+    @abstractmethod
+    def fit(self, samples: TrainingSet | None = None, *, component: Any = None, seed: int = SEED) -> Any:
+        """Fit to a copy of the training samples or to others as they are, by this component or another."""
+
+    @abstractmethod
+    def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
+        """Return what something fitted makes of features."""
+
+    def ask(self, fitted: Any, features: NDArray[Any]) -> NDArray[Any]:
+        """Return a copy of what something fitted makes of a copy of features."""
+        return np.array(self.answer(fitted, np.array(features, order="C")))
+
+    @cached_property
+    def training(self) -> TrainingSet:
+        """What it is fitted to."""
+        return self.samples(_SAMPLES)
+
+    @cached_property
+    def unseen(self) -> TrainingSet:
+        """Other samples of the same kind."""
+        return self.samples(_SAMPLES, seed=_OTHER_SEED)
+
+    @cached_property
+    def _first_fit(self) -> tuple[dict[str, str], Any]:
+        return dict(os.environ), self.fit()
+
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """Environment variables before the first fit."""
+        return self._first_fit[0]
+
+    @property
+    def fitted(self) -> Any:
+        """What the first fit gave."""
+        return self._first_fit[1]
+
+    @cached_property
+    def observed(self) -> ObservedFit:
+        """A second fit to the same samples, of which everything is noted."""
+        samples = self.training.copy()
+
+        def fit_and_answer() -> Any:
+            fitted = self.fit(samples)
+            self.ask(fitted, samples.features)
+            return fitted
+
+        observation = observe(fit_and_answer, environment=self.environment)
+        changed = _differences(samples, self.training)
+        answers = self.ask(observation.answer, self.unseen.features)
+        for array in vars(samples).values():
+            array[...] = 0
+        overwritten = self.ask(observation.answer, self.unseen.features)
+        return ObservedFit(observation, changed, answers, overwritten)
+
+    @cached_property
+    def elsewhere(self) -> ElsewhereFit:
+        """Fits to other samples, by an instance of other options and by a new one, which then fits the first again."""
+        new = self.model(self.component.config)
+        other = with_other_options(self.component)
+        with suppress(DovetailError):  # other options may not suit the samples
+            self.fit(self.unseen.copy(), component=other)
+        answers = self.ask(self.fit(self.unseen.copy(), component=new, seed=_OTHER_SEED), self.unseen.features)
+        meanwhile = self.ask(self.fitted, self.unseen.features)
+        again = self.ask(self.fit(component=new), self.unseen.features)
+        return ElsewhereFit(answers, meanwhile, again)
+
+    @cached_property
+    def fresh(self) -> FreshAnswers:
+        """What a fresh process answers for the unseen samples."""
+        return ask_a_fresh_process(self.component, self.fitted.state(), self.unseen, _OTHER_SEED)
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedFit:
+    """A fit of which everything was noted.
+
+    Parameters
+    ----------
+    observation : Observation
+    changed : list of str
+        Which of the arrays that it was fitted to it wrote into.
+    answers, overwritten : arrays
+        To samples that it was not fitted to, before and after the caller wrote into what it was fitted to.
+    """
+
+    observation: Observation
+    changed: list[str]
+    answers: NDArray[Any]
+    overwritten: NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class ElsewhereFit:
+    """Fits of a new instance: answers after fitting to other samples, and after fitting to the usual ones then.
+
+    Parameters
+    ----------
+    answers : array
+        To the unseen samples, fitted to them.
+    meanwhile : array
+        To the unseen samples by the first fit, which was to the training samples.
+    again : array
+        To the unseen samples, fitted to the training samples.
+    """
+
+    answers: NDArray[Any]
+    meanwhile: NDArray[Any]
+    again: NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class EpochFit:
+    """A fit by epochs.
+
+    Parameters
+    ----------
+    fitted : FittedRegressor
+    numbers : list
+        Of the epochs that it asked for.
+    changed : bool
+        Whether it wrote into an epoch's arrays.
+    progress : list of tuple
+        What it reported: stage, steps done, their total, note.
+    """
+
+    fitted: Any
+    numbers: list[Any]
+    changed: bool
+    progress: list[tuple[str, int, int, str]]
+
+
+@dataclass(frozen=True, eq=False)
+class ReducerSpecimen(FittedSpecimen):
+    """A reducer, fitted to FRFs of oscillators."""
+
+    component: Reducer
+
+    def samples(self, count: int, *, columns: int = 0, targets: int = 2, seed: int = SEED) -> TrainingSet:  # noqa: ARG002
+        """Return FRFs of so many lines."""
+        return frf_samples(count, lines=columns or _LINES, seed=seed)
+
+    def fit(self, samples: TrainingSet | None = None, *, component: Any = None, seed: int = SEED) -> Any:
+        """Fit to the features of samples."""
+        samples = samples or self.training.copy()
+        return (component or self.component).fit(samples.features, seed=seed)
+
+    def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
+        """Reduce features."""
+        return fitted.transform(features)
+
+
+@dataclass(frozen=True, eq=False)
+class RegressorSpecimen(FittedSpecimen):
+    """A regressor, fitted to smooth functions of its targets."""
+
+    component: Regressor
+
+    def samples(self, count: int, *, columns: int = 0, targets: int = 2, seed: int = SEED) -> TrainingSet:
+        """Return standardised features and their targets."""
+        return regression_samples(count, features=columns or _FEATURES, targets=targets, seed=seed)
+
+    def fit(self, samples: TrainingSet | None = None, *, component: Any = None, seed: int = SEED) -> Any:
+        """Fit to samples."""
+        samples = samples or self.training.copy()
+        return (component or self.component).fit(samples.features, samples.targets, seed=seed)
+
+    def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
+        """Predict targets."""
+        return fitted.predict(features)
+
+    def skill(self, fitted: Any, samples: TrainingSet) -> NDArray[np.float64]:
+        """Return R2 of each target: 1 where the predictions are exact, 0 where they are as good as the mean."""
+        error = np.square(self.ask(fitted, samples.features) - samples.targets).mean(axis=0)
+        return np.asarray(1.0 - error / samples.targets.var(axis=0), dtype=np.float64)
+
+    def fit_epochs(self, *, repeated: bool = False) -> EpochFit:
+        """Fit to epochs of samples drawn anew, or to the first one again and again."""
+        numbers: list[Any] = []
+        handed_out: list[tuple[TrainingSet, TrainingSet]] = []
+
+        def epoch(number: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+            samples = self.samples(_SAMPLES, seed=_EPOCH_SEED if repeated else _EPOCH_SEED + int(number))
+            numbers.append(number)
+            handed_out.append((samples, samples.copy()))
+            return samples.features, samples.targets
+
+        stages: list[tuple[str, int, int, str]] = []
+
+        def listen(stage: str, done: int, total: int, note: str = "") -> None:
+            stages.append((stage, done, total, note))
+
+        fitted = self.component.fit_epochs(epoch, seed=SEED, progress=listen)
+        changed = any(_differences(samples, kept) for samples, kept in handed_out)
+        return EpochFit(fitted, numbers, changed, stages)
+
+    @cached_property
+    def epochs(self) -> EpochFit:
+        """A fit to epochs of samples drawn anew."""
+        return self.fit_epochs()
+
+
+def _differences(samples: TrainingSet, others: TrainingSet) -> list[str]:
+    return [name for name, array in vars(samples).items() if not np.array_equal(array, getattr(others, name))]
+
+
+def with_other_options(component: Component) -> Component:
+    """Return a component of the same class in which as many options as possible have other values."""
+    config = component.config
+    for name, value in config:
+        for other in _others(value):
+            with suppress(Exception):  # options may exclude each other, and a constructor may raise anything
+                changed = type(config).model_validate({**dict(config), name: other})
+                type(component)(changed)
+                config = changed
+                break
+    return type(component)(config)
+
+
+def _others(value: Any) -> tuple[Any, ...]:
+    if isinstance(value, bool):
+        return (not value,)
+    if isinstance(value, int):
+        return value + 1, value - 1
+    return (0.5 * value, 2.0 * value, 1.0) if isinstance(value, float) else ()

@@ -1,0 +1,125 @@
+"""Checks of what a file keeps of something fitted, and of what a fresh process makes of it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from dovetail.interfaces import State
+from dovetail.testing.alike import require_alike
+from dovetail.testing.fitted_specimens import FittedSpecimen
+from dovetail.testing.outcomes import Nonconformity, Reservation
+
+__all__: list[str] = []
+
+_GROWTH = 1.5
+"""A state of four times the samples that is larger than this holds something of each; one with a part that is bounded
+by the number of samples grows less."""
+_MANY = 40_000
+"""Training FRFs of the collet assembly, for which a warning says how large a state would be."""
+
+
+def check_state_is_arrays_and_plain_values(specimen: FittedSpecimen) -> None:
+    """A model's folder holds safetensors and JSON, nothing that could be code."""
+    for name, value in specimen.fitted.state().items():
+        numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
+        if not isinstance(name, str) or not (numbers or isinstance(value, (bool, int, float, str))):
+            kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
+            problem = f"state() holds '{name}', which is {kind}."
+            raise Nonconformity(problem, "Give arrays of numbers, int, float, str and bool only.")
+
+
+def check_state_survives_files(specimen: FittedSpecimen) -> None:
+    """Each array and value of a state comes back from safetensors and JSON as it was written."""
+    from safetensors.numpy import load, save
+
+    for name, value in specimen.fitted.state().items():
+        try:
+            if isinstance(value, np.ndarray):
+                again = load(save({name: np.asarray(value, order="C")}))[name]
+            else:
+                again = json.loads(json.dumps(value, allow_nan=False).encode("utf-8"))
+        except (KeyError, TypeError, ValueError) as error:
+            problem = f"'{name}' of its state cannot be written: {error}."
+            raise Nonconformity(problem, "Put numbers that are not finite into arrays, of at most 64 bits.") from None
+        if not _identical({name: value}, {name: again}):
+            raise Nonconformity(f"'{name}' of its state comes back from a file otherwise.", "Choose another form.")
+
+
+def check_state_is_a_copy(specimen: FittedSpecimen) -> None:
+    """Who writes into the state that was returned does not change later answers."""
+    features = specimen.unseen.features
+    fitted = specimen.component.restore(specimen.fitted.state())
+    before = specimen.ask(fitted, features)
+    for value in fitted.state().values():
+        if isinstance(value, np.ndarray) and value.flags.writeable:
+            value[...] = 0
+    if not np.array_equal(before, specimen.ask(fitted, features)):
+        raise Nonconformity("writing into its state changes its answers.", "Return copies from state().")
+
+
+def check_restoring_brings_back_the_answers(specimen: FittedSpecimen) -> None:
+    """`restore` of `state` answers as the original does."""
+    features = specimen.unseen.features
+    answers = specimen.ask(specimen.component.restore(specimen.fitted.state()), features)
+    problem = "restored from its state it answers otherwise"
+    require_alike(answers, specimen.ask(specimen.fitted, features), problem, "Put all that was fitted into state().")
+
+
+def check_storing_twice_changes_nothing(specimen: FittedSpecimen) -> None:
+    """A model that is loaded and stored again has the same state, to the last bit."""
+    first = specimen.component.restore(specimen.fitted.state()).state()
+    again = specimen.component.restore(first).state()
+    if not _identical(first, again):
+        problem = "restored and stored again, its state is another."
+        raise Nonconformity(problem, "Let state() round nothing but what fit rounded before.")
+
+
+def check_state_does_not_grow_with_the_samples(specimen: FittedSpecimen) -> str | None:
+    """A state that holds the training set makes a model's folder as large as the dataset."""
+    small, large = specimen.training.copy(), specimen.samples(4 * len(specimen.training.features), seed=11)
+    few, many = (_bytes(specimen.fit(samples).state()) for samples in (small, large))
+    if many > _GROWTH * few:
+        each = (many - few) / (len(large.features) - len(small.features))
+        problem = (
+            f"its state grows with the training samples, by {each / 1000:.2g} kB for each: "
+            f"{each * _MANY / 1e6:.3g} MB at {_MANY}, for {large.features.shape[1]} features."
+        )
+        raise Reservation(problem, "Nothing is wrong if its method needs the samples; say so in its documentation.")
+    return f"{few / 1000:.3g} kB"
+
+
+def check_a_fresh_process_gives_the_same_answers(specimen: FittedSpecimen) -> None:
+    """Stored in files and restored in a fresh process, without unpickling anything, it answers as before."""
+    wanted = specimen.ask(specimen.fitted, specimen.unseen.features)
+    problem = "in a fresh process it answers otherwise"
+    answers = specimen.fresh.get("restored")
+    require_alike(answers, wanted, problem, "Let restore depend on the state and the Config alone.")
+
+
+def check_a_fresh_process_fits_the_same(specimen: FittedSpecimen) -> None:
+    """Fitted in a fresh process, where nothing was fitted before and texts have other hashes, it answers the same."""
+    problem = "fitted in a fresh process it answers otherwise"
+    remedy = "Let fit depend on its samples, the seed and the Config alone: no cache, and no order of a set."
+    require_alike(specimen.fresh.get("fitted"), specimen.elsewhere.answers, problem, remedy)
+
+
+def check_no_files_are_left(specimen: FittedSpecimen) -> None:
+    """Fitting, answering and restoring write nothing into the working folder."""
+    if written := specimen.fresh.files:
+        raise Nonconformity(f"it wrote '{written[0]}' into the working folder.", "Keep files out, or in tempfile's.")
+
+
+def _bytes(state: State) -> int:
+    return sum(value.nbytes if isinstance(value, np.ndarray) else len(str(value)) for value in state.values())
+
+
+def _identical(state: State, other: State) -> bool:
+    """Whether two states are the same to the last bit, NaN and -0 included."""
+    return state.keys() == other.keys() and all(
+        np.asarray(state[name]).tobytes() == np.asarray(other[name]).tobytes()
+        and np.asarray(state[name]).dtype == np.asarray(other[name]).dtype
+        and np.shape(state[name]) == np.shape(other[name])
+        for name in state
+    )

@@ -1,0 +1,111 @@
+"""Checks that a joint's and a substructure's answers depend on nothing but the question, and change nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from dovetail.testing.another_process import report_of_another_process, written
+from dovetail.testing.answers import answers, copied, declarations, difference, varied
+from dovetail.testing.outcomes import Nonconformity
+from dovetail.testing.specimens import JointSpecimen, Specimen, SubstructureSpecimen, specimen_of
+
+__all__: list[str] = []
+
+_ROUNDING = 1e-9
+"""Difference, relative to the greatest entry, that two processes may make by the order of their sums."""
+
+
+def check_an_earlier_answer_survives(specimen: Specimen) -> None:
+    """An answer stays what it was when the component is asked again: nobody may write into it."""
+    component = _anew(specimen).component
+    first = answers(component)
+    kept = copied(first)
+    answers(component, question=1)
+    answers(specimen.model(specimen.component.config), question=2)
+    if changed := difference(first, kept):
+        problem = f"{changed} that was returned changes with the next call."
+        raise Nonconformity(problem, "Return new arrays from each call, not a buffer that is kept.")
+
+
+def check_asking_changes_nothing(specimen: Specimen) -> None:
+    """The same question gets the same answer, to the last bit, whatever was asked in between."""
+    anew = _anew(specimen)
+    before = copied(answers(anew.component))
+    _ask_much(anew)
+    if changed := difference(copied(answers(anew.component)), before):
+        problem = f"{changed} is another one after other questions."
+        raise Nonconformity(problem, "Keep nothing of what is asked, and draw no random numbers.")
+
+
+def check_declarations_do_not_change(specimen: Specimen) -> None:
+    """What a component declares, and its options, are the same each time, and after any question."""
+    anew = _anew(specimen)
+    before = declarations(anew.component)
+    repeated = declarations(anew.component)
+    _ask_much(anew)
+    after = declarations(anew.component)
+    for name, value in before.items():
+        if not value == repeated[name] == after[name]:
+            other = repeated[name] if repeated[name] != value else after[name]
+            problem = f"{name} is {value:.60}, and later {other:.60}."
+            raise Nonconformity(problem, "Let it follow from the options alone, and do not change these.")
+
+
+def check_other_instances_change_nothing(specimen: Specimen) -> None:
+    """Equal options give equal answers, and components with other options do not change them."""
+    component = _anew(specimen).component
+    before = copied(answers(component))
+    if changed := difference(copied(answers(_anew(specimen).component)), before):
+        raise Nonconformity(f"made twice from the same options, {changed} differs.", _IN_THE_INSTANCE)
+    for other in (varied(specimen.component), *(each.component for each in specimen.companions)):
+        if other is not None:
+            answers(type(other)(other.config))
+    if changed := difference(copied(answers(component)), before):
+        raise Nonconformity(f"{changed} changes when a component with other options is made.", _IN_THE_INSTANCE)
+
+
+_IN_THE_INSTANCE = "Keep what belongs to the options in the instance (self), not in the class or the module."
+
+
+def check_a_fresh_process_gives_the_same_answers(specimen: Specimen) -> None:
+    """Another process, with another hash seed, in another folder, asked for other options first, answers alike."""
+    report = report_of_another_process(specimen)
+    for component in _one_by_one(specimen):
+        options = written(component.config)
+        said, declared = report.answers[options], report.declarations[options]
+        changed = [name for name, value in declarations(component).items() if declared[name] != value]
+        changed.append(difference(said, copied(answers(component)), _ROUNDING))
+        if changed[0]:
+            problem = f"in a fresh process {changed[0]} is another one."
+            remedy = "Let it depend on the options alone: not on hashes, sets, files or earlier instances."
+            raise Nonconformity(problem, remedy)
+
+
+def check_surroundings_are_left_as_they_are(specimen: Specimen) -> None:
+    """What all code of a process shares is not changed: random numbers, NumPy's and torch's settings, the folder."""
+    for name in report_of_another_process(specimen).changed:
+        remedy = "Use what has its own state, such as numpy.random.default_rng(seed) or 'with numpy.errstate(...)'."
+        raise Nonconformity(f"it changes {name} for all other code.", remedy)
+
+
+def _anew(specimen: Specimen) -> Specimen:
+    """Make the component again, as nobody has asked it anything yet."""
+    return specimen_of(specimen.model, specimen.options)
+
+
+def _one_by_one(specimen: Specimen) -> Iterator[Any]:
+    """Yield the component made again, and then one with other options, made after the first was asked."""
+    yield _anew(specimen).component
+    if (other := varied(specimen.component)) is not None:
+        yield other
+
+
+def _ask_much(specimen: Specimen) -> None:
+    """Ask for much else: a large batch, other lines."""
+    if isinstance(specimen, JointSpecimen):
+        specimen.component.matrices(specimen.theta.copy())
+        specimen.component.dynamic_stiffness(specimen.lines.copy(), specimen.some(3).copy())
+    elif isinstance(specimen, SubstructureSpecimen) and not specimen.component.grounded:
+        specimen.component.receptance(specimen.lines.copy(), specimen.dofs[:1])
+    answers(specimen.component, question=3)

@@ -1,0 +1,254 @@
+"""Checks of joints: derivatives by the parameters, and whether each parameter can be told from the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.interfaces import JointModel, StructuralMatrices
+from dovetail.testing.answers import PARTS
+from dovetail.testing.linear_algebra import condensed, relative_difference, unit_free
+from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
+from dovetail.testing.specimens import FREQUENCY, JointSpecimen
+
+__all__: list[str] = []
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How derivatives are held against differences.
+
+    Attributes
+    ----------
+    vectors, vectors_of_laws : int
+        Parameter vectors, half of them corners, for matrices and for a law of the joint's own, which has many lines.
+    steps : tuple of float
+        Steps relative to the parameter. The differences are of second order, so that the shorter one is wrong by some
+        1e-8 of the derivative, and the longer one by 1e-6; rounding leaves 1e-12.
+    disagreement : float
+        Of differences with both steps and on both sides, relative to the derivative: more is a kink, such as a stop
+        that comes to bear, where there is no derivative to compare with.
+    wrong : float
+        Error of a derivative that is too much.
+    rounding : float
+        Of the scale of an entry, left in one value.
+    small : float
+        A step, relative to the parameter, that rounding of double precision still resolves and single precision does
+        not (6e-8).
+    shown : float
+        Factor within which the change by a small step must be that by the longer of `steps`, in proportion.
+    alone : float
+        Difference between a vector alone and among others, relative to the greatest entry of a derivative.
+    secant : float
+        Steps by which parameters are told from each other, of their ranges.
+    dependent : float
+        Least eigenvalue of the Gram matrix of normalised changes below which they depend on each other: an angle of
+        1e-5, which no measurement resolves.
+    """
+
+    vectors: int = 96
+    vectors_of_laws: int = 24
+    steps: tuple[float, float] = (1e-4, 1e-3)
+    disagreement: float = 1e-4
+    wrong: float = 1e-5
+    rounding: float = 1e-14
+    small: float = 1e-8
+    shown: float = 10.0
+    alone: float = 1e-6
+    secant: float = 0.05
+    dependent: float = 1e-10
+
+
+SETTINGS = Settings()
+_Function = Callable[[NDArray[np.float64]], NDArray[np.complex128] | NDArray[np.float64]]
+
+
+def check_every_parameter_acts(specimen: JointSpecimen) -> None:
+    """A parameter that changes nothing anywhere in its range cannot be identified."""
+    _only_with_parameters(specimen)
+    theta = specimen.some(SETTINGS.vectors)
+    before = specimen.stiffness(FREQUENCY, theta)
+    for column, parameter in enumerate(specimen.component.parameters):
+        changed = theta.copy()
+        changed[:, column] = np.roll(theta[:, column], 1)
+        if np.array_equal(specimen.stiffness(FREQUENCY, changed), before):
+            raise Nonconformity(f"'{parameter.name}' changes nothing.", "Use it in matrices, or leave it out.")
+
+
+def check_small_steps_show(specimen: JointSpecimen) -> None:
+    """A parameter changed by 1e-8 of itself changes the matrices in proportion: no rounding, no table, no steps."""
+    _only_with_parameters(specimen)
+    theta = specimen.some(SETTINGS.vectors)
+    before = _stacked(specimen, theta)
+    for column, parameter in enumerate(specimen.component.parameters):
+        inward = np.where(parameter.to_unit(theta[:, column]) < 0.5, 1.0, -1.0)
+        size = np.maximum(np.abs(theta[:, column]), 1e-3 * (parameter.upper - parameter.lower))
+        changes = []
+        for factor in (SETTINGS.small, SETTINGS.steps[1]):
+            moved = theta.copy()
+            moved[:, column] += factor * inward * size
+            changes.append((_stacked(specimen, moved) - before).reshape(len(theta), -1))
+        flat = np.abs(before).reshape(len(theta), -1)
+        greatest = np.abs(changes[1] / np.where(flat > 0, flat, np.inf)).argmax(axis=1)
+        small, large, value = (array[np.arange(len(theta)), greatest] for array in (*changes, flat))
+        expected = np.abs(large) * SETTINGS.small / SETTINGS.steps[1]
+        telling = expected > 100.0 * np.finfo(float).eps * value
+        ratio = np.abs(small[telling]) / expected[telling]
+        wrong = (ratio < 1.0 / SETTINGS.shown) | (ratio > SETTINGS.shown)
+        if 2 * wrong.sum() > telling.sum():
+            problem = f"small steps of '{parameter.name}' change nothing, or jump: its values are rounded on the way."
+            raise Nonconformity(problem, "Compute in double precision, and interpolate tables.")
+
+
+def check_parameters_act_apart(specimen: JointSpecimen) -> None:
+    """No parameter has the effect of others at the ports, at all lines: those can be identified only together."""
+    parameters = specimen.component.parameters
+    if len(parameters) < 2:
+        raise NotApplicable("the joint has fewer than two parameters.")
+    on_ports = specimen.component.size - specimen.component.internal_dofs
+    theta = specimen.some(SETTINGS.vectors)
+    before = condensed(specimen.stiffness(specimen.lines, theta), on_ports)
+    scale = np.abs(np.diagonal(before, axis1=-2, axis2=-1)).max(axis=1)
+    changes = []
+    for column, parameter in enumerate(parameters):
+        fraction = parameter.to_unit(theta[:, column])
+        moved = theta.copy()
+        moved[:, column] = parameter.from_unit(fraction + np.where(fraction < 0.5, 1.0, -1.0) * SETTINGS.secant)
+        change = condensed(specimen.stiffness(specimen.lines, moved), on_ports) - before
+        flat = unit_free(change, scale[:, None, :]).reshape(len(theta), -1)
+        norm = np.linalg.norm(flat, axis=1, keepdims=True)
+        changes.append(flat / np.where(norm > 0, norm, 1.0))
+    parameters = tuple(each for each, change in zip(parameters, changes, strict=True) if change.any())
+    stacked = np.stack([change for change in changes if change.any()], axis=1)
+    values, vectors = np.linalg.eigh((stacked @ np.conj(np.swapaxes(stacked, 1, 2))).real)
+    if (values[:, 0] < SETTINGS.dependent).all():
+        weights = np.abs(vectors[..., 0]).min(axis=0)
+        names = [each.name for each, weight in zip(parameters, weights, strict=True) if weight > 1e-3]
+        problem = f"at the ports {', '.join(names) or 'some parameters'} act only together: one makes up for another."
+        raise Reservation(problem, "Make them one parameter, or give one as known in each description.")
+
+
+def check_jacobian_meets_differences(specimen: JointSpecimen) -> None:
+    """`matrices_jacobian` is the derivative of `matrices`, in the corners too, held against differences."""
+    _only_with_parameters(specimen)
+    theta = specimen.some(SETTINGS.vectors)
+    jacobian = specimen.component.matrices_jacobian(theta.copy())
+    if len(jacobian) != len(specimen.component.parameters):
+        problem = f"it returned {len(jacobian)} derivatives for {len(specimen.component.parameters)} parameters."
+        raise Nonconformity(problem, "Return StructuralMatrices for each parameter, in their order.")
+    derivatives = (np.stack([getattr(each, part) for part in PARTS], axis=1) for each in jacobian)
+    _check_derivatives(specimen, theta, lambda vectors: _stacked(specimen, vectors), derivatives, "structural matrices")
+
+
+def check_jacobian_treats_each_vector_alone(specimen: JointSpecimen) -> None:
+    """Derivatives of a vector alone are those that it has in a large batch."""
+    _only_with_parameters(specimen)
+    theta = specimen.some(300)
+    many = [_copied(each) for each in specimen.component.matrices_jacobian(theta.copy())]
+    for row in (0, len(theta) // 3, len(theta) - 1):
+        alone = specimen.component.matrices_jacobian(theta[row : row + 1].copy())
+        for parameter, single, batch in zip(specimen.component.parameters, alone, many, strict=True):
+            for part in PARTS:
+                if relative_difference(getattr(single, part)[0], getattr(batch, part)[row]) > SETTINGS.alone:
+                    problem = f"the derivative of {part} by '{parameter.name}' is another one in a batch than alone."
+                    raise Nonconformity(problem, "Use the vectors' own axis: derivatives are (n, d, d) each.")
+
+
+def check_dynamic_stiffness_jacobian_meets_differences(specimen: JointSpecimen) -> None:
+    """`dynamic_stiffness_jacobian` is the derivative of `dynamic_stiffness`, from 1 Hz to 20 kHz."""
+    _only_with_parameters(specimen)
+    overridden = specimen.model.dynamic_stiffness_jacobian is not JointModel.dynamic_stiffness_jacobian  # type: ignore[attr-defined]
+    if not specimen.own_law and not overridden:
+        raise NotApplicable("it follows from the derivatives of the matrices, which are checked.")
+    theta, lines = specimen.some(SETTINGS.vectors_of_laws), specimen.lines
+    jacobian = list(specimen.component.dynamic_stiffness_jacobian(lines.copy(), theta.copy()))
+    if len(jacobian) != len(specimen.component.parameters):
+        problem = f"it returned {len(jacobian)} derivatives for {len(specimen.component.parameters)} parameters."
+        raise Nonconformity(problem, "Return an array for each parameter, in their order.")
+    _check_derivatives(
+        specimen, theta, lambda vectors: specimen.stiffness(lines, vectors), jacobian, "dynamic stiffness"
+    )
+
+
+def _check_derivatives(
+    specimen: JointSpecimen,
+    theta: NDArray[np.float64],
+    function: _Function,
+    derivatives: Iterable[NDArray[np.complex128] | NDArray[np.float64]],
+    noun: str,
+) -> None:
+    """Hold derivatives (n, ..., d, d) against differences, entry by entry, where these agree among themselves."""
+    here = function(theta)
+    diagonal = np.sqrt(np.abs(np.diagonal(here, axis1=-2, axis2=-1)))
+    scale = diagonal[..., :, None] * diagonal[..., None, :] + np.abs(here)
+    for column, (parameter, derivative) in enumerate(zip(specimen.component.parameters, derivatives, strict=True)):
+        differences, noise, smooth = _differences(specimen, theta, column, function, here, scale)
+        error = np.abs(derivative - differences)
+        wrong = smooth & ~(error <= SETTINGS.wrong * np.abs(differences) + noise)
+        if wrong.any():
+            at = np.unravel_index(int(np.argmax(np.where(wrong, error, -1.0))), wrong.shape)
+            problem = (
+                f"the derivative of the {noun} by '{parameter.name}' is {derivative[at]:.6g} in entry "
+                f"{tuple(int(index) for index in at[-2:])} for {specimen.shown(theta[at[0]])}; differences give "
+                f"{differences[at]:.6g}."
+            )
+            raise Nonconformity(problem, "Mend the derivative, or leave it to the base class.")
+
+
+def _differences(
+    specimen: JointSpecimen,
+    theta: NDArray[np.float64],
+    column: int,
+    function: _Function,
+    here: NDArray[np.complex128] | NDArray[np.float64],
+    scale: NDArray[np.float64],
+) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return one-sided differences within the range, what rounding leaves of them, and where they can be trusted."""
+    parameter = specimen.component.parameters[column]
+    at, width = theta[:, column], parameter.upper - parameter.lower
+    size = np.minimum(np.maximum(np.abs(at), 1e-2 * width), 100.0 * width)
+    best = np.zeros(here.shape, dtype=np.complex128)
+    noise = SETTINGS.rounding * scale / _broad(SETTINGS.steps[0] * size, here)
+    smooth = np.ones(here.shape, dtype=np.bool_)
+    taken = np.zeros(len(theta), dtype=np.bool_)
+    for sign in (1.0, -1.0):
+        for factor in SETTINGS.steps:
+            step = sign * factor * size
+            inside = (at + 2.0 * step >= parameter.lower) & (at + 2.0 * step <= parameter.upper)
+            near, far = theta[inside], theta[inside]
+            near[:, column] += step[inside]
+            far[:, column] += 2.0 * step[inside]
+            if not inside.any():
+                continue
+            values = 4.0 * function(near) - function(far) - 3.0 * here[inside]
+            difference = values / _broad(2.0 * step[inside], here)
+            first = inside & ~taken
+            best[first] = difference[first[inside]]
+            taken |= inside
+            close = np.abs(difference - best[inside]) <= SETTINGS.disagreement * np.abs(difference) + noise[inside]
+            smooth[inside] &= close
+    smooth[~taken] = False
+    return best, 100.0 * noise, smooth
+
+
+def _broad(values: NDArray[np.float64], like: NDArray[np.complex128] | NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n,) values with as many axes as an (n, ...) array."""
+    return values.reshape(-1, *(1,) * (like.ndim - 1))
+
+
+def _stacked(specimen: JointSpecimen, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return M, K, C and D, (n, 4, d, d), in an array that nobody else holds."""
+    matrices = specimen.component.matrices(theta.copy())
+    return np.stack([getattr(matrices, part) for part in PARTS], axis=1)
+
+
+def _copied(matrices: StructuralMatrices) -> StructuralMatrices:
+    return StructuralMatrices(*(np.array(getattr(matrices, part)) for part in "MKCD"))
+
+
+def _only_with_parameters(specimen: JointSpecimen) -> None:
+    if not specimen.component.parameters:
+        raise NotApplicable("the joint has no parameters.")

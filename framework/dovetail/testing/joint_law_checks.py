@@ -1,0 +1,104 @@
+"""Checks of joints: the dynamic stiffness over frequency, above all of those that give it themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.testing.linear_algebra import asymmetry, least_eigenvalue, relative_difference
+from dovetail.testing.outcomes import Nonconformity, NotApplicable
+from dovetail.testing.specimens import FREQUENCY, JointSpecimen
+
+__all__: list[str] = []
+
+_ROUNDING = 1e-9
+"""Of the greatest entry."""
+_VECTORS = 64
+"""Parameter vectors at which a law is asked for all lines, half of them corners."""
+_FEW = 4
+_TOWARDS_REST = np.array([1e-1, 1e-4, 1e-7, 1e-10])
+"""Frequencies [Hz] that fall by the same factor, on the way to rest."""
+_SETTLING = 0.98
+"""Change over the last of these factors over that of the first: 0.98 for f^0.0015, a slower law is taken for log f."""
+
+
+def check_dynamic_stiffness_is_symmetric_and_passive(specimen: JointSpecimen) -> None:
+    """A law of its own is reciprocal too, and gives back no energy at any frequency, in no corner of the ranges."""
+    _only_with_own_law(specimen)
+    theta = specimen.some(_VECTORS)
+    Z = specimen.stiffness(specimen.lines, theta)
+    if asymmetry(Z) > _ROUNDING:
+        raise Nonconformity("dynamic_stiffness is not symmetric.", "Fill [row, column] and [column, row] alike.")
+    least = least_eigenvalue(Z.imag)
+    if least.min() < -_ROUNDING:
+        row, line = np.unravel_index(int(least.argmin()), least.shape)
+        problem = (
+            f"at {specimen.lines[line]:.4g} Hz the imaginary part of dynamic_stiffness is not positive semi-definite, "
+            f"so the joint feeds the motion, for {specimen.shown(theta[row])}."
+        )
+        raise Nonconformity(problem, "With exp(i omega t) a damper is + i omega c, and a lossy spring k (1 + i eta).")
+
+
+def check_the_law_has_a_limit_at_rest(specimen: JointSpecimen) -> None:
+    """A law of its own settles as the frequency falls: an infinite or endlessly changing stiffness is no model."""
+    _only_with_own_law(specimen)
+    Z = specimen.stiffness(_TOWARDS_REST, specimen.some(_VECTORS))
+    if not np.isfinite(Z).all():
+        raise Nonconformity("near 0 Hz the dynamic stiffness is not finite.", _LIMIT)
+    changes = np.abs(np.diff(Z, axis=1)).max(axis=(2, 3))
+    rounding = _ROUNDING * np.abs(Z).max(axis=(1, 2, 3))
+    if (changes[:, -1] > _SETTLING * changes[:, 0] + rounding).any():
+        problem = "towards 0 Hz the dynamic stiffness changes more and more, or by the same for each decade."
+        raise Nonconformity(problem, _LIMIT)
+
+
+_LIMIT = "Give the law a limit at rest; a power f^alpha has one, 1 / f and log f have none."
+
+
+def check_dynamic_stiffness_treats_lines_and_vectors_alone(specimen: JointSpecimen) -> None:
+    """One line and one vector alone give what they give among others: unsorted, repeated, or very many."""
+    theta = specimen.some(_FEW)
+    Z = specimen.stiffness(FREQUENCY, theta)
+    for line in range(len(FREQUENCY)):
+        alone = specimen.stiffness(FREQUENCY[line : line + 1], theta[:1])
+        _compare(alone[0, 0], Z[0, line], f"at {FREQUENCY[line]:.4g} Hz alone")
+    shuffled = np.array([5, 0, 8, 0, 3, 3, 1])
+    _compare(specimen.stiffness(FREQUENCY[shuffled], theta), Z[:, shuffled], "at unsorted lines")
+    many = np.concatenate([np.linspace(21.0, 1999.0, 500), FREQUENCY])
+    _compare(specimen.stiffness(many, theta[:1])[:, 500:], Z[:1], "among 500 other lines")
+    others = np.concatenate([specimen.some(300), theta])
+    _compare(specimen.stiffness(FREQUENCY[:2], others)[-len(theta) :], Z[:, :2], "among 300 other vectors")
+
+
+def check_frequency_may_be_any_array(specimen: JointSpecimen) -> None:
+    """Whole numbers, single precision and arrays that may not be written are frequencies too."""
+    _only_with_own_law(specimen)
+    theta, whole = specimen.some(_FEW), np.array([1500, 20, 333])
+    read_only = whole.astype(np.float64)
+    read_only.flags.writeable = False
+    wanted = specimen.stiffness(whole.astype(np.float64), theta)
+    for kind, frequency in {
+        "of whole numbers": whole,
+        "in single precision": whole.astype(np.float32),
+        "that is read-only": read_only,
+        "with other numbers between": np.repeat(whole.astype(np.float64), 2)[::2],
+    }.items():
+        answer: NDArray[np.complex128] = specimen.component.dynamic_stiffness(frequency, theta.copy())
+        if relative_difference(answer, wanted) > _SINGLE:
+            problem = f"for an array {kind} dynamic_stiffness answers otherwise than for the same numbers."
+            raise Nonconformity(problem, "Begin with frequency = numpy.asarray(frequency, dtype=float).")
+
+
+_SINGLE = 1e-5
+"""Of the greatest entry, for frequencies in single precision."""
+
+
+def _compare(answer: NDArray[np.complex128], wanted: NDArray[np.complex128], where: str) -> None:
+    if answer.shape != wanted.shape or relative_difference(answer, wanted) > _ROUNDING:
+        problem = f"{where} dynamic_stiffness is another one than among few lines and vectors."
+        raise Nonconformity(problem, "Use the axes (n, n_freq, d, d) of theta and frequency.")
+
+
+def _only_with_own_law(specimen: JointSpecimen) -> None:
+    if not specimen.own_law:
+        raise NotApplicable("dynamic_stiffness follows from the matrices, which are checked.")

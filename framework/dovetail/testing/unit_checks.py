@@ -1,0 +1,139 @@
+"""Checks of units: the same component described in other units of length, mass and time has the same physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.interfaces import option_schema
+from dovetail.testing.answers import PARTS
+from dovetail.testing.linear_algebra import condensed, unit_free
+from dovetail.testing.outcomes import Nonconformity, NotApplicable, Reservation
+from dovetail.testing.specimens import FREQUENCY, WIDE, JointSpecimen, Specimen, SubstructureSpecimen, specimen_of
+from dovetail.units import dimension
+
+__all__: list[str] = []
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How units are checked.
+
+    Attributes
+    ----------
+    factor : float
+        Of the unit of length, of mass or of time: as near to 1 that options stay within their limits.
+    wrong : float
+        Difference, relative to the diagonal, that is not rounding.
+    vectors : int
+        Parameter vectors, from the middle of the ranges.
+    pure : tuple of float
+        Factors with which a parameter may enter an entry as it is, such as half of a mass on each of two nodes.
+    """
+
+    factor: float = 1.07
+    wrong: float = 1e-7
+    vectors: int = 8
+    pure: tuple[float, ...] = (1.0, 0.5, 1 / 3, 0.25, 2.0, 3.0, 4.0)
+
+
+SETTINGS = Settings()
+_ENTRY = {"M": "kg", "K": "N/m", "C": "N s/m", "D": "N/m"}
+"""Unit between two displacements; each rotation multiplies it with a length."""
+_DIMENSIONS = ("length", "mass", "time")
+
+
+def check_units_agree_with_the_matrices(specimen: Specimen) -> None:
+    """In other units of length, mass and time, options and parameters give the same matrices, in those units."""
+    schema = option_schema(type(specimen.component.config))
+    known = isinstance(specimen, JointSpecimen) and bool(specimen.component.parameters)
+    broken, looked = [], False
+    for name in _DIMENSIONS:
+        options = specimen.component.config.model_dump(mode="json")
+        rescaled = _rescaled(options, schema, schema.get("$defs", {}), name)
+        if rescaled == options and not known:
+            continue
+        itself = specimen_of(specimen.model, specimen.options)
+        before = _at_the_ports(itself, "")
+        try:
+            other = specimen_of(specimen.model, rescaled)
+        except Exception:  # limits of options may forbid it
+            continue
+        looked = True
+        if not _alike(itself, before, _at_the_ports(other, name), name):
+            broken.append(name)
+    if not looked:
+        raise NotApplicable("no option has a unit, or options with units cannot be changed.")
+    if isinstance(specimen, JointSpecimen) and broken:
+        _blame_a_parameter(specimen)
+    if broken:
+        problem = f"in another unit of {' or '.join(broken)} it is another component: a unit is wrong or missing."
+        remedy = 'Give constants as options with their units, by dovetail.InUnit("m"), and check those of parameters.'
+        raise Reservation(problem, remedy)
+
+
+def _at_the_ports(specimen: Specimen, name: str) -> NDArray[np.complex128]:
+    """Return a joint's dynamic stiffness at its ports, or a part's receptance, asked for in the changed unit."""
+    if isinstance(specimen, SubstructureSpecimen):
+        lines = FREQUENCY * _factor("Hz", name)
+        return np.array(specimen.component.receptance(lines, list(specimen.dofs)))
+    assert isinstance(specimen, JointSpecimen)
+    parameters = specimen.component.parameters
+    fractions = np.random.default_rng(0).uniform(0.35, 0.65, (SETTINGS.vectors, len(parameters)))
+    theta = specimen.vectors(fractions) * np.array([_factor(parameter.unit, name) for parameter in parameters])
+    on_ports = specimen.component.size - specimen.component.internal_dofs
+    return condensed(specimen.stiffness(WIDE * _factor("Hz", name), theta), on_ports)
+
+
+def _alike(specimen: Specimen, before: NDArray[np.complex128], after: NDArray[np.complex128], name: str) -> bool:
+    """Compare what is asked for in the changed unit with what was asked for before, converted."""
+    dofs = np.array(specimen.dofs if isinstance(specimen, SubstructureSpecimen) else range(before.shape[-1]))
+    stiffness = _factor("N/m", name) * _factor("m", name) ** np.add.outer(dofs % 2, dofs % 2)
+    converted = before * (1.0 / stiffness if isinstance(specimen, SubstructureSpecimen) else stiffness)
+    scale = np.abs(np.diagonal(converted, axis1=-2, axis2=-1))
+    return bool(np.abs(unit_free(after - converted, scale)).max(initial=0.0) <= SETTINGS.wrong)
+
+
+def _blame_a_parameter(specimen: JointSpecimen) -> None:
+    """Look for a parameter that is an entry of a matrix, as it is or in a simple fraction, in another unit."""
+    component = specimen.component
+    on_ports = component.size - component.internal_dofs
+    jacobian = component.matrices_jacobian(specimen.some(2).copy())
+    for parameter, derivative in zip(component.parameters, jacobian, strict=True):
+        units: dict[str, tuple[str, int]] = {}
+        for part, unit in _ENTRY.items():
+            slopes = np.diagonal(getattr(derivative, part), axis1=1, axis2=2)[:, :on_ports]
+            pure = np.isclose(np.abs(slopes)[..., None], SETTINGS.pure, rtol=1e-9, atol=0.0).any(axis=(-1)).all(axis=0)
+            for dof in np.flatnonzero(pure).tolist():
+                units[f"{unit} m^2" if dof % 2 else unit] = (PARTS[part], dof)
+        if units and not any(dimension(unit) == dimension(parameter.unit) for unit in units):
+            wanted, (noun, at) = next(iter(units.items()))
+            problem = f"'{parameter.name}' in {parameter.unit} is entry ({at}, {at}) of the {noun} matrix, in {wanted}."
+            raise Nonconformity(problem, f"Give the parameter the unit {wanted}, or the entry its missing factor.")
+
+
+def _rescaled(value: Any, entry: Mapping[str, Any], definitions: Mapping[str, Any], name: str) -> Any:
+    """Return options with each number that has a unit written in the changed unit."""
+    if "$ref" in entry:
+        entry = definitions[entry["$ref"].rpartition("/")[2]]
+    if "x-unit" in entry and isinstance(value, (int, float)):
+        return value * _factor(entry["x-unit"], name)
+    if isinstance(value, dict):
+        properties, others = entry.get("properties", {}), entry.get("additionalProperties")
+        inner = {key: properties.get(key, others if isinstance(others, dict) else {}) for key in value}
+        value = {key: _rescaled(member, inner[key], definitions, name) for key, member in value.items()}
+    if isinstance(value, list):
+        value = [_rescaled(member, entry.get("items", {}), definitions, name) for member in value]
+    for choice in (*entry.get("anyOf", ()), *entry.get("allOf", ())):
+        if (changed := _rescaled(value, choice, definitions, name)) != value:
+            return changed
+    return value
+
+
+def _factor(unit: str, name: str) -> float:
+    """Return by what a number in a unit is multiplied in the changed unit of length, mass or time."""
+    return float(SETTINGS.factor ** dimension(unit)[1].get(name, 0.0))
