@@ -41,9 +41,9 @@ pytest_add_cli_args =
 {options}
 process_isolation = fork
 timeout_constant = 8.0
-timeout_multiplier = 4.0
+timeout_multiplier = 3.0
 """
-"""A time limit of four times what the tests take, because other work may share the machine."""
+"""A time limit of three times what the tests take, because other work may share the machine."""
 CHILD = """import os
 
 if os.environ.get("MUTANT_UNDER_TEST") == "stats":  # mutmut counts only in the process that has its configuration
