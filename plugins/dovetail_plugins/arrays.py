@@ -13,7 +13,7 @@ __all__ = ["checked_rows", "state_array", "state_number"]
 
 
 def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> NDArray[Any]:
-    """Return `values` as a finite two-dimensional array.
+    """Return `values` as a finite two-dimensional array in C's order.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> 
     DovetailError
         It is not a table of numbers, has no row, another width, or a value that is not finite.
     """
-    rows = np.asarray(values)
+    rows = np.asarray(values, order="C")  # the order of a sum, and with it the last bits, depends on the layout
     wanted = f"(n_samples, {'n_columns' if width is None else width})"
     if rows.ndim != 2 or rows.dtype.kind not in "fiu" or 0 in rows.shape:
         raise DovetailError(Fault(owner, f"it was given an array of {rows.dtype} with shape {rows.shape}.", wanted))

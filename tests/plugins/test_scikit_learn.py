@@ -11,7 +11,7 @@ from sklearn.cross_decomposition import PLSRegression
 from sklearn.decomposition import KernelPCA
 
 import dovetail
-from dovetail.testing.specimens import sample_features, sample_targets
+from dovetail.testing.training_sets import frf_samples
 from dovetail_plugins.reducers.scikit_learn import Transformer
 from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
 
@@ -26,12 +26,12 @@ def regressor(estimator, **options):
 
 @pytest.fixture(scope="module")
 def features():
-    return sample_features()
+    return frf_samples(160, lines=120, seed=7).features
 
 
 @pytest.fixture(scope="module")
 def targets():
-    return sample_targets()
+    return frf_samples(160, lines=120, seed=7).targets
 
 
 def test_a_reducer_is_scikit_learn_s_own(features):
