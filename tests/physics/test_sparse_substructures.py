@@ -160,6 +160,13 @@ def test_the_reduced_basis_states_an_error_that_holds_at_every_line(with_modes, 
         assert reduced.exact_lines < 12
 
 
+def test_two_exact_lines_in_a_row_must_agree_however_coarse_the_tolerance():
+    springs = 1e6 * (2 * np.eye(40) - np.eye(40, k=1) - np.eye(40, k=-1))
+    partition = PartitionedMatrices(dovetail.SparseMatrices(sp.eye_array(40), sp.csc_array(springs)), [0])
+    reduced = sparse_condensation.condense_on_basis(partition, np.linspace(1.0, 100.0, 30), 1e9)
+    assert reduced.exact_lines == 2
+
+
 def test_a_part_states_how_exactly_it_is_condensed(monkeypatch):
     monkeypatch.setattr(sparse_condensation, "_fixed_boundary_modes", _no_modes)
     frequency = np.arange(100.0, 20001.0, 50.0)

@@ -190,6 +190,13 @@ def test_a_joint_that_depends_on_frequency_may_have_a_stop_too():
     assert not jacobian[0].any()
 
 
+def test_such_a_stop_is_in_the_receptance_between_points_that_is_asked_for_first():
+    graph, points = bodies(Stray(Stray.Config()), direction="rz")
+    engine = Engine(graph, FREQUENCY, [("m1", 1), *points], {"j": np.array([[1e6, 1e3, 0.5]])})
+    between = engine.receptance({"j": np.array([[4e6, 1e3, 0.5]])}, [("m1", 1)], [("m1", 1)])
+    np.testing.assert_allclose(between[:, 0, 0], 1.0 / (4e3 - OMEGA**2 * INERTIA), rtol=1e-8)
+
+
 class Bridge(Spring):
     """The second end hangs on an internal DOF that carries something only above 97 % of the range of k."""
 

@@ -10,6 +10,7 @@ import sklearn
 from sklearn.utils import all_estimators
 
 import dovetail
+from dovetail_plugins import scikit_learn
 from dovetail_plugins.reducers.scikit_learn import Transformer
 from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
 
@@ -57,6 +58,28 @@ def test_a_transformer_is_its_own_before_and_after_it_is_stored(name, options):
     assert answer.dtype == np.float32
     again = reducer(name, **options).restore(stored(fitted.state()))
     np.testing.assert_array_equal(again.transform(FEATURES), fitted.transform(FEATURES))
+
+
+def test_a_sparse_answer_becomes_a_full_one():
+    features = np.tile([[0.0, 2.0], [1.0, 2.0], [1.0, 5.0]], (4, 1)).astype(np.float32)
+    fitted = reducer("OneHotEncoder").fit(features, seed=0)
+    expected = [[1, 0, 1, 0], [0, 1, 1, 0], [0, 1, 0, 1]]
+    np.testing.assert_array_equal(fitted.transform(features[:3]), expected)
+
+
+def test_what_answers_otherwise_when_it_is_made_of_its_arrays_is_refused(monkeypatch):
+    """By a hundredth, where a ten-thousandth is allowed."""
+    decode = scikit_learn._decode
+
+    def changed(node, arrays):
+        made = decode(node, arrays)
+        if hasattr(made, "intercept_"):
+            made.intercept_ = made.intercept_ + 1e-2
+        return made
+
+    monkeypatch.setattr(scikit_learn, "_decode", changed)
+    with pytest.raises(dovetail.DovetailError, match="made of its arrays it answers otherwise"):
+        regressor("Ridge").fit(FEATURES, TARGETS, seed=0)
 
 
 def test_a_regressor_of_a_single_target_is_fitted_to_each():

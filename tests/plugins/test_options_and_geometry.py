@@ -7,6 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from dovetail.assembly import components
+from dovetail.interfaces import KINDS
 
 STEEL = {"young": 200e9, "density": 8000.0, "poisson": 0.25, "loss_factor": 0.01}
 
@@ -18,6 +19,21 @@ def component(kind, model, **options):
 
 def beam(*sections):
     return component("substructure", "timoshenko_beam", material=STEEL, sections=sections)
+
+
+@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in KINDS for name in components().names(kind)])
+def test_every_example_of_a_component_is_one(kind, name, tmp_path):
+    model = components().find(kind, name).component
+    made = [model(model.Config(**options)) for options in model.examples(tmp_path)]
+    assert made
+    for example in made:
+        if kind == "joint":
+            theta = np.array([[0.5 * (p.lower + p.upper) for p in example.parameters]])
+            matrices = example.matrices(theta)
+            assert matrices.K.shape == (1, example.size, example.size)
+            assert (np.diagonal(matrices.K[0]) >= 0).all()
+        if kind == "substructure":
+            assert len(example.nodes) >= 1
 
 
 def test_the_nodes_of_a_beam_are_the_ends_of_its_elements():

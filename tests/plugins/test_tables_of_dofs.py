@@ -144,6 +144,13 @@ def test_a_full_matrix_market_file_of_either_kind_of_number(field, tmp_path):
     np.testing.assert_array_equal(read_matrix_market(tmp_path / "K.mtx"), [[4.0, -2.0], [-2.0, 3.0]])
 
 
+def test_the_shortest_file_of_its_entries_is_not_taken_for_a_damaged_one(tmp_path):
+    """Two bytes an entry: a digit and the end of the line."""
+    entries = "".join("1\n" if row == column else "0\n" for row in range(30) for column in range(30))
+    (tmp_path / "M.mtx").write_text(f"%%MatrixMarket matrix array integer general\n30 30\n{entries}")
+    np.testing.assert_array_equal(read_matrix_market(tmp_path / "M.mtx"), np.eye(30))
+
+
 def part(folder, config, **arrays):
     np.savez(folder / "part.npz", **arrays)
     model = components().find("substructure", "matrices").component
