@@ -36,7 +36,7 @@ from dovetail.testing import (
 from dovetail.testing.outcomes import CheckResult, Nonconformity, NotApplicable, Reservation
 from dovetail.testing.specimens import Specimen, specimen_of
 
-__all__ = ["check_component", "check_names", "components_named"]
+__all__ = ["check_component", "check_names", "components_named", "each_check"]
 
 _Check = Callable[[Any], str | None]
 """Raises where something is wrong; may return what it measured."""
@@ -105,7 +105,7 @@ def check_component(component: type[Component] | str, *, registry: Registry | No
         There is no such model, or this is no component class.
     """
     models = components_named(component, registry) if isinstance(component, str) else (component,)
-    return tuple(result for model in models for result in _check_model(model))
+    return tuple(result for model in models for result in each_check(model))
 
 
 def check_names(kind: Kind) -> tuple[str, ...]:
@@ -151,7 +151,14 @@ def _named(module: ModuleType) -> dict[str, _Check]:
     }
 
 
-def _check_model(model: type[Component]) -> Iterator[CheckResult]:
+def each_check(model: type[Component]) -> Iterator[CheckResult]:
+    """Run the checks of a component class one after the other.
+
+    Raises
+    ------
+    PluginError
+        This is no component class.
+    """
     if not isinstance(model, type) or not issubclass(model, Component) or getattr(model, "kind", None) not in KINDS:
         raise PluginError(f"{model!r} is not a component class.")
     label = f"{model.kind} '{getattr(model, 'name', model.__qualname__)}'"
