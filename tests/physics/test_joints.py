@@ -145,6 +145,17 @@ def test_a_linear_pressure_moves_the_stiffness_and_keeps_its_sum():
     assert position @ K @ shift == pytest.approx(k * g * length**2 / 6, rel=2e-3)
 
 
+@pytest.mark.parametrize(("ends", "said"), [((-0.9, 1.2), "g is -0.9 to 1.2"), ((-1.5, -1.5), "g is -1.5 here")])
+def test_a_gradient_that_makes_the_stiffness_of_an_end_negative_is_objected_to(ends, said):
+    model = joint("interference_fit", length=0.04, pressure="linear")
+    lower, upper = ({p.name: getattr(p, end) for p in model.parameters} for end in ("lower", "upper"))
+    assert model.range_objections(lower, upper) == {}
+    assert model.range_objections({**lower, "g": -1.0}, {**upper, "g": 1.0}) == {}
+    (objection,) = model.range_objections({**lower, "g": ends[0]}, {**upper, "g": ends[1]}).items()
+    assert objection[0] == "g"
+    assert said in objection[1]
+
+
 def test_a_bearings_inertia_is_that_of_a_lump_on_the_shaft():
     stiff = {"k": 1e8, "kr": 1e5, "c": 10, "cr": 0.1}
     with_ring = beams("bearing", {**stiff, "m": 0.3, "J": 2e-4}, count=1, ports=("shaft", "housing"))

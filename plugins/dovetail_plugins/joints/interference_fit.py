@@ -75,6 +75,14 @@ class InterferenceFit(JointModel):
         """The shaft and the hub."""
         return Port("shaft", self.config.nodes), Port("hub", self.config.nodes)
 
+    def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
+        """Object also to a gradient beyond 1 or -1, which makes the stiffness of an end negative."""
+        objections = dict(super().range_objections(lower, upper))
+        if self.config.pressure == "linear" and (lower["g"] < -1.0 or upper["g"] > 1.0):
+            ends = " to ".join(dict.fromkeys(f"{end:g}" for end in (lower["g"], upper["g"])))
+            objections["g"] = f"g is {ends} here; beyond -1 or 1 the stiffness at an end of the contact is negative."
+        return objections
+
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, 4) or (n, 5)."""
         joint = StructuralMatrices.zeros(len(theta), self.size)
