@@ -61,8 +61,8 @@ def _constant_sum(elements: Sequence[Element], numbers: np.ndarray, size: int, n
 def _strains(elements: Sequence[Element], numbers: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
     """Rows whose common null space is that of K: what each element's stiffness resists, however softly.
 
-    Columns are in units of the DOFs' whole stiffness, rows of length one before DOFs are merged: what merging leaves of
-    a row is then rounding where the element is not strained any more.
+    Columns are in units of the DOFs' whole stiffness. Rows have the length one before DOFs are merged or held, so that
+    what this leaves of a row that is not strained any more is rounding.
     """
     unit = np.sqrt(np.where(stiffness > 0, stiffness, 1.0))
     rows = [np.zeros((0, len(unit)))]
@@ -72,10 +72,11 @@ def _strains(elements: Sequence[Element], numbers: np.ndarray, stiffness: np.nda
         safe = np.where(scale > 0, scale, 1.0)
         values, vectors = np.linalg.eigh(K / np.outer(safe, safe))
         resisted = (vectors[:, values > _DEPENDENT] * scale[:, np.newaxis]).T
+        reduced = numbers[list(element.dofs)]
+        length = np.linalg.norm(resisted / np.where(reduced >= 0, np.append(unit, 1.0)[reduced], safe), axis=1)
         distinct, L = merged_entries(element, numbers)
-        terms = resisted[:, :, np.newaxis] * L / unit[distinct]
         row = np.zeros((len(resisted), len(unit)))
-        row[:, distinct] = terms.sum(axis=1) / np.sqrt((terms**2).sum(axis=(1, 2)) + 1e-300)[:, np.newaxis]
+        row[:, distinct] = (resisted @ L) / unit[distinct] / length[:, np.newaxis]
         rows.append(row)
     return np.concatenate(rows)
 

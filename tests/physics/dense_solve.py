@@ -244,6 +244,13 @@ class DenseAssembly:
         condition = np.linalg.cond(system.Z * balance[:, :, np.newaxis] * balance[:, np.newaxis, :])
         return "" if condition.min() < _SINGULAR else "Z is singular"
 
+    def coupled(self, one: Point, other: Point, theta: Sequence[float]) -> bool:
+        """Whether elements connect two points, or one of them is held."""
+        numbers = self.numbering()
+        _, magnitude = self._sum(self.elements(theta), numbers)
+        ends = [int(numbers[self.dof(point)]) for point in (one, other)]
+        return min(ends) < 0 or ends[1] in _connected(magnitude, ends[:1])
+
     def depends_on_frequency(self) -> bool:
         """Whether a joint or a measured part has no constant matrices."""
         return any(joint["model"] == "rubber" for joint in self._joints.values())

@@ -188,7 +188,7 @@ class Assembly:
         """
         batch, single = self._space.batch(theta)
         values = self.engine.drive_point(self._space.by_joint(batch), self._conversion)
-        return values[0] if single else values
+        return values[0] if single else _for_each(batch, values)
 
     def frfs(self, theta: Theta = None) -> NDArray[np.complex128]:
         """FRFs of all responses, each in its own quantity.
@@ -218,7 +218,7 @@ class Assembly:
         """
         batch, single = self._space.batch(theta)
         values, jacobian = self.engine.jacobian(self._space.by_joint(batch), self._conversion)
-        return (values[0], jacobian[0]) if single else (values, jacobian)
+        return (values[0], jacobian[0]) if single else (_for_each(batch, values), _for_each(batch, jacobian))
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
         """Amplitude of the accelerance in single precision, for all responses.
@@ -237,7 +237,7 @@ class Assembly:
         by_joint = self._space.by_joint(batch)
         amplitudes = [assembly.engine.amplitude(by_joint, factor) for assembly in self.each_response]
         amplitude = amplitudes[0] if len(amplitudes) == 1 else np.concatenate(amplitudes, axis=1)
-        return amplitude[0] if single else amplitude
+        return amplitude[0] if single else _for_each(batch, amplitude)
 
     def receptance(
         self, theta: Theta, outputs: Sequence[tuple[str, float, str]], inputs: Sequence[tuple[str, float, str]]
@@ -343,6 +343,11 @@ class Assembly:
         if not 1e-12 <= tolerance <= 1e-7:
             raise ParameterError(Fault("interpolation", f"the tolerance is {tolerance:g}.", "1e-12 to 1e-7"))
         return Assembly(self.description, rigid=self._rigid, interpolation=tolerance)
+
+
+def _for_each(batch: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
+    """Return values (n, ...) for a batch of n vectors; without joints the engine computes them once."""
+    return values if len(values) == len(batch) else np.repeat(values, len(batch), axis=0)
 
 
 def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginPaths = ()) -> Assembly:

@@ -17,12 +17,9 @@ from dovetail.interfaces import SparseMatrices, StructuralMatrices
 __all__ = ["elastic_frequencies"]
 
 _RIGID_BODY_MODES = 6
-_STRAIN_FLOOR = 1e-11
-"""A mode whose strain energy is below this part of the largest its amplitudes allow is a rigid-body mode."""
-_SPARSE_STRAIN_FLOOR = 1e-13
-"""The same for a shape by Lanczos. Rounding leaves a hundredth of it; a beam of 2500 elements in its first bending mode
-has twice as much."""
-
+_STRAIN_FLOOR = 1e-13
+"""A mode whose strain energy is below this part of the largest its amplitudes allow is a rigid-body mode. Rounding
+leaves a hundredth of it; a beam of 2500 elements in its first bending mode has twice as much."""
 _SHIFT_FLOOR = 1e-14
 """A square of a frequency [1/s^2] below this part of the shift is rounding. The motion of a mass that nothing holds has
 no strain but the rounding of its shape, which is in that of its amplitudes as any elastic mode's is."""
@@ -70,7 +67,7 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
         ) from None
     finite = mu > mu[-1] * 1e-14
     shapes = shapes[:, finite][:, ::-1]
-    return np.array(list(islice(_elastic_modes(K, M, shapes, _STRAIN_FLOOR, _SHIFT_FLOOR * shift), count)))
+    return np.array(list(islice(_elastic_modes(K, M, shapes, _SHIFT_FLOOR * shift), count)))
 
 
 def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray[np.float64]:
@@ -92,7 +89,7 @@ def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray
         if values.min() < -1e-6 * stiffest:
             raise DovetailError("there are no natural frequencies: with these parameters a stiffness is negative.")
         least = _SHIFT_FLOOR * 1e-6 * stiffest
-        modes = list(islice(_elastic_modes(K, M, shapes[:, np.argsort(values)], _SPARSE_STRAIN_FLOOR, least), count))
+        modes = list(islice(_elastic_modes(K, M, shapes[:, np.argsort(values)], least), count))
         if len(modes) == count or wanted == most:
             return np.array(modes)
         wanted = min(2 * wanted, most)
@@ -105,10 +102,10 @@ def _dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np
     return np.flatnonzero(np.isin(group, group[inertia > 0]))
 
 
-def _elastic_modes(K: Any, M: Any, shapes: NDArray[np.float64], strain_floor: float, least: float) -> Iterator[float]:
+def _elastic_modes(K: Any, M: Any, shapes: NDArray[np.float64], least: float) -> Iterator[float]:
     """Yield the frequencies [Hz] of those shapes that deform the structure, with squares [1/s^2] above the least."""
     stiffness = abs(K)
     for shape in shapes.T:
         strain, mass = shape @ K @ shape, shape @ M @ shape
-        if strain > least * mass and strain > strain_floor * (abs(shape) @ stiffness @ abs(shape)):
+        if strain > least * mass and strain > _STRAIN_FLOOR * (abs(shape) @ stiffness @ abs(shape)):
             yield np.sqrt(strain / mass) / (2.0 * np.pi)

@@ -18,6 +18,9 @@ from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matr
 
 __all__ = ["LiteralSynthesis", "assembly_matrices", "direct_receptance"]
 
+_CANCELLED = 1e-15
+"""What is left of a sum below this part of its terms is rounding: stiffness between DOFs that a rigid joint merges."""
+
 _Component = tuple[StructuralMatrices | SparseMatrices, NDArray[np.intp]]
 """Matrices and the global number of each of their DOFs; `HELD` where it does not move."""
 
@@ -81,8 +84,10 @@ def _sum(name: str, components: Sequence[_Component], count: int) -> Any:
         rows.append(row[moving])
         columns.append(column[moving])
         values.append(entries.data[moving])
-    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return coo_array(entries, shape=(count, count))
+    terms, where = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    total, size = (coo_array((v, where), shape=(count, count)).tocsr() for v in (terms, abs(terms)))
+    total.data[abs(total.data) <= _CANCELLED * size.data] = 0.0
+    return total.tocoo()
 
 
 def direct_receptance(
