@@ -35,7 +35,7 @@ SLOW = (
     "test_the_worst_files_take_bounded_time_and_memory",
     "test_a_hundred_random_assemblies_against_the_dense_solve",
 )
-"""Most are repetitions in tests/physics/test_exactness.py, which takes three minutes with them."""
+"""Most are repetitions in tests/physics/test_exactness.py; each of the others takes half a minute or more."""
 
 
 def _in(folder: str, *names: str) -> tuple[str, ...]:

@@ -202,6 +202,12 @@ def test_samples_that_change_are_asked_for_once_an_epoch_in_order():
     )
 
 
+def test_what_a_network_is_asked_wrongly_is_told_in_its_name():
+    fitted = MLP(MLP.Config(hidden=(4, 4), max_epochs=1)).fit(random_rows(9, 2), random_rows(9, 1), seed=0)
+    with pytest.raises(dovetail.DovetailError, match="regressor 'mlp'\n  it was given 3 columns, but was fitted to 2"):
+        fitted.predict(random_rows(5, 3))
+
+
 def test_the_smallest_training_set_of_the_perceptron():
     """Three samples: one to validate with, two to train on, whatever the fraction."""
     for fraction in (0.01, 0.99):

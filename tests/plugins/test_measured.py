@@ -79,6 +79,7 @@ def test_what_is_measured_is_reciprocal_and_passive_and_met_at_its_lines(tmp_pat
     assert np.linalg.eigvalsh((np.swapaxes(H.conj(), 1, 2) - H) / 2j).min() > 0
     np.testing.assert_array_equal(part.receptance(FREQUENCY, [1])[:, 0, 0], H[:, 1, 1])
     assert part.matrices() is None
+    assert [(node.label, node.position) for node in part.nodes] == [("m1", 0.0)]
 
 
 @pytest.mark.parametrize("line", [0, 100])
