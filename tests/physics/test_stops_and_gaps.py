@@ -333,3 +333,15 @@ def test_a_plugin_with_a_stop_gives_the_same_by_every_route(tmp_path):
         near = [assembly.frf({**theta, "pad.k": k * (1 + 1e-5 * step)}) for step in (-2, -1, 1, 2)]
         difference = np.tensordot([1, -8, 8, -1], near, 1) / (12e-5 * k)
         assert np.abs(jacobian[:, 0] - difference).max() < 1e-6 * np.abs(difference).max()
+
+
+def test_the_derivative_at_a_vanishing_pivot_is_that_of_the_pivoted_solve():
+    """At the natural frequency of the second mass on the spring alone the first stands still, and x1 = -1/k."""
+    k = 4e6
+    graph, points = bodies(Spring(Spring.Config()))
+    frequency = np.append(FREQUENCY, np.sqrt(k / MASS) / (2.0 * np.pi) * (1.0 + 1e-13))
+    engine = Engine(graph, np.sort(frequency), points, {"j": np.array([BELOW])}, {"j": [0]})
+    _, jacobian = engine.jacobian({"j": np.array([[k, 0.0]])})
+    assert engine.pivoted_lines == 1
+    line = int(np.argmin(np.abs(engine.frequency - frequency[-1])))
+    np.testing.assert_allclose(jacobian[0, line, 0], -1.0 / k**2, rtol=1e-8)
