@@ -11,7 +11,7 @@ import typer
 
 from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles, check_method
-from dovetail.cli.terminal import note, print_json, progress_bars, table, title
+from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -77,9 +77,13 @@ def _method(name: str, plugins: list[Path]) -> str | Identify:
 
 
 def _print(done: Validation) -> None:
+    from dovetail.identification.posterior import NOT_BELIEVED
+
     title(done.title)
     say_caveat(done)
     table(_HEADERS, _rows(done), numbers=_HEADERS[1:6])
+    if doubtful := [result.case.name for result in done.cases if not result.believable]:
+        say(f"Joints {NOT_BELIEVED}: {', '.join(doubtful)}.")  # a narrow terminal cuts the last column off
 
 
 def _rows(done: Validation) -> Iterator[list[str]]:
