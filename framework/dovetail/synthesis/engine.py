@@ -207,13 +207,14 @@ class Engine:
         result: NDArray[Any],
         jacobian: NDArray[np.complex128] | None = None,
     ) -> NDArray[np.intp]:
-        """Fill `result`; return the samples in which a pivot nearly vanished.
+        """Fill `result`; return the samples in which a pivot nearly vanished."""
+        return self._planned(lambda plan: self._run_plan(plan, kernel_of, theta, factor, result, jacobian))
 
-        Where samples fill entries for which nothing is planned, the plan is widened and all are computed anew.
-        """
+    def _planned(self, compute: Callable[[Plan], NDArray[Any]]) -> NDArray[Any]:
+        """Compute after the plan; where there are entries for which nothing is planned, widen it and compute anew."""
         while True:
             try:
-                return self._run_plan(self.plan, kernel_of, theta, factor, result, jacobian)
+                return compute(self.plan)
             except UnplannedEntries as unplanned:
                 self.plan = self.plan.widened(unplanned.sparsity)
 
@@ -303,11 +304,8 @@ class Engine:
         -------
         (n_freq, n_out, n_in) complex array
         """
-        while True:
-            try:
-                return self.plan.pivoted.receptance(theta, np.arange(self._lines), outputs, inputs)
-            except UnplannedEntries as unplanned:
-                self.plan = self.plan.widened(unplanned.sparsity)
+        lines = np.arange(self._lines)
+        return self._planned(lambda plan: plan.pivoted.receptance(theta, lines, outputs, inputs))
 
 
 def _gather(

@@ -138,5 +138,5 @@ class Plan:
 
     def _kernel(self, layout: Layout, *, amplitude: bool = False) -> MachineKernel:
         if self.program.multiplications > SETTINGS.straight_line:
-            return MachineKernel(*looped_kernel_source(self.program, layout, amplitude=amplitude))
+            return compiled(*looped_kernel_source(self.program, layout, amplitude=amplitude))
         return compiled(kernel_source(self.program, layout, amplitude=amplitude))

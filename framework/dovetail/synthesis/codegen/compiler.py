@@ -52,9 +52,9 @@ class MachineKernel:
 
 
 @lru_cache(maxsize=32)
-def compiled(source: str) -> MachineKernel:
+def compiled(source: str, scratch: int = 0) -> MachineKernel:
     """Return the kernel of an LLVM IR text. The same text, as for other frequencies, is compiled once."""
-    return MachineKernel(source)
+    return MachineKernel(source, scratch)
 
 
 def _target_machine() -> Any:
