@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from dovetail.interfaces import Component
 from dovetail.testing.answers import answers, copied, declarations, varied
-from dovetail.testing.fresh_process import load_module
+from dovetail.testing.fresh_process import WORK, read_request, requested_class, run_in_fresh_process
 from dovetail.testing.outcomes import Nonconformity, Reservation
 from dovetail.testing.specimen import Specimen
 from dovetail.testing.surroundings import changes, surroundings
@@ -28,7 +27,7 @@ __all__ = ["Report", "main", "report_of_another_process", "written"]
 _LIMIT = 120
 _ENVIRONMENT = dict(os.environ)
 """Before a component was asked, which may change it."""
-_REQUEST, _ANSWERS, _REPORT, _WORK = "request.json", "answers{}.npz", "report.json", "work"
+_ANSWERS, _REPORT = "answers{}.npz", "report.json"
 _THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "2")
 """More than one, so that a component is seen to limit them."""
 
@@ -87,32 +86,10 @@ def report_of_another_process(specimen: Specimen) -> Report:
 
 @lru_cache(maxsize=2)  # two checks look at the same report, and a package that is imported late makes another
 def _asked(model: type[Component], options: tuple[str, ...], imports: tuple[str, ...]) -> Report:
-    module = sys.modules[model.__module__]
-    request = {
-        "module": module.__name__,
-        "file": str(module.__file__),
-        "path": [str(Path(entry or os.curdir).resolve()) for entry in sys.path],
-        "name": model.__qualname__,
-        "options": list(options),
-        "imports": list(imports),
-    }
-    seed = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
+    request = {"options": list(options), "imports": list(imports)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / _REQUEST).write_text(json.dumps(request), encoding="utf-8")
-        (folder / _WORK).mkdir()
-        environment = {
-            **_ENVIRONMENT,
-            **_THREADS,
-            "PYTHONPATH": os.pathsep.join(request["path"]),
-            "PYTHONHASHSEED": seed,
-        }
-        command = [sys.executable, "-c", f"from {__name__} import main; main()", name]
-        done = subprocess.run(
-            command, capture_output=True, text=True, env=environment, cwd=folder / _WORK, timeout=_LIMIT, check=False
-        )
-        if done.returncode:
-            reason = (done.stderr.strip().splitlines() or ["it gave no reason"])[-1]
+        if reason := run_in_fresh_process(__name__, model, request, folder, {**_ENVIRONMENT, **_THREADS}, _LIMIT):
             raise Nonconformity(f"in a fresh process it fails: {reason}", "Let it depend on its options alone.")
         said = json.loads((folder / _REPORT).read_text(encoding="utf-8"))
         arrays = {}
@@ -125,14 +102,11 @@ def _asked(model: type[Component], options: tuple[str, ...], imports: tuple[str,
 
 def main() -> None:
     """Answer the request in the folder that the command line names."""
-    folder = Path(sys.argv[1])
-    request = json.loads((folder / _REQUEST).read_text(encoding="utf-8"))
+    folder, request = read_request()
     for name in request["imports"]:
         __import__(name)
     loaded, before, threads = "torch" in sys.modules, surroundings(), _threads()
-    model: Any = load_module(request["module"], request["file"])
-    for part in request["name"].split("."):
-        model = getattr(model, part)
+    model = requested_class(request)
     said, configs = [], []
     for index, options in enumerate(request["options"]):
         component = model(model.Config.model_validate_json(options))
@@ -143,7 +117,7 @@ def main() -> None:
     changed = changes(before, surroundings())
     if any(_threads().get(library, count) != count for library, count in threads.items()):
         changed.append("the number of threads of the linear algebra")
-    if (folder / _WORK).exists() and any((folder / _WORK).iterdir()):
+    if (folder / WORK).exists() and any((folder / WORK).iterdir()):
         changed.append("the working directory, where it leaves a file,")
     report = {
         "configs": configs,

@@ -21,10 +21,20 @@ from dovetail.interfaces import Component, State
 from dovetail.testing.outcomes import Nonconformity
 from dovetail.testing.training_sets import TrainingSet
 
-__all__ = ["FreshAnswers", "ask_a_fresh_process", "load_module", "main"]
+__all__ = [
+    "WORK",
+    "FreshAnswers",
+    "ask_a_fresh_process",
+    "main",
+    "read_request",
+    "requested_class",
+    "run_in_fresh_process",
+]
 
 _LIMIT = 300
-_REQUEST, _ARRAYS, _SAMPLES, _WORK = "request.json", "state.safetensors", "samples.npz", "work"
+WORK = "work"
+"""Folder in which a fresh process works; empty at first."""
+_REQUEST, _ARRAYS, _SAMPLES = "request.json", "state.safetensors", "samples.npz"
 _REMEDY = "Put the class at the top of a module, and let restore need nothing but the state and the Config."
 
 
@@ -75,51 +85,88 @@ def ask_a_fresh_process(component: Component, state: State, samples: TrainingSet
     from safetensors.numpy import save_file
 
     arrays = {name: np.asarray(value, order="C") for name, value in state.items() if isinstance(value, np.ndarray)}
-    module = sys.modules[type(component).__module__]
     request = {
-        "module": module.__name__,
-        "file": str(getattr(module, "__file__", "")),
-        "path": [str(Path(entry or os.curdir).resolve()) for entry in sys.path],
-        "name": type(component).__qualname__,
         "config": component.config.model_dump(mode="json"),
         "values": {name: value for name, value in state.items() if name not in arrays},
         "seed": seed,
     }
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / _WORK).mkdir()
-        (folder / _REQUEST).write_text(json.dumps(request), encoding="utf-8")
         save_file(arrays, folder / _ARRAYS)
         np.savez(folder / _SAMPLES, features=samples.features, targets=samples.targets)
-        command = [sys.executable, "-c", f"from {__name__} import main; main()", name]
-        salt = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(request["path"]), "PYTHONHASHSEED": salt}
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            env=environment,
-            cwd=folder / _WORK,
-            timeout=_LIMIT,
-            check=False,
-        )
-        if done.returncode:
-            reason = (done.stderr.strip().splitlines() or ["it gave no reason"])[-1]
+        if reason := run_in_fresh_process(__name__, type(component), request, folder, os.environ, _LIMIT):
             return FreshAnswers({}, dict.fromkeys(("restored", "fitted"), reason), ())
         answers = {file.stem: np.load(file, allow_pickle=False) for file in folder.glob("*.npy")}
         failures = {file.stem: file.read_text(encoding="utf-8") for file in folder.glob("*.txt")}
-        return FreshAnswers(answers, failures, tuple(sorted(entry.name for entry in (folder / _WORK).iterdir())))
+        return FreshAnswers(answers, failures, tuple(sorted(entry.name for entry in (folder / WORK).iterdir())))
+
+
+def run_in_fresh_process(
+    entry: str,
+    model: type[Component],
+    request: Mapping[str, Any],
+    folder: Path,
+    environment: Mapping[str, str],
+    limit: float,
+) -> str:
+    """Run the function `main` of a module in a fresh process, with other hashes of texts and in an empty folder.
+
+    Parameters
+    ----------
+    entry : str
+        The module; its `main` reads the request by `read_request`.
+    model : component class
+    request : mapping
+        Plain values.
+    folder : Path
+        For the request and the answers; the process works in its empty folder `WORK`.
+    environment : mapping of str to str
+    limit : float
+        Seconds.
+
+    Returns
+    -------
+    str
+        Why it failed; an empty text if it did not.
+    """
+    module = sys.modules[model.__module__]
+    path = [str(Path(place or os.curdir).resolve()) for place in sys.path]
+    of_class = {"module": module.__name__, "file": str(getattr(module, "__file__", "")), "name": model.__qualname__}
+    (folder / _REQUEST).write_text(json.dumps({**of_class, **request}), encoding="utf-8")
+    (folder / WORK).mkdir()
+    salt = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
+    done = subprocess.run(
+        [sys.executable, "-c", f"from {entry} import main; main()", str(folder)],
+        capture_output=True,
+        text=True,
+        env={**environment, "PYTHONPATH": os.pathsep.join(path), "PYTHONHASHSEED": salt},
+        cwd=folder / WORK,
+        timeout=limit,
+        check=False,
+    )
+    return (done.stderr.strip().splitlines() or ["it gave no reason"])[-1] if done.returncode else ""
+
+
+def read_request() -> tuple[Path, dict[str, Any]]:
+    """Return the folder that the command line names, and the request in it."""
+    folder = Path(sys.argv[1])
+    return folder, json.loads((folder / _REQUEST).read_text(encoding="utf-8"))
+
+
+def requested_class(request: Mapping[str, Any]) -> Any:
+    """Import the component class that a request is about."""
+    model: Any = _load_module(request["module"], request["file"])
+    for part in request["name"].split("."):
+        model = getattr(model, part)
+    return model
 
 
 def main() -> None:
     """Answer a request in the folder that the command line names; what is restored unpickles nothing."""
     from safetensors.numpy import load_file
 
-    folder = Path(sys.argv[1])
-    request = json.loads((folder / _REQUEST).read_text(encoding="utf-8"))
-    model: Any = load_module(request["module"], request["file"])
-    for part in request["name"].split("."):
-        model = getattr(model, part)
+    folder, request = read_request()
+    model = requested_class(request)
     component = model(model.Config.model_validate(request["config"]))
     with np.load(folder / _SAMPLES, allow_pickle=False) as stored:
         samples = TrainingSet(stored["features"], stored["targets"])
@@ -149,7 +196,7 @@ def _note(file: Path, call: Callable[[], Any]) -> None:
         file.with_suffix(".txt").write_text(f"{type(error).__name__}: {error}", encoding="utf-8")
 
 
-def load_module(name: str, file: str) -> Any:
+def _load_module(name: str, file: str) -> Any:
     """Import the component's module by its name, or, for a plugin file, from the file."""
     if name != "__main__" and importlib.util.find_spec(name.partition(".")[0]) is not None:
         return importlib.import_module(name)
