@@ -29,6 +29,7 @@ def surroundings(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     environment, limit = dict(os.environ), sys.getrecursionlimit()
     numbers, more_numbers = random.getstate(), np.random.get_state()  # noqa: NPY002
+    np.random.seed()  # noqa: NPY002  # as in a fresh process, whatever an earlier test seeded it with
     with warnings.catch_warnings(), np.errstate(), np.printoptions():
         yield
     os.environ.clear()
