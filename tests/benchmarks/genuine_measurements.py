@@ -1,0 +1,186 @@
+"""Are genuine measurements of any structure fitted down to their noise? 25 random structures, three kinds of noise.
+
+    python tests/benchmarks/genuine_measurements.py [--cases 500] [--seed 0] [--processes 2] [--only 17]
+
+Every case draws parameters anywhere in their ranges, and a frequency axis of its own: start, step, 200 to 50,000 lines
+of the band. The noise is 1 % of each value (multiplicative), 1 % of the FRF's standard deviation (additive), or that of
+an H1 estimate from 8 to 64 averages. Half of the measurements tell their variance, or coherence and averages; for the
+others it has to be estimated. The table counts the cases that are told to be fitted down to the noise, those whose
+chi-squared per degree of freedom is 0.93 to 1.07, and those that found the minimum around the true parameters. The
+failures follow, with the number by which `--only` repeats them alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+import numpy as np
+from random_structures import JOINTS, NOISES, Noise, draw_axis, draw_theta, measure, random_structure
+
+import dovetail
+from dovetail.identification.fitting import refine
+
+STRUCTURES = 25
+CHI_SQUARED = 0.93, 1.07
+HEADER = (
+    "| noise | to the noise | chi-squared 0.93 to 1.07 | right minimum | median time | longest |\n"
+    "|---|---|---|---|---|---|"
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """What became of one measurement.
+
+    Parameters
+    ----------
+    number : int
+    noise : {"multiplicative", "additive", "H1"}
+    stated : bool
+        Whether the measurement tells its random error.
+    lines, unknowns : int
+    word : str
+        How well the model is said to fit.
+    chi_squared : float
+    at_truth : float
+        Chi-squared that a fit from the true parameters reaches.
+    starts, agreeing : int
+    seconds : float
+        From the measurement to the verdict, without the planning of the engine.
+    """
+
+    number: int
+    noise: Noise
+    stated: bool
+    lines: int
+    unknowns: int
+    word: str
+    chi_squared: float
+    at_truth: float
+    starts: int
+    agreeing: int
+    seconds: float
+
+    @property
+    def to_the_noise(self) -> bool:
+        """Whether the program says so."""
+        return self.word == "to the noise"
+
+    @property
+    def inside(self) -> bool:
+        """Whether chi-squared is what noise leaves."""
+        return CHI_SQUARED[0] <= self.chi_squared <= CHI_SQUARED[1]
+
+    @property
+    def right(self) -> bool:
+        """Whether the fit is as good as one from the true parameters."""
+        return self.chi_squared <= 1.02 * self.at_truth
+
+    def describe(self) -> str:
+        """Return a line on what went wrong."""
+        wrong = [] if self.to_the_noise else [f"said to be '{self.word}'"]
+        wrong += [] if self.inside else [f"chi-squared {self.chi_squared:.3f}"]
+        wrong += [] if self.right else [f"another minimum: {self.chi_squared:.3f}, not {self.at_truth:.3f}"]
+        stated = "stated" if self.stated else "not stated"
+        return (
+            f"case {self.number}, structure {self.number % STRUCTURES}: {'; '.join(wrong)} ({self.noise}, {stated}, "
+            f"{self.lines} lines, {self.unknowns} unknowns, {self.agreeing} of {self.starts} searches agree, "
+            f"{self.seconds:.1f} s)"
+        )
+
+
+@lru_cache(maxsize=STRUCTURES)
+def structure(number: int, seed: int) -> dovetail.Assembly:
+    """Return one of the structures; the joints take turns in coming first."""
+    return dovetail.load(random_structure(np.random.default_rng([seed, number]), JOINTS[number % len(JOINTS)]))
+
+
+def drawn(number: int, seed: int) -> tuple[dovetail.Assembly, dovetail.Frf, np.ndarray]:
+    """Return the assembly of a case on the measurement's lines, the measurement and the true parameters."""
+    rng = np.random.default_rng([seed, STRUCTURES, number])
+    assembly = structure(number % STRUCTURES, seed)
+    theta = draw_theta(assembly, rng)
+    assembly = assembly.on(draw_axis(assembly, rng))
+    noise = NOISES[number // 2 % len(NOISES)]
+    return assembly, measure(assembly, theta, noise, rng, stated=number % 2 == 0), theta
+
+
+def identified(number: int, seed: int) -> Case:
+    """Draw a case and identify it."""
+    assembly, measured, theta = drawn(number, seed)
+    assembly.frf_jacobian(theta)
+    began = time.perf_counter()
+    result = dovetail.identify(assembly, measured)
+    seconds = time.perf_counter() - began
+    assert result.fit is not None
+    noise = NOISES[number // 2 % len(NOISES)]
+    return Case(
+        number,
+        noise,
+        number % 2 == 0,
+        len(measured.frequency),
+        len(theta),
+        word(result),
+        result.fit.chi_squared,
+        refine(assembly, measured, [theta]).chi_squared,
+        result.fit.starts,
+        result.fit.agreeing,
+        seconds,
+    )
+
+
+def word(result: dovetail.Identification) -> str:
+    """Return how well the model is said to fit."""
+    adequacy = getattr(result, "adequacy", None)
+    if adequacy is not None:
+        return str(adequacy.word)
+    return "to the noise" if result.believable else "not believed"
+
+
+def row(name: str, cases: list[Case]) -> str:
+    """Return one line of the table."""
+    seconds = [case.seconds for case in cases]
+    counts = [sum(getattr(case, what) for case in cases) for what in ("to_the_noise", "inside", "right")]
+    cells = " | ".join(f"{count} of {len(cases)}" for count in counts)
+    return f"| {name} | {cells} | {np.median(seconds):.2f} s | {max(seconds):.2f} s |"
+
+
+def study(numbers: Iterable[int], seed: int, processes: int, report: Callable[[str], object] = print) -> list[Case]:
+    """Identify the cases, and print the table and the failures."""
+    cases = []
+    for case in _each(numbers, seed, processes):
+        cases.append(case)
+        if not (case.to_the_noise and case.inside and case.right):
+            report(case.describe())
+    report(HEADER)
+    for noise in NOISES:
+        for stated in (True, False):
+            chosen = [case for case in cases if (case.noise, case.stated) == (noise, stated)]
+            if chosen:
+                report(row(f"{noise}, {'stated' if stated else 'not stated'}", chosen))
+    report(row("all", cases))
+    return cases
+
+
+def _each(numbers: Iterable[int], seed: int, processes: int) -> Iterator[Case]:
+    if processes == 1:
+        yield from (identified(number, seed) for number in numbers)
+        return
+    with ProcessPoolExecutor(processes) as pool:
+        yield from pool.map(partial(identified, seed=seed), numbers)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=0, help="of the structures, parameters, axes and noise")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--only", type=int, help="this case alone")
+    options = parser.parse_args()
+    chosen = range(options.cases) if options.only is None else [options.only]
+    study(chosen, options.seed, options.processes, partial(print, flush=True))
