@@ -73,7 +73,7 @@ def displacement(assembly: dovetail.Assembly, factor: int, joints: int) -> float
     for fraction, coarse, fine in zip(fractions, assembly.frf(theta), finer(assembly, factor).frf(theta), strict=True):
         variance = np.full(len(coarse), (NOISE * coarse.std()) ** 2)
         plain = Weighted(coarse, variance, np.sqrt(2.0 / variance), True)
-        allowed = model_errors(assembly.frequency, [coarse], MODEL_ERROR)
+        allowed = model_errors([assembly.frequency], [coarse], MODEL_ERROR)
         residual = Whitening.against(plain, plain.jacobian(coarse[np.newaxis], allowed[np.newaxis])[0])
         jacobian = FrfResiduals(assembly, residual).linearise(fraction[np.newaxis]).jacobian[0]
         precision = jacobian @ jacobian.T + PRIOR * np.eye(len(fraction))

@@ -17,8 +17,8 @@ def test_frfs_without_a_resonance_err_smoothly(lines):
     frequency = np.linspace(100.0, 200.0, lines)
     flat, none = np.ones(lines, dtype=np.complex128), np.zeros(lines, dtype=np.complex128)
     for values in ([flat], [flat, none], [none]):
-        assert not len(fit_resonances(frequency, values).poles)
-        errors = model_errors(frequency, values, 1e-3)
+        assert not len(fit_resonances([frequency] * len(values), values).poles)
+        errors = model_errors([frequency] * len(values), values, 1e-3)
         assert errors.shape == (2 * 6 + len(values) * 2 * 6, len(values) * lines)
         assert np.isfinite(errors).all()
 
@@ -27,7 +27,7 @@ def test_no_error_is_larger_than_a_peak_however_narrow_it_is():
     frequency = np.linspace(100.0, 200.0, 2001)
     pole = 150.0 * (1.0 + 0.5j * 3e-4)
     values = 1.0 / (frequency - pole) - 1.0 / (frequency + np.conj(pole))
-    errors = model_errors(frequency, [values], 5e-4)
+    errors = model_errors([frequency], [values], 5e-4)
     assert np.abs(errors).max() < 3.0 * np.abs(values).max()
 
 
@@ -39,7 +39,7 @@ def test_a_natural_frequency_that_is_off_is_within_the_errors(sdof):
     assert changed != description
     difference = dovetail.load(changed).frf() - values
     noise = 1e-2 * values.std()
-    errors = model_errors(sdof.frequency, [values], 1e-3) / noise
+    errors = model_errors([sdof.frequency], [values], 1e-3) / noise
     rows = np.concatenate([errors.real, errors.imag], axis=1)
     off = np.concatenate([difference.real, difference.imag])[np.newaxis] / noise
     assert np.sum(off**2) > 100

@@ -81,7 +81,7 @@ def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level, wider):
     fit = refine(sdof, frf)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     values = sdof.frf(fit.theta)
-    errors = residual.jacobian(values[None], model_errors(sdof.frequency, [values], level)[None])[0]
+    errors = residual.jacobian(values[None], model_errors([sdof.frequency], [values], level)[None])[0]
     _, deviation = on_a_grid(sdof, frf, errors, widening=30.0)
     without = sample_posterior(sdof, frf, fit, samples=2000, model_error=0.0)
     found = sample_posterior(sdof, frf, fit, samples=2000, model_error=level)
@@ -187,7 +187,7 @@ def test_errors_of_the_model_scale_residuals_to_their_sum_of_squares(sdof):
     frf = noisy(sdof, sdof.frf(), 0.05, 1)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     misfit, values = FrfResiduals(sdof, residual), sdof.frf()
-    errors = residual.jacobian(values[None], model_errors(sdof.frequency, [values], 2e-3)[None])[0]
+    errors = residual.jacobian(values[None], model_errors([sdof.frequency], [values], 2e-3)[None])[0]
     places = np.random.default_rng(0).random((5, 2))
     scaled = MarginalisedResiduals(misfit, errors).linearise(places)
     np.testing.assert_allclose(scaled.cost, marginalised_squares(misfit.residuals(places), errors), rtol=1e-9)

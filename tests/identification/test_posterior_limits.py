@@ -19,7 +19,7 @@ HATS = np.stack([np.interp(FREQUENCY, np.linspace(100.0, 200.0, 6), height) for 
 def test_the_errors_of_a_flat_frf_have_the_stated_sizes():
     """Of docs/uncertainty.md, over the error of natural frequencies: magnitude 20, phase 2; no slope, no stretching."""
     flat = np.full(501, 3.0 + 4.0j)
-    errors = model_errors(FREQUENCY, [flat], 1e-3)
+    errors = model_errors([FREQUENCY], [flat], 1e-3)
     none = np.zeros((12, 501))  # stretched, and the same with another damping
     expected = np.concatenate([none, 20e-3 * HATS * flat, 2e-3 * 1j * HATS * flat])
     np.testing.assert_allclose(errors, expected, rtol=1e-9, atol=1e-12)
@@ -37,7 +37,7 @@ def test_the_errors_at_a_resonance_have_the_stated_sizes():
     higher = np.stack([near * relative**2, near * relative**3])
     sizes = level * np.concatenate([HATS * frf, 0.3 * frf[np.newaxis]])
     expected = [linear, 0.3j * linear, higher, 1j * higher, 20.0 * sizes, 2.0j * sizes]
-    errors = model_errors(FREQUENCY, [frf], level)
+    errors = model_errors([FREQUENCY], [frf], level)
     np.testing.assert_allclose(errors, np.concatenate(expected), rtol=1e-5, atol=1e-7)
 
 
@@ -49,7 +49,7 @@ def test_a_pole_far_outside_the_frequencies_is_no_resonance(natural, loss, count
     """From half the lowest frequency to 1.2 times the highest, as far as the FRF still shows the pole."""
     pole = natural * (1.0 + 0.5j * loss)
     frf = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
-    poles = fit_resonances(FREQUENCY, [frf]).poles
+    poles = fit_resonances([FREQUENCY], [frf]).poles
     assert (len(poles) == 1) is counted
     if counted:
         assert poles[0] == pytest.approx(pole, rel=1e-4)
@@ -59,7 +59,7 @@ def test_a_pole_far_outside_the_frequencies_is_no_resonance(natural, loss, count
 def test_what_is_damped_too_much_is_no_resonance(loss, counted):
     pole = 150.0 * (1.0 + 0.5j * loss)
     frf = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
-    assert (len(fit_resonances(FREQUENCY, [frf]).poles) == 1) is counted
+    assert (len(fit_resonances([FREQUENCY], [frf]).poles) == 1) is counted
 
 
 def posterior_of(*columns, weight=None):

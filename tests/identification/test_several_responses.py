@@ -144,7 +144,7 @@ def test_each_has_its_own_noise_phase_and_bad_lines(chain, clean):
     assert not fit.variance_known
     np.testing.assert_allclose(fit.variance[LINES:], loud.variance)
     assert np.abs(chain.to_unit(fit.theta) - chain.to_unit(TRUTH)).max() < 0.01
-    lower, upper = (fit.at(index, 2) for index in (0, 1))
+    lower, upper = (fit.at(index, (LINES, LINES)) for index in (0, 1))
     assert (lower.ignored.tolist(), upper.ignored.tolist()) == ([chain.frequency[120]], [])
     np.testing.assert_array_equal(np.concatenate([lower.variance, upper.variance]), fit.variance)
     warnings = dovetail.identify(chain, [spiked, loud]).warnings
@@ -250,19 +250,19 @@ def test_a_wrong_number_of_measurements_is_one_clear_error(chain, clean, count):
 
 def test_resonances_make_up_the_frfs_of_all_responses(chain, clean):
     values = [frf.values for frf in clean]
-    resonances = fit_resonances(chain.frequency, values)
+    resonances = fit_resonances([chain.frequency] * 2, values)
     expected = chain.natural_frequencies(TRUTH)[:2]
     np.testing.assert_allclose(resonances.poles.real, expected, rtol=1e-3)
-    assert resonances.terms.shape == (2, 2, LINES)
+    assert [terms.shape for terms in resonances.terms] == [(2, LINES)] * 2
     assert np.abs(resonances.background[0]).max() < 1e-9 * np.abs(values[0]).max()  # a receptance is nothing else
     np.testing.assert_allclose(resonances.background[1], 1.0, atol=1e-9)  # an accelerance tends to 1 / (1 kg)
 
 
 def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, clean):
     values = [frf.values for frf in clean]
-    each = [model_errors(chain.frequency, [frf], 1e-3) for frf in values]
-    joint = model_errors(chain.frequency, values, 1e-3)
-    poles = len(fit_resonances(chain.frequency, values).poles)
+    each = [model_errors([chain.frequency], [frf], 1e-3) for frf in values]
+    joint = model_errors([chain.frequency] * 2, values, 1e-3)
+    poles = len(fit_resonances([chain.frequency] * 2, values).poles)
     shared, own = 2 * (6 + poles) + 4 * poles, 2 * (6 + poles)
     assert joint.shape == (shared + 2 * own, 2 * LINES)
     for row in joint[shared:]:
@@ -277,7 +277,7 @@ def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, cl
         np.testing.assert_allclose(covariance[part, part], expected, atol=1e-9 * np.abs(expected).max())
     expected = each[0][:shared].T @ each[1][:shared].conj()
     np.testing.assert_allclose(covariance[:LINES, LINES:], expected, atol=1e-9 * np.abs(expected).max())
-    np.testing.assert_array_equal(model_errors(chain.frequency, values[:1], 1e-3), each[0])
+    np.testing.assert_array_equal(model_errors([chain.frequency], values[:1], 1e-3), each[0])
 
 
 def test_model_error_widens_the_posterior_of_both(chain, frfs):

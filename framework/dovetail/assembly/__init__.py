@@ -1,8 +1,9 @@
 """Assembly descriptions, and the assemblies made from them."""
 
-from dovetail.assembly.assembly import Assembly, PluginPaths, components, load
+from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.description import Description, IdentificationSettings
 from dovetail.assembly.json_schema import description_schema
+from dovetail.assembly.loading import PluginPaths, components, load
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.assembly.regression_check import FRF_TOLERANCE, largest_frf_difference
 from dovetail.assembly.sections import AugmentationSection

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,22 +14,19 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.assembly.description import Description
 from dovetail.assembly.joints import is_at
 from dovetail.assembly.parameters import ParameterSpace, Theta
-from dovetail.assembly.reader import read_description
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import DIRECTIONS, Parameter
-from dovetail.registry import Registry, installed_components
 from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, assembly_matrices, elastic_frequencies
 
-__all__ = ["Assembly", "load"]
-
-PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
-"""One plugin file, or several."""
+__all__ = ["Assembly"]
 
 _STRUCTURE_SAMPLES = 5
 """Random parameter vectors that show, beside the ends of the ranges, which entries of joints are filled."""
 _INTERPOLATION_SAMPLES = 256
 """Random parameter vectors whose FRFs decide how many lines are computed exactly when the others are interpolated."""
+_KEPT_ELSEWHERE = 2
+"""Assemblies at other frequencies that one keeps, with their engines; more would take too much memory for spindles."""
 
 
 class Assembly:
@@ -45,13 +41,25 @@ class Assembly:
         Whether the contacts of the joints with identified parameters are rigid.
     interpolation : float, optional
         Relative error up to which FRFs are interpolated between exact lines; see `interpolated`.
+    further_frequencies : sequence of (n_freq,) arrays, optional
+        Hz; those of each response after the first, if they are others than the description's; see `on`.
     """
 
-    def __init__(self, description: Description, *, rigid: bool = False, interpolation: float | None = None) -> None:
+    def __init__(
+        self,
+        description: Description,
+        *,
+        rigid: bool = False,
+        interpolation: float | None = None,
+        further_frequencies: Sequence[NDArray[np.float64]] = (),
+    ) -> None:
         self.description = description
         self._space = ParameterSpace(description.joints)
         self._rigid = rigid
         self._interpolation = interpolation
+        further = len(description.responses) - 1
+        self._axes = (description.frequency, *(further_frequencies or [description.frequency] * further))
+        self._elsewhere: deque[Assembly] = deque(maxlen=_KEPT_ELSEWHERE)
 
     def __repr__(self) -> str:
         return f"Assembly({self.name!r}, {len(self.parameters)} parameters, {len(self.frequency)} lines)"
@@ -68,7 +76,7 @@ class Assembly:
 
     @property
     def frequency(self) -> NDArray[np.float64]:
-        """(n_freq,) Hz."""
+        """(n_freq,) Hz; those of the first response, if each has its own."""
         return self.description.frequency
 
     @cached_property
@@ -96,14 +104,15 @@ class Assembly:
         return self, *self._further
 
     def at(self, index: int) -> Assembly:
-        """Return the same assembly with one of its responses only.
+        """Return the same assembly with one of its responses only, at that response's frequencies.
 
         Parameters
         ----------
         index : int
             From 0, in the order of the description.
         """
-        return Assembly(self.description.at(index), rigid=self._rigid, interpolation=self._interpolation)
+        alone = replace(self.description.at(index), frequency=self._axes[index])
+        return Assembly(alone, rigid=self._rigid, interpolation=self._interpolation)
 
     @property
     def drive_point(self) -> Point:
@@ -200,7 +209,15 @@ class Assembly:
         Returns
         -------
         (n_responses, n_freq) or (n, n_responses, n_freq) complex array
+
+        Raises
+        ------
+        ParameterError
+            The responses have different frequencies; `each_response` has the FRF of each.
         """
+        if not _same_axes(self._axes, self._axes[:1] * len(self._axes)):
+            problem = "the responses have different frequencies, so that their FRFs make no array."
+            raise ParameterError(Fault(self.name, problem, remedy="Take 'frf' of each of 'each_response'."))
         return np.stack([assembly.frf(theta) for assembly in self.each_response], axis=-2)
 
     def frf_jacobian(self, theta: Theta = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -233,9 +250,11 @@ class Assembly:
             m/(N s^2); the lines of the first response, then those of the second.
         """
         batch, single = self._space.batch(theta)
-        factor = conversion(self.frequency, "receptance", "accelerance")
         by_joint = self._space.by_joint(batch)
-        amplitudes = [assembly.engine.amplitude(by_joint, factor) for assembly in self.each_response]
+        amplitudes = [
+            assembly.engine.amplitude(by_joint, conversion(assembly.frequency, "receptance", "accelerance"))
+            for assembly in self.each_response
+        ]
         amplitude = amplitudes[0] if len(amplitudes) == 1 else np.concatenate(amplitudes, axis=1)
         return amplitude[0] if single else _for_each(batch, amplitude)
 
@@ -306,16 +325,39 @@ class Assembly:
             row[: len(modes)] = modes
         return frequencies[0] if single else frequencies
 
-    def on(self, frequency: ArrayLike) -> Assembly:
+    def on(self, frequency: ArrayLike, *further: ArrayLike) -> Assembly:
         """Return the same assembly at other frequencies.
 
         Parameters
         ----------
-        frequency : (n_freq,) array
-            Hz, positive and increasing; within the range of each substructure that is known by its FRFs.
+        frequency, *further : (n_freq,) arrays
+            Hz, positive and increasing; within the range of each substructure that is known by its FRFs. One axis for
+            all responses, or one for each in the order of the description.
+
+        Returns
+        -------
+        Assembly
+            ``each_response[i].frequency`` are those of a response. It is this assembly itself if the frequencies are
+            its own. The last two of others are kept, so that an axis that comes again needs no preparation.
+
+        Raises
+        ------
+        ParameterError
+            There are more or fewer axes than responses, and not one.
         """
-        description = replace(self.description, frequency=np.asarray(frequency, dtype=np.float64))
-        return Assembly(description, rigid=self._rigid)
+        axes, count = tuple(np.asarray(axis, dtype=np.float64) for axis in (frequency, *further)), len(self._axes)
+        if len(axes) not in (1, count):
+            problem = f"{len(axes)} frequency axes were given for {count} response{'' if count == 1 else 's'}."
+            raise ParameterError(Fault(self.name, problem, "one for all, or one for each"))
+        axes = axes if len(axes) == count else axes * count
+        for known in (self, *self._elsewhere):
+            if _same_axes(known._axes, axes):
+                return known
+        there = replace(self.description, frequency=axes[0])
+        made = Assembly(there, rigid=self._rigid, further_frequencies=axes[1:])
+        made._elsewhere = deque(maxlen=0)  # whoever asks again, asks this assembly
+        self._elsewhere.append(made)
+        return made
 
     def rigid(self) -> Assembly:
         """Return the same assembly with the contacts of its identified joints rigid.
@@ -323,7 +365,7 @@ class Assembly:
         The DOFs on both sides of a contact become one, so that contact stiffness and damping have no effect. The rest
         of a joint, such as the collet's beam and nut masses, stays, and so does the list of parameters.
         """
-        return Assembly(self.description, rigid=True, interpolation=self._interpolation)
+        return self._with(rigid=True, interpolation=self._interpolation)
 
     def interpolated(self, tolerance: float = 1e-9) -> Assembly:
         """Return the same assembly with FRFs interpolated between a few exact lines, which is fast for large batches.
@@ -342,45 +384,17 @@ class Assembly:
         """
         if not 1e-12 <= tolerance <= 1e-7:
             raise ParameterError(Fault("interpolation", f"the tolerance is {tolerance:g}.", "1e-12 to 1e-7"))
-        return Assembly(self.description, rigid=self._rigid, interpolation=tolerance)
+        return self._with(rigid=self._rigid, interpolation=tolerance)
+
+    def _with(self, **settings: Any) -> Assembly:
+        """Return the same assembly, at the same frequencies, with other settings."""
+        return Assembly(self.description, **settings, further_frequencies=self._axes[1:])
+
+
+def _same_axes(some: Sequence[NDArray[np.float64]], others: Sequence[NDArray[np.float64]]) -> bool:
+    return all(one is other or np.array_equal(one, other) for one, other in zip(some, others, strict=True))
 
 
 def _for_each(batch: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
     """Return values (n, ...) for a batch of n vectors; without joints the engine computes them once."""
     return values if len(values) == len(batch) else np.repeat(values, len(batch), axis=0)
-
-
-def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginPaths = ()) -> Assembly:
-    """Read an assembly description.
-
-    Parameters
-    ----------
-    source : path or mapping
-        A YAML file, or the same as a dict.
-    plugins : path or iterable of paths
-        Plugin files to load in addition to the installed plugins. Their code runs with the rights of the caller.
-
-    Returns
-    -------
-    Assembly
-
-    Raises
-    ------
-    DescriptionError
-        Everything that is wrong with the description, at once.
-    PluginError
-        A plugin file cannot be loaded.
-    """
-    return Assembly(read_description(source, components(plugins)))
-
-
-def components(plugins: PluginPaths = ()) -> Registry:
-    """Return the installed components and those of plugin files."""
-    files = [Path(file) for file in ([plugins] if isinstance(plugins, (str, os.PathLike)) else plugins)]
-    if not files:
-        return installed_components()
-    registry = Registry()
-    registry.load_entry_points()
-    for file in files:
-        registry.load_file(file)
-    return registry

@@ -28,7 +28,7 @@ def check_plugin(
 
     Every check of its kind is run, and printed. The exit code is 1 where one fails; a warning is only printed.
     """
-    from dovetail.assembly.assembly import components
+    from dovetail.assembly import components
     from dovetail.testing import check_component
 
     results = check_component(model, registry=components(plugin or ()))

@@ -21,7 +21,7 @@ def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
 
     Each with its kind, who offers it, and below what could not be loaded.
     """
-    from dovetail.assembly.assembly import components
+    from dovetail.assembly import components
     from dovetail.interfaces import KINDS
 
     registry = components(plugin or ())
@@ -70,7 +70,7 @@ def describe(
 
     A name that models of several kinds bear shows all of them.
     """
-    from dovetail.assembly.assembly import components
+    from dovetail.assembly import components
     from dovetail.cli.model_description import describe_offer
 
     described = [describe_offer(offer) for offer in _offers_named(components(plugin or ()), model)]

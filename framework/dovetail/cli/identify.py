@@ -131,7 +131,7 @@ def identify(
         for file, number, to, from_ in selections(measured, index or [], response or [], force or [])
     ]
     assembly, model = _read(source, plugin or [])
-    _check(assembly, frfs, truth, output, accelerometer_mass)
+    _check(assembly, frfs, method, truth, output, accelerometer_mass)
     if model is None and method == "network":
         from dovetail.cli.model_cache import trained_model
 
@@ -162,17 +162,22 @@ def _read(source: Path, plugins: list[Path]) -> tuple[Assembly, Identifier | Non
 
 
 def _check(
-    assembly: Assembly, measured: list[Frf], truth: Path | None, output: Path | None, accelerometer_mass: float
+    assembly: Assembly,
+    measured: list[Frf],
+    method: str,
+    truth: Path | None,
+    output: Path | None,
+    accelerometer_mass: float,
 ) -> None:
     """Look at everything that could be wrong before any work."""
     from dovetail.cli.result_files import prepare_folder
-    from dovetail.identification.fitting import one_per_response
-    from dovetail.measurement import on_grid
+    from dovetail.identification.measured_lines import MeasuredLines
     from dovetail.report.truth import read_truth
 
     _check_accelerometer(assembly, accelerometer_mass)
-    for frf in one_per_response(assembly, measured):
-        on_grid(frf, assembly.frequency)
+    lines = MeasuredLines.of(assembly, measured)
+    if method == "network":
+        lines.resampled(assembly)
     if truth is not None:
         read_truth(truth, assembly.parameters)
     if output is not None:

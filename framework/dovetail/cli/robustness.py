@@ -61,7 +61,7 @@ def robustness(
     replaced.
     """
     import dovetail
-    from dovetail.assembly.assembly import components
+    from dovetail.assembly import components
     from dovetail.cli.result_files import prepare_folder
     from dovetail.evaluation.robustness import variant
 

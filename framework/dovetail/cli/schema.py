@@ -26,8 +26,7 @@ def schema(
     It knows the options of every model at hand. The first line of a description, "# yaml-language-server:
     $schema=dovetail.schema.json", makes editors use it.
     """
-    from dovetail.assembly import description_schema
-    from dovetail.assembly.assembly import components
+    from dovetail.assembly import components, description_schema
     from dovetail.atomic_files import write_whole
 
     if output is not None:

@@ -25,7 +25,7 @@ from dovetail.identification.methods import METHODS
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
 from dovetail.interfaces import Progress, silent
-from dovetail.measurement import on_grid
+from dovetail.measurement import check_cover, within_band
 
 __all__ = ["DEFAULT_METHODS", "RIGID", "Compared", "Comparison", "compare", "read_truths"]
 
@@ -44,7 +44,7 @@ class Compared:
     case : Case
     method : str
     measured : Frf
-        Without the accelerometer, on the assembly's frequencies.
+        Without the accelerometer, on its own lines within the assembly's band.
     frf : Frf
         As the method reconstructs it.
     identification : Identification or None
@@ -156,7 +156,11 @@ def compare(
     Raises
     ------
     DovetailError
-        A case or a method cannot be used.
+        A case or a method cannot be used, or a measurement does not reach both ends of the assembly's band.
+
+    Notes
+    -----
+    Each measurement is compared on its own lines. Only the features of networks are interpolated from it.
     """
     source = _one_assembly(cases)
     files = tuple(plugins)
@@ -188,8 +192,8 @@ def _measurement(case: Case, assembly: Assembly) -> Frf:
     assert case.joint is not None
     assert case.joint.measured is not None
     (read,) = one_per_response(assembly, case.joint.measured.read(compensated=True))
-    bare = on_grid(read, assembly.frequency)
-    return bare.to(assembly.description.response.quantity)
+    check_cover(within_band(read, assembly.frequency), assembly.frequency)
+    return read.to(assembly.description.response.quantity)
 
 
 def _stem(case: Case) -> str:
@@ -221,13 +225,15 @@ def _trained(
     return models, training, seconds
 
 
-def _compared(case: Case, method: str, assembly: Assembly, model: Identifier | None, measured: Frf) -> Compared:
+def _compared(case: Case, method: str, assembly: Assembly, model: Identifier | None, whole: Frf) -> Compared:
+    """Identify a joint by one method; `whole` is the measurement, also beyond the assembly's band."""
+    measured = within_band(whole, assembly.frequency)
     began = time.perf_counter()
     if method == RIGID:
-        result, values = None, assembly.rigid().frf()
-        frf = Frf(assembly.frequency, values, measured.quantity, label="rigid joint", rotation=measured.rotation)
+        result, values = None, assembly.on(measured.frequency).rigid().frf()
+        frf = Frf(measured.frequency, values, measured.quantity, label="rigid joint", rotation=measured.rotation)
     else:
-        result = identify(assembly, measured, method) if model is None else model.identify(measured)
+        result = identify(assembly, whole, method) if model is None else model.identify(whole)
         frf = result.frf
     seconds = time.perf_counter() - began
     ours, theirs = resonance_peaks(measured, PROMINENCE), resonance_peaks(frf, PROMINENCE)

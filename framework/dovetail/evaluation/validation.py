@@ -20,7 +20,7 @@ from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
 from dovetail.identification.result_file import read_identification
 from dovetail.interfaces import Progress, silent
-from dovetail.measurement import on_grid
+from dovetail.measurement import check_cover, within_band
 
 __all__ = ["Identify", "PeakRow", "ValidatedCase", "Validation", "validate"]
 
@@ -64,7 +64,7 @@ def _per_cent(value: float | None, of: float | None) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class ValidatedCase:
-    """A case with its three FRFs on the assembly's frequencies.
+    """A case with its three FRFs on the measured lines within the assembly's band.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class ValidatedCase:
     joint : Identification or None
         The joint that was used.
     natural : tuple of float
-        Natural frequencies [Hz] of the undamped model within its frequencies; none where a part has only FRFs.
+        Natural frequencies [Hz] of the undamped model within the band; none where a part has only FRFs.
     """
 
     case: Case
@@ -166,11 +166,12 @@ def validate(
     Raises
     ------
     DovetailError
-        A description, a measurement or an identification cannot be used.
+        A description, a measurement or an identification cannot be used, or a measurement does not reach both ends of
+        the band.
 
     Notes
     -----
-    Resonances are compared where the accelerance peaks, as both FRFs show them, on the lines of the prediction.
+    Resonances are compared where the accelerance peaks, as both FRFs show them, on the lines of the measurement.
     """
     files = tuple(plugins)
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
@@ -214,11 +215,13 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
         )
     joint = None if case.joint is None else joints.get(case.joint)
     known: Identification | dict[str, float] = {} if joint is None else joint
-    predicted = predicted_frf(assembly, known)
+    quantity = assembly.description.response.quantity
     raw, bare = (
-        on_grid(case.measured.read(compensated=compensated), assembly.frequency).to(predicted.quantity)
+        within_band(case.measured.read(compensated=compensated), assembly.frequency).to(quantity)
         for compensated in (False, True)
     )
+    check_cover(raw, assembly.frequency)
+    predicted = predicted_frf(assembly.on(raw.frequency), known)
     peaks = tuple(_paired(raw, bare, predicted))
     return ValidatedCase(case, raw, bare, predicted, peaks, joint, _natural(assembly, joint_values(assembly, known)))
 

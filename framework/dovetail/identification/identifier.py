@@ -36,7 +36,8 @@ class Identifier(TrainedNetwork):
         Parameters
         ----------
         measured : Frf or sequence of Frf
-            One for each response, of any quantity; it must cover the assembly's frequencies.
+            One for each response, of any quantity. For the network it must cover the assembly's frequencies, to which
+            it is interpolated; the other methods compare its own lines, as `dovetail.identify` says.
         method : str
             ``"network"``: the trained network's answer as it is. ``"refined"``: a least-squares fit to the measured
             FRF that starts, among other points, there. ``"multistart"``: many local searches.
@@ -50,8 +51,8 @@ class Identifier(TrainedNetwork):
         Raises
         ------
         MeasurementError
-            The measurement does not cover the assembly's frequencies, or lies so far from the training data that
-            the network has no finite answer.
+            The measurement has no lines within the assembly's frequencies; for the network: does not cover them, or
+            lies so far from the training data that the network has no finite answer.
         ParameterError
             The method has no such option.
         ValueError

@@ -11,11 +11,10 @@ from threadpoolctl import threadpool_limits
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
-from dovetail.identification.fitting import one_per_response
+from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.methods import METHODS
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.result import Identification
-from dovetail.measurement import on_grid
 
 __all__ = ["identify", "method_options"]
 
@@ -34,8 +33,9 @@ def identify(
     ----------
     assembly : Assembly
     measured : Frf or sequence of Frf
-        One for each response of the description, in its order; of any quantity, without the accelerometer. Each must
-        cover the assembly's frequencies.
+        One for each response of the description, in its order; of any quantity, without the accelerometer. The lines
+        within the description's band count, each measurement on its own: the model is computed there, and measured
+        values are never interpolated, but for the features of a network.
     method : str
         ``"refined"``: a least-squares fit, down to the measurement's random error. ``"multistart"``: many local
         searches from all over the ranges. ``"posterior"``: the refined fit, with intervals and verdicts for each
@@ -54,8 +54,8 @@ def identify(
     Raises
     ------
     MeasurementError
-        There are more or fewer measurements than responses, one does not cover the assembly's frequencies, or the
-        network has no finite answer.
+        There are more or fewer measurements than responses, or some have no lines within the band. With the method
+        ``"network"``: some do not cover the band, or the network has no finite answer.
     ParameterError
         The assembly has nothing to identify, or the method has no such option or needs a model.
     ValueError
@@ -63,6 +63,9 @@ def identify(
 
     Notes
     -----
+    What the measurement lacks of the band, at its ends or in a gap, is said in the result's warnings. The network
+    takes part only where it can be given the whole band.
+
     Meanwhile the linear algebra of this process takes one thread: the matrices are small, and more threads wait for
     each other.
     """
@@ -76,9 +79,9 @@ def identify(
         if name not in accepted_options:
             problem = f"the method '{method}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
-    frfs = tuple(on_grid(frf, assembly.frequency) for frf in one_per_response(assembly, measured))
+    lines = MeasuredLines.of(assembly, measured)
     with threadpool_limits(1, user_api="blas"):
-        return METHODS[method](assembly, frfs, model, **options)
+        return METHODS[method](lines, model, **options)
 
 
 def method_options(method: str) -> tuple[str, ...]:

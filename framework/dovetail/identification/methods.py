@@ -1,19 +1,21 @@
 """The ways to identify a joint: the network's answer, the refined fit, many local searches, the posterior.
 
-Each takes an assembly, measurements on its frequencies, a trained network or None, and its own options by name.
+Each takes measurements on their own lines, with the assembly there, a trained network or None, and its own options by
+name.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
-from dovetail.frf import Frf
 from dovetail.identification.fitting import Objective, multistart, refine
+from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.misspecification import check_misspecification
 from dovetail.identification.network.preprocessing import accelerance_amplitudes
 from dovetail.identification.network.trained_network import TrainedNetwork
@@ -30,72 +32,86 @@ _CANNOT_TELL = (
 )
 
 
-def by_network(assembly: Assembly, measured: tuple[Frf, ...], trained: TrainedNetwork | None = None) -> Identification:
-    """Identify the joint from one measured FRF with the network alone.
+def by_network(measured: MeasuredLines, trained: TrainedNetwork | None = None) -> Identification:
+    """Identify the joint from measured FRFs with the network alone.
 
     Raises
     ------
     ParameterError
         There is no network.
     MeasurementError
-        The network has no finite answer.
+        A measurement does not cover the network's frequencies, or the network has no finite answer.
     """
+    assembly = measured.described
     if trained is None:
         problem = "the method 'network' needs a trained model."
         raise ParameterError(Fault(assembly.name, problem, remedy="Train one with dovetail.train, or use 'refined'."))
-    theta = trained.predict_parameters(accelerance_amplitudes(measured))[0]
+    resampled = measured.resampled(trained.assembly)
+    theta = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
     if not np.isfinite(theta).all():
         lost = [p.name for p, value in zip(assembly.parameters, theta, strict=True) if not np.isfinite(value)]
         raise MeasurementError(
-            f"{measured[0].label}: the network has no finite value for {listing(lost)}: this FRF is far from all it "
+            f"{resampled[0].label}: the network has no finite value for {listing(lost)}: this FRF is far from all it "
             "was trained on. Check its quantity and units."
         )
-    origin = provenance(assembly, measured, trained.evaluation)
     verdict = None
     if trained.novelty is not None:
-        verdict = trained.novelty.check(measured[0], assembly.accelerance_amplitude(theta).astype(np.float64))
-    result = reconstruct(assembly, theta, measured, method="network", provenance=origin, misspecification=verdict)
-    return result if verdict is not None else replace(result, warnings=(*result.warnings, _CANNOT_TELL))
+        amplitude = trained.assembly.accelerance_amplitude(theta).astype(np.float64)
+        verdict = trained.novelty.check(resampled[0], amplitude)
+    origin = provenance(assembly, measured.whole, trained.evaluation)
+    result = _result(measured, theta, method="network", provenance=origin, misspecification=verdict)
+    unsure = () if verdict is not None else (_CANNOT_TELL,)
+    return replace(result, warnings=(*result.warnings, *measured.warnings_of_features, *unsure))
 
 
 def by_refined_fit(
-    assembly: Assembly, measured: tuple[Frf, ...], trained: TrainedNetwork | None = None, *, seed: int | None = None
+    measured: MeasuredLines, trained: TrainedNetwork | None = None, *, seed: int | None = None
 ) -> Identification:
     """Fit the joint to the measured FRF, from the ranges alone or from a network's answer as well.
 
     Parameters
     ----------
-    assembly : Assembly
-    measured : tuple of Frf
-        One for each response, on the assembly's frequencies.
+    measured : MeasuredLines
     trained : TrainedNetwork, optional
-        Its answer is one more start.
+        Its answer is one more start, if the measurement covers its frequencies.
     seed : int, optional
         Of the other starts; the description's by default.
     """
-    return _refined(assembly, measured, trained, seed, MODEL_ERROR)
+    return _refined(measured, trained, seed, MODEL_ERROR)
 
 
 def _refined(
-    assembly: Assembly, measured: tuple[Frf, ...], trained: TrainedNetwork | None, seed: int | None, model_error: float
+    measured: MeasuredLines, trained: TrainedNetwork | None, seed: int | None, model_error: float
 ) -> Identification:
     """Fit the joint, and say whether a model with this relative error can have made the measurement."""
-    starts = []
-    if trained is not None:
-        guess = trained.predict_parameters(accelerance_amplitudes(measured))[0]
-        starts = [guess] if np.isfinite(guess).all() else []
+    assembly, frfs = measured.assembly, measured.frfs
     settings = assembly.description.identification
-    fit = refine(assembly, measured, starts, seed=settings.seed if seed is None else seed)
-    origin = provenance(assembly, measured, trained.evaluation if trained is not None else None)
-    verdict = check_misspecification(assembly, measured, fit, model_error)
-    return reconstruct(
-        assembly, fit.theta, measured, method="refined", provenance=origin, fit=fit, misspecification=verdict
-    )
+    fit = refine(assembly, frfs, _starts(measured, trained), seed=settings.seed if seed is None else seed)
+    origin = provenance(measured.described, measured.whole, trained.evaluation if trained is not None else None)
+    verdict = check_misspecification(assembly, frfs, fit, model_error)
+    return _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, misspecification=verdict)
+
+
+def _starts(measured: MeasuredLines, trained: TrainedNetwork | None) -> list[NDArray[np.float64]]:
+    """Return a network's answer, or nothing if there is none: no network, or no measurement of its whole band."""
+    if trained is None:
+        return []
+    try:
+        resampled = measured.resampled(trained.assembly)
+    except MeasurementError:
+        return []
+    guess = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
+    return [guess] if np.isfinite(guess).all() else []
+
+
+def _result(measured: MeasuredLines, theta: NDArray[np.float64], **known: Any) -> Identification:
+    """Build the result, with the natural frequencies of the whole band; say which part of it was not measured."""
+    result = reconstruct(measured.assembly, theta, measured.frfs, band=measured.band, **known)
+    return replace(result, warnings=(*result.warnings, *(measured.warnings if result.fit is not None else ())))
 
 
 def by_multistart(
-    assembly: Assembly,
-    measured: tuple[Frf, ...],
+    measured: MeasuredLines,
     _trained: TrainedNetwork | None = None,
     *,
     starts: int = 64,
@@ -107,9 +123,7 @@ def by_multistart(
 
     Parameters
     ----------
-    assembly : Assembly
-    measured : tuple of Frf
-        One for each response, on the assembly's frequencies.
+    measured : MeasuredLines
     _trained : TrainedNetwork, optional
         Not asked.
     starts : int
@@ -121,27 +135,25 @@ def by_multistart(
     seed : int, optional
         Of the Latin hypercube; the description's by default.
     """
+    assembly, frfs = measured.assembly, measured.frfs
     fit = multistart(
         assembly,
-        measured,
+        frfs,
         starts=starts,
         seconds=seconds,
         objective=objective,
         seed=assembly.description.identification.seed if seed is None else seed,
     )
-    origin = provenance(assembly, measured, None) | {"objective": objective}
-    verdict = check_misspecification(assembly, measured, fit, explain=False)
-    return reconstruct(
-        assembly, fit.theta, measured, method="multistart", provenance=origin, fit=fit, misspecification=verdict
-    )
+    origin = provenance(measured.described, measured.whole, None) | {"objective": objective}
+    verdict = check_misspecification(assembly, frfs, fit, explain=False)
+    return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, misspecification=verdict)
 
 
 _FORMS = {"samples": sample_posterior, "laplace": laplace_posterior}
 
 
 def by_posterior(
-    assembly: Assembly,
-    measured: tuple[Frf, ...],
+    measured: MeasuredLines,
     trained: TrainedNetwork | None = None,
     *,
     form: Form = "samples",
@@ -153,11 +165,9 @@ def by_posterior(
 
     Parameters
     ----------
-    assembly : Assembly
-    measured : tuple of Frf
-        One for each response, on the assembly's frequencies.
+    measured : MeasuredLines
     trained : TrainedNetwork, optional
-        Its answer is one more start of the fit.
+        Its answer is one more start of the fit, if the measurement covers its frequencies.
     form : {"samples", "laplace"}
         Samples of the posterior, or a Gaussian at its most probable place: faster, and straight.
     samples : int
@@ -169,15 +179,15 @@ def by_posterior(
     if form not in _FORMS:
         problem = f"'{form}' is no form of the posterior."
         raise ParameterError(Fault("form", problem, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
-    fitted = _refined(assembly, measured, trained, seed, model_error)
+    fitted = _refined(measured, trained, seed, model_error)
     assert fitted.fit is not None
     posterior = _FORMS[form](
-        assembly,
-        measured,
+        measured.assembly,
+        measured.frfs,
         fitted.fit,
         samples=samples,
         model_error=model_error,
-        seed=assembly.description.identification.seed if seed is None else seed,
+        seed=measured.described.description.identification.seed if seed is None else seed,
     )
     origin = {**fitted.provenance, "posterior_form": form, "model_error": model_error}
     warnings = (*fitted.warnings, *posterior.warnings)

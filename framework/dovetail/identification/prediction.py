@@ -233,7 +233,7 @@ def predicted_band(assembly: Assembly, result: Identification, level: float = LE
         values = _frfs(assembly, result, posterior.theta[draws])
     else:
         values = _linearised_frfs(assembly, result, posterior.fraction[draws], posterior.mode)
-    errors = model_errors(assembly.frequency, [predicted_frf(assembly, result).values], posterior.model_error)
+    errors = model_errors([assembly.frequency], [predicted_frf(assembly, result).values], posterior.model_error)
     amplitude = np.abs(values + random.standard_normal((len(values), len(errors))) @ errors)
     lower, upper = np.quantile(amplitude, [(1.0 - level) / 2.0, (1.0 + level) / 2.0], axis=0)
     return Band(assembly.frequency, lower, upper, level, result.caveat)

@@ -35,7 +35,7 @@ class Settings:
     most_listed: int = 8
     """Ignored lines that a warning lists."""
     most_modes: int = 10
-    """Natural frequencies that are computed; those beyond the assembly's frequencies are dropped."""
+    """Natural frequencies that are computed; those outside the band are dropped."""
 
 
 _SETTINGS = Settings()
@@ -58,6 +58,7 @@ def reconstruct(
     *,
     method: str,
     provenance: Mapping[str, Any],
+    band: tuple[float, float] | None = None,
     fit: Fit | None = None,
     misspecification: Misspecification | None = None,
 ) -> Identification:
@@ -69,10 +70,12 @@ def reconstruct(
     theta : (n_params,) array
         SI values.
     measured : Frf or sequence of Frf
-        One for each response, on the assembly's frequencies.
+        One for each response, on its frequencies in the assembly.
     method : str
     provenance : mapping
         Plain values.
+    band : (float, float), optional
+        Hz; within which natural frequencies are listed. The assembly's frequencies by default.
     fit : Fit, optional
         From which `theta` comes.
     misspecification : Misspecification, optional
@@ -84,7 +87,8 @@ def reconstruct(
     """
     at_points = _at_points(assembly, theta, one_per_response(assembly, measured), f"{assembly.name}, {method}")
     first = at_points[0]
-    modes, without_modes = _modes(assembly, theta, first.frf, first.measured)
+    band = (float(assembly.frequency[0]), float(assembly.frequency[-1])) if band is None else band
+    modes, without_modes = _modes(assembly, theta, band, first)
     result = Identification(
         method=method,
         parameters=MappingProxyType(_parameters(assembly, theta)),
@@ -98,6 +102,7 @@ def reconstruct(
         point=first.point,
         further=at_points[1:],
         misspecification=misspecification,
+        band=band,
     )
     return replace(result, warnings=_warnings(result, without_modes))
 
@@ -130,8 +135,10 @@ def _known(assembly: Assembly) -> dict[str, float]:
     return {f"{name}.{parameter}": float(value) for name, joint in joints for parameter, value in joint.fixed.items()}
 
 
-def _modes(assembly: Assembly, theta: NDArray[np.float64], frf: Frf, measured: Frf) -> tuple[tuple[Mode, ...], str]:
-    """Return the modes within the assembly's frequencies and, where there are none, why."""
+def _modes(
+    assembly: Assembly, theta: NDArray[np.float64], band: tuple[float, float], at_point: AtPoint
+) -> tuple[tuple[Mode, ...], str]:
+    """Return the modes within a band and, where there are none, why."""
     try:
         natural = assembly.natural_frequencies(theta, count=_SETTINGS.most_modes)
     except PluginError:
@@ -140,10 +147,11 @@ def _modes(assembly: Assembly, theta: NDArray[np.float64], frf: Frf, measured: F
         return (), f"No natural frequencies are given: {error.faults[0].problem}"
     except np.linalg.LinAlgError as error:
         return (), f"No natural frequencies are given: they cannot be computed ({error})."
-    inside = (natural >= assembly.frequency[0]) & (natural <= assembly.frequency[-1])
+    inside = (natural >= band[0]) & (natural <= band[1])
     if not inside.any():
         return (), "The identified model has no natural frequency within the assembly's frequencies."
-    return paired_modes(natural[inside], resonance_peaks(frf), resonance_peaks(measured)), ""
+    peaks, measured_peaks = resonance_peaks(at_point.frf), resonance_peaks(at_point.measured)
+    return paired_modes(natural[inside], peaks, measured_peaks), ""
 
 
 def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
@@ -162,10 +170,11 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
         )
     if result.fit is not None:
         warnings += _warnings_of_fit(result.fit, result.believable)
+    counts = [len(at_point.frf.frequency) for at_point in result.responses]
     for index, at_point in enumerate(result.responses):
         where = f" at {at_point.point}" if result.further else ""
         if result.fit is not None:
-            warnings += _warnings_of_lines(result.fit.at(index, len(result.responses)), where)
+            warnings += _warnings_of_lines(result.fit.at(index, counts), where)
         warnings += _warnings_at(at_point, where, result.believable)
     if without_modes:
         warnings.append(without_modes)

@@ -113,6 +113,7 @@ class AtPoint:
         """Return everything as plain values, fit for JSON."""
         return {
             "point": self.point,
+            "frequency_Hz": self.frf.frequency.tolist(),
             "mean_coherence": self.mean_coherence,
             "quantity": self.frf.quantity,
             "frf": _plain(self.frf),
@@ -133,12 +134,12 @@ class Identification:
     known : mapping of str to float
         SI values of the parameters that the description fixes, as ``joint.parameter``.
     frf : Frf
-        Reconstructed from the parameters, on the assembly's frequencies, in the response's quantity.
+        Reconstructed from the parameters, on the measured lines within the band, in the response's quantity.
     measured : Frf
-        The measurement on the same frequencies, in the same quantity. If there are several responses, `frf` and
-        `measured` belong to the first; `responses` has all of them.
+        The measurement on these lines, as it was given, in the same quantity. If there are several responses, `frf` and
+        `measured` belong to the first; `responses` has all of them, each on its own lines.
     modes : tuple of Mode
-        Of the identified model, within the assembly's frequencies.
+        Of the identified model, within the band.
     warnings : tuple of str
         What a reader must know before relying on the numbers.
     provenance : mapping
@@ -153,6 +154,8 @@ class Identification:
         The other responses, if there are several.
     misspecification : Misspecification or None
         Whether the model can have produced the measurement; None if the method cannot tell.
+    band : (float, float) or None
+        The description's first and last frequency [Hz]; None with a result of an earlier version.
 
     Notes
     -----
@@ -173,6 +176,7 @@ class Identification:
     point: str = ""
     further: tuple[AtPoint, ...] = ()
     misspecification: Misspecification | None = None
+    band: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Hand the caveat to what may be used by itself: the posterior and the reconstructed FRFs."""
@@ -239,6 +243,7 @@ class Identification:
             "posterior": None if self.posterior is None else self.posterior.to_dict(),
             "fit": None if self.fit is None else self.fit.to_dict(),
             "provenance": dict(self.provenance),
+            "band_Hz": None if self.band is None else list(self.band),
             "frequency_Hz": self.frf.frequency.tolist(),
             "point": self.point,
             "quantity": self.frf.quantity,

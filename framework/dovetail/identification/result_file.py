@@ -45,6 +45,10 @@ class _StoredResponse(_Stored):
     measured: _StoredFrf
 
 
+class _StoredFurther(_StoredResponse):
+    frequency_Hz: list[float] | None = None  # noqa: N815  the unit's own spelling; of an earlier version: the first's
+
+
 class _StoredSamples(_Stored):
     theta: list[list[float]]
     weight: list[float]
@@ -82,8 +86,9 @@ class _StoredIdentification(_StoredResponse):
     warnings: tuple[str, ...]
     provenance: dict[str, Any]
     frequency_Hz: list[float]  # noqa: N815  the unit's own spelling
+    band_Hz: tuple[float, float] | None = None  # noqa: N815
     posterior: _StoredPosterior | None = None
-    further_responses: tuple[_StoredResponse, ...] = ()
+    further_responses: tuple[_StoredFurther, ...] = ()
     misspecification: _StoredMisspecification | None = Field(
         None, validation_alias=AliasChoices("misspecification", "foreign")
     )
@@ -116,10 +121,11 @@ def read_identification(path: str | Path) -> Identification:
         stored = _StoredIdentification.model_validate_json(content)
     except ValidationError as error:
         raise DovetailError(*_faults(file, error)) from None
-    frfs = [frf for response in (stored, *stored.further_responses) for frf in (response.frf, response.measured)]
-    if any(len(frf.real) != len(stored.frequency_Hz) for frf in frfs):
-        raise DovetailError(Fault(str(file), "its FRFs differ in length from its frequencies."))
-    first, *further = (_at_point(file, stored, response) for response in (stored, *stored.further_responses))
+    first = _at_point(file, stored.frequency_Hz, stored)
+    further = [
+        _at_point(file, stored.frequency_Hz if response.frequency_Hz is None else response.frequency_Hz, response)
+        for response in stored.further_responses
+    ]
     return Identification(
         method=stored.method,
         parameters=MappingProxyType(stored.parameters),
@@ -133,6 +139,7 @@ def read_identification(path: str | Path) -> Identification:
         point=first.point,
         further=tuple(further),
         misspecification=None if stored.misspecification is None else _misspecification(stored.misspecification),
+        band=stored.band_Hz,
     )
 
 
@@ -164,8 +171,8 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
     )
 
 
-def _at_point(file: Path, stored: _StoredIdentification, response: _StoredResponse) -> AtPoint:
-    frf, measured = (_frf(file, stored, response.quantity, values) for values in (response.frf, response.measured))
+def _at_point(file: Path, frequency: list[float], response: _StoredResponse) -> AtPoint:
+    frf, measured = (_frf(file, frequency, response.quantity, values) for values in (response.frf, response.measured))
     return AtPoint(response.point, frf, measured)
 
 
@@ -173,11 +180,13 @@ def _misspecification(stored: _StoredMisspecification) -> Misspecification:
     return Misspecification(stored.flagged, stored.statistic, stored.looks_like, stored.reasons, stored.bands_Hz)
 
 
-def _frf(file: Path, stored: _StoredIdentification, quantity: Quantity, frf: _StoredFrf) -> Frf:
+def _frf(file: Path, frequency: list[float], quantity: Quantity, frf: _StoredFrf) -> Frf:
+    if len(frf.real) != len(frequency):
+        raise DovetailError(Fault(str(file), "its FRFs differ in length from its frequencies."))
     if len(frf.real) != len(frf.imag):
         raise DovetailError(Fault(str(file), f"the FRF '{frf.label}' has real and imaginary parts of unlike length."))
     values = np.array(frf.real) + 1j * np.array(frf.imag)
-    return Frf(np.array(stored.frequency_Hz), values, quantity, has_phase=frf.has_phase, label=frf.label)
+    return Frf(np.array(frequency), values, quantity, has_phase=frf.has_phase, label=frf.label)
 
 
 def _faults(file: Path, error: ValidationError) -> list[Fault]:

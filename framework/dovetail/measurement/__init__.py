@@ -1,21 +1,26 @@
-"""Measured FRFs: files of several formats, the accelerometer's mass, the assembly's frequency grid, noise."""
+"""Measured FRFs: files of several formats, the accelerometer's mass, lines within a band, resampling, noise."""
 
 from dovetail.measurement.accelerometer import add_accelerometer_mass, remove_accelerometer_mass
 from dovetail.measurement.frf_files import read_frf, write_frf
 from dovetail.measurement.impact_test.frf_estimation import EstimatedFrf, frf_from_signals, without_window_damping
+from dovetail.measurement.lines import check_cover, find_gaps, find_missing_ends, within_band
 from dovetail.measurement.noise import complex_noise, data_noise, noisy_frf
 from dovetail.measurement.resampling import on_grid
 
 __all__ = [
     "EstimatedFrf",
     "add_accelerometer_mass",
+    "check_cover",
     "complex_noise",
     "data_noise",
+    "find_gaps",
+    "find_missing_ends",
     "frf_from_signals",
     "noisy_frf",
     "on_grid",
     "read_frf",
     "remove_accelerometer_mass",
+    "within_band",
     "without_window_damping",
     "write_frf",
 ]

@@ -160,7 +160,7 @@ def known_rows(result: Identification) -> list[tuple[str, str]]:
 
 def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
     """Return the table of natural frequencies: those identified, and those of the truth that none of them is near."""
-    low, high = result.frf.frequency[[0, -1]]
+    low, high = result.frf.frequency[[0, -1]] if result.band is None else result.band
     inside = [f for f in (truth.natural_frequencies if truth is not None else ()) if low <= f <= high]
     identified = [mode.natural_frequency for mode in result.modes]
     matched = [_counterpart(frequency, identified, inside) for frequency in identified]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -68,15 +68,23 @@ class Fit:
     steps: int
     seconds: float
 
-    def at(self, index: int, count: int) -> Fit:
-        """Return the fit with the variance and the lines of one of its `count` responses alone."""
-        used = np.split(self.used, count)
-        ends = np.cumsum([np.count_nonzero(~lines) for lines in used])
+    def at(self, index: int, counts: Sequence[int]) -> Fit:
+        """Return the fit with the variance and the lines of one of its responses alone.
+
+        Parameters
+        ----------
+        index : int
+        counts : sequence of int
+            Lines of each response.
+        """
+        ends = np.cumsum(counts)[:-1]
+        used = np.split(self.used, ends)
+        ignored = np.cumsum([np.count_nonzero(~lines) for lines in used])[:-1]
         return replace(
             self,
-            variance=np.split(self.variance, count)[index],
+            variance=np.split(self.variance, ends)[index],
             used=used[index],
-            ignored=np.split(self.ignored, ends[:-1])[index],
+            ignored=np.split(self.ignored, ignored)[index],
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -45,7 +45,7 @@ def multistart(
     assembly : Assembly
         With parameters to identify.
     measured : Frf or sequence of Frf
-        One for each response, on the assembly's frequencies.
+        One for each response, on its frequencies in the assembly.
     starts : int
     seconds : float, optional
         Time after which no further step begins.

@@ -51,7 +51,7 @@ class Observations:
     Parameters
     ----------
     frfs : tuple of Frf
-        One for each response, in its quantity, on the assembly's frequencies.
+        One for each response, in its quantity, on its frequencies in the assembly.
     """
 
     frfs: tuple[Frf, ...]

@@ -34,7 +34,7 @@ def check_misspecification(
     ----------
     assembly : Assembly
     measured : Frf or sequence of Frf
-        One for each response, on the assembly's frequencies; each is checked by itself.
+        One for each response, on its frequencies in the assembly; each is checked by itself.
     fit : Fit
         Of the same measurement.
     model_error : float
@@ -45,8 +45,9 @@ def check_misspecification(
     frfs = one_per_response(assembly, measured)
     if len(frfs) == 1:
         return _check_response(assembly, frfs[0], fit, model_error, explain)
+    counts = [len(frf.frequency) for frf in frfs]
     verdicts = [
-        _check_response(assembly.at(index), frf, fit.at(index, len(frfs)), model_error, explain)
+        _check_response(assembly.at(index), frf, fit.at(index, counts), model_error, explain)
         for index, frf in enumerate(frfs)
     ]
     worst = max(verdicts, key=lambda verdict: verdict.statistic)

@@ -79,7 +79,7 @@ def build_likelihood(assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit
     ----------
     assembly : Assembly
     measured : Frf or sequence of Frf
-        One for each response, on the assembly's frequencies.
+        One for each response, on its frequencies in the assembly.
     fit : Fit
         Of the same measurement. Its random error, the lines that it left out and its discrepancy are used. The
         discrepancy is correlated between neighbouring lines, so that many of them count as one.
@@ -95,7 +95,8 @@ def build_likelihood(assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit
         lengths = [correlation_length(difference(frf, fitted) / sd) for frf, fitted, sd in responses]
         discrepancy = discrepancy * np.repeat(lengths, target.counts)
     residual = target.weighted(fit.variance + discrepancy, fit.used)
-    errors = model_errors(assembly.frequency, target.split(values), model_error)
+    axes = [frf.frequency for frf in target.frfs]
+    errors = model_errors(axes, target.split(values), model_error)
     in_residuals = residual.jacobian(values[np.newaxis], errors[np.newaxis])[0]
     return Likelihood(target, fit.variance + discrepancy, residual, int(np.count_nonzero(fit.used)), in_residuals)
 

@@ -49,6 +49,8 @@ class ModelErrorSettings:
     """Times the lowest and the highest frequency: a pole beyond belongs to the background."""
     largest_damping: float = 0.2
     """Imaginary part of a pole over its real part above which it is no resonance."""
+    same_pole: float = 0.5
+    """Imaginary parts of a pole up to which another one, from other frequencies, is the same."""
 
 
 _SETTINGS = ModelErrorSettings()
@@ -62,21 +64,21 @@ class Resonances:
     ----------
     poles : (n,) complex array
         Natural frequencies [Hz], ascending; the imaginary part is the real part times half the loss factor.
-    terms : (n_responses, n, n_freq) complex array
-        What each resonance contributes to each FRF.
-    near : (n_responses, n, n_freq) complex array
+    terms : tuple of (n, n_freq) complex arrays
+        What each resonance contributes to the FRF of each response; 0 where it is beyond the response's frequencies.
+    near : tuple of (n, n_freq) complex arrays
         The first part of it, which is large beside the resonance.
-    relative : (n, n_freq) complex array
+    relative : tuple of (n, n_freq) complex arrays
         p / (f - p): where on its peak each resonance is at each frequency.
-    background : (n_responses, n_freq) complex array
+    background : tuple of (n_freq,) complex arrays
         The FRFs without the resonances: those outside the frequencies, and what is damped too much to be one.
     """
 
     poles: NDArray[np.complex128]
-    terms: NDArray[np.complex128]
-    near: NDArray[np.complex128]
-    relative: NDArray[np.complex128]
-    background: NDArray[np.complex128]
+    terms: tuple[NDArray[np.complex128], ...]
+    near: tuple[NDArray[np.complex128], ...]
+    relative: tuple[NDArray[np.complex128], ...]
+    background: tuple[NDArray[np.complex128], ...]
 
     def displaced(self, change: float, order: int) -> NDArray[np.complex128]:
         """Return one term of the FRFs' Taylor series in a relative change of each pole.
@@ -90,22 +92,22 @@ class Resonances:
 
         Returns
         -------
-        (n, n_responses n_freq) complex array
+        (n, n_lines) complex array
             The lines of each response behind those of the one before. Where the pole moves by more than its distance,
             and the series diverges, no term is larger than the resonance itself.
         """
-        step = change * self.relative
-        terms = self.near * (step / np.maximum(1.0, np.abs(step))) ** order
-        return np.asarray(terms.transpose(1, 0, 2).reshape(len(self.poles), self.background.size))
+        steps = [change * relative for relative in self.relative]
+        pairs = zip(self.near, steps, strict=True)
+        return np.concatenate([near * (step / np.maximum(1.0, np.abs(step))) ** order for near, step in pairs], axis=1)
 
 
-def fit_resonances(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]]) -> Resonances:
+def fit_resonances(axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]]) -> Resonances:
     """Find the resonances that FRFs of one structure show.
 
     Parameters
     ----------
-    frequency : (n_freq,) array
-        Hz.
+    axes : sequence of (n_freq,) arrays
+        Hz; the frequencies of each response.
     values : sequence of (n_freq,) complex arrays
         The FRF of each response.
 
@@ -116,29 +118,56 @@ def fit_resonances(frequency: NDArray[np.float64], values: Sequence[NDArray[np.c
 
     Notes
     -----
-    The poles are those of a rational function through a mixture of the FRFs (AAA: Nakatsukasa, Sete and Trefethen,
-    The AAA algorithm for rational approximation, 2018); the residues follow by linear least squares.
+    The poles are those of a rational function through a mixture of the FRFs with the same frequencies (AAA:
+    Nakatsukasa, Sete and Trefethen, The AAA algorithm for rational approximation, 2018). Poles from FRFs with different
+    frequencies are the same resonance if they are nearer to each other than a quarter of its width. The residues follow
+    by linear least squares.
     """
-    poles = _poles(frequency, values)
-    residues = np.array([_residues(frequency, frf, poles) for frf in values]).reshape(len(values), len(poles))
-    distance, mirrored = frequency - poles[:, np.newaxis], frequency + np.conj(poles)[:, np.newaxis]
-    near = residues[:, :, np.newaxis] / distance
-    terms = near - np.conj(residues)[:, :, np.newaxis] / mirrored
-    background = np.asarray(values) - terms.sum(axis=1)
-    return Resonances(poles, terms, near, poles[:, np.newaxis] / distance, background)
+    poles = _common_poles(axes, values)
+    near, terms, relative = [], [], []
+    for frequency, frf in zip(axes, values, strict=True):
+        residues = np.zeros(len(poles), dtype=np.complex128)
+        within = _is_within(poles, frequency)
+        residues[within] = _residues(frequency, frf, poles[within])
+        distance, mirrored = frequency - poles[:, np.newaxis], frequency + np.conj(poles)[:, np.newaxis]
+        near.append(residues[:, np.newaxis] / distance)
+        terms.append(near[-1] - np.conj(residues)[:, np.newaxis] / mirrored)
+        relative.append(poles[:, np.newaxis] / distance)
+    background = (frf - of_poles.sum(axis=0) for frf, of_poles in zip(values, terms, strict=True))
+    return Resonances(poles, tuple(terms), tuple(near), tuple(relative), tuple(background))
+
+
+def _common_poles(
+    axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]]
+) -> NDArray[np.complex128]:
+    """Return the poles of all FRFs, each once."""
+    groups: dict[bytes, tuple[NDArray[np.float64], list[NDArray[np.complex128]]]] = {}
+    for frequency, frf in zip(axes, values, strict=True):
+        if len(frequency) > 1:
+            groups.setdefault(frequency.tobytes(), (frequency, []))[1].append(frf)
+    poles = np.empty(0, dtype=np.complex128)
+    for frequency, frfs in groups.values():
+        found = _poles(frequency, frfs)
+        apart = np.abs(found[:, np.newaxis] - poles) > _SETTINGS.same_pole * found.imag[:, np.newaxis]
+        poles = np.concatenate([poles, found[apart.all(axis=1)]])
+    return np.sort_complex(poles)
 
 
 def _poles(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
-    """Return the poles of all FRFs; each enters with another phase, so that none is lost where two cancel."""
+    """Return the poles of FRFs; each enters with another phase, so that none is lost where two cancel."""
     sizes = [float(np.abs(frf).std()) or 1.0 for frf in values]
     mixture = sum(np.exp(1j * index) * frf / size for index, (frf, size) in enumerate(zip(values, sizes, strict=True)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # measured parts have noise, which no rational function meets
         poles = AAA(frequency, mixture, rtol=_SETTINGS.tolerance, max_terms=_SETTINGS.most_terms).poles()
-    lowest, highest = _SETTINGS.pole_limits * frequency[[0, -1]]
-    inside = (poles.real > lowest) & (poles.real < highest)
     underdamped = (poles.imag > 0.0) & (poles.imag < _SETTINGS.largest_damping * poles.real)
-    return np.sort_complex(poles[inside & underdamped])
+    return np.sort_complex(poles[_is_within(poles, frequency) & underdamped])
+
+
+def _is_within(poles: NDArray[np.complex128], frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which poles count as resonances of an FRF with these frequencies, and not as background."""
+    lowest, highest = _SETTINGS.pole_limits * frequency[[0, -1]]
+    return np.asarray((poles.real > lowest) & (poles.real < highest))
 
 
 def _residues(
@@ -156,14 +185,14 @@ def _residues(
 
 
 def model_errors(
-    frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]], level: float
+    axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]], level: float
 ) -> NDArray[np.complex128]:
     """Return what one standard deviation of each error adds to the FRFs of one structure.
 
     Parameters
     ----------
-    frequency : (n_freq,) array
-        Hz.
+    axes : sequence of (n_freq,) arrays
+        Hz; the frequencies of each response.
     values : sequence of (n_freq,) complex arrays
         The FRF of each response.
     level : float
@@ -171,7 +200,7 @@ def model_errors(
 
     Returns
     -------
-    (n_errors, n_responses n_freq) complex array
+    (n_errors, n_lines) complex array
         The lines of each response behind those of the one before. Natural frequencies and damping are those of the
         structure, so that all responses err alike in them; magnitude and phase err in each response separately.
 
@@ -183,29 +212,46 @@ def model_errors(
     that adds is not linear in it: terms of higher order are errors of their own. They have the size that one standard
     deviation of the whole gives them, and any phase, since frequency and damping mix.
     """
-    count, lines = len(values), len(frequency)
-    if level == 0.0 or lines < 2:
-        return np.zeros((0, count * lines), dtype=np.complex128)
-    resonances, hats = fit_resonances(frequency, values), hat_functions(frequency)
-    stretched = np.concatenate([hats * (frequency * np.gradient(frf, frequency)) for frf in values], axis=1)
+    counts = [len(frequency) for frequency in axes]
+    if level == 0.0 or max(counts) < 2:
+        return np.zeros((0, sum(counts)), dtype=np.complex128)
+    band = float(min(frequency[0] for frequency in axes)), float(max(frequency[-1] for frequency in axes))
+    resonances, hats = fit_resonances(axes, values), [hat_functions(frequency, band) for frequency in axes]
+    responses = zip(hats, axes, values, strict=True)
+    stretched = np.concatenate([hat * _stretched(frequency, frf) for hat, frequency, frf in responses], axis=1)
     linear = np.concatenate([level * stretched, resonances.displaced(_SETTINGS.individual * level, 1)])
     higher = np.concatenate([resonances.displaced(level, order) for order in _SETTINGS.orders])
-    pairs = zip(values, resonances.terms, strict=True)
-    shapes = [np.concatenate([hats * frf, _SETTINGS.individual * terms]) for frf, terms in pairs]
-    sizes = level * np.concatenate([_in_response(shape, index, count) for index, shape in enumerate(shapes)])
+    of_poles = zip(hats, values, resonances.terms, strict=True)
+    shapes = [np.concatenate([hat * frf, _SETTINGS.individual * terms]) for hat, frf, terms in of_poles]
+    sizes = level * np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
     structure = [linear, 1j * _SETTINGS.damping * linear, higher, 1j * higher]
     return np.concatenate([*structure, _SETTINGS.magnitude * sizes, 1j * _SETTINGS.phase * sizes])
 
 
-def _in_response(errors: NDArray[np.complex128], index: int, count: int) -> NDArray[np.complex128]:
-    """Return errors (n, n_freq) of one of several responses, (n, count n_freq)."""
-    lines = errors.shape[1]
-    return np.pad(errors, ((0, 0), (index * lines, (count - index - 1) * lines)))
+def _stretched(frequency: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the derivative (n_freq,) of an FRF by the logarithm of the frequency; 0 for a single line."""
+    if len(frequency) < 2:
+        return np.zeros_like(values)
+    return np.asarray(frequency * np.gradient(values, frequency))
 
 
-def hat_functions(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return six hat functions (6, n_freq), each 1 at one of six equally spaced frequencies and 0 at the others."""
-    peaks = np.linspace(frequency[0], frequency[-1], _SETTINGS.hat_functions)
+def _in_response(errors: NDArray[np.complex128], index: int, counts: Sequence[int]) -> NDArray[np.complex128]:
+    """Return errors (n, n_freq) of one of several responses with these counts of lines, (n, n_lines)."""
+    return np.pad(errors, ((0, 0), (sum(counts[:index]), sum(counts[index + 1 :]))))
+
+
+def hat_functions(frequency: NDArray[np.float64], band: tuple[float, float] | None = None) -> NDArray[np.float64]:
+    """Return six hat functions (6, n_freq), each 1 at one of six equally spaced frequencies and 0 at the others.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array
+        Hz.
+    band : (float, float), optional
+        Hz; the first and the last of the six, those of `frequency` by default.
+    """
+    low, high = (frequency[0], frequency[-1]) if band is None else band
+    peaks = np.linspace(low, high, _SETTINGS.hat_functions)
     return np.stack([np.interp(frequency, peaks, height) for height in np.eye(_SETTINGS.hat_functions)])
 
 

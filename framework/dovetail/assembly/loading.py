@@ -1,0 +1,53 @@
+"""Assemblies from descriptions, with the installed components and those of plugin files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from dovetail.assembly.assembly import Assembly
+from dovetail.assembly.reader import read_description
+from dovetail.registry import Registry, installed_components
+
+__all__ = ["PluginPaths", "components", "load"]
+
+PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+"""One plugin file, or several."""
+
+
+def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginPaths = ()) -> Assembly:
+    """Read an assembly description.
+
+    Parameters
+    ----------
+    source : path or mapping
+        A YAML file, or the same as a dict.
+    plugins : path or iterable of paths
+        Plugin files to load in addition to the installed plugins. Their code runs with the rights of the caller.
+
+    Returns
+    -------
+    Assembly
+
+    Raises
+    ------
+    DescriptionError
+        Everything that is wrong with the description, at once.
+    PluginError
+        A plugin file cannot be loaded.
+    """
+    return Assembly(read_description(source, components(plugins)))
+
+
+def components(plugins: PluginPaths = ()) -> Registry:
+    """Return the installed components and those of plugin files."""
+    files = [Path(file) for file in ([plugins] if isinstance(plugins, (str, os.PathLike)) else plugins)]
+    if not files:
+        return installed_components()
+    registry = Registry()
+    registry.load_entry_points()
+    for file in files:
+        registry.load_file(file)
+    return registry

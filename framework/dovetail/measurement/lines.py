@@ -1,0 +1,144 @@
+"""The measured lines within the band of a description, and what is missing there: ends of the band, and gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import ArrayLike, NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import Frf
+
+__all__ = ["check_cover", "find_gaps", "find_missing_ends", "within_band"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Which lines lie in a band, and from when on lines count as missing."""
+
+    tolerance: float = 1e-9
+    """Relative; how far a line may lie beyond the band, for rounding."""
+    fewest_residuals: int = 2
+    """Real numbers that must be measured in the band: two a line with a phase, one without."""
+    end_steps: float = 2.0
+    """Of the measured spacing there: how far from an end of the band the first line may lie."""
+    gap: float = 3.5
+    """Times the spacing on either side from which on lines are missing between two: the third of three missing lines
+    is found, and no step of an axis with changing or logarithmic spacing is taken for a gap."""
+    beside: int = 3
+    """Spacings on either side whose median counts."""
+
+
+_SETTINGS = Settings()
+
+
+def within_band(frf: Frf, frequency: ArrayLike) -> Frf:
+    """Select the measured lines within a band; nothing is interpolated.
+
+    Parameters
+    ----------
+    frf : Frf
+        The measurement.
+    frequency : (n_freq,) array
+        Hz; the band reaches from the least to the greatest.
+
+    Returns
+    -------
+    Frf
+        The measurement itself if all of its lines lie within. Values, coherence and variance are those measured.
+
+    Raises
+    ------
+    MeasurementError
+        No line lies within the band, or so few that less than two real numbers are measured there.
+    """
+    low, high = _band(frequency)
+    tolerance = _SETTINGS.tolerance
+    inside = (frf.frequency >= low * (1.0 - tolerance)) & (frf.frequency <= high * (1.0 + tolerance))
+    count = int(np.count_nonzero(inside))
+    if count * (2 if frf.has_phase else 1) < _SETTINGS.fewest_residuals:
+        lines = "no line" if not count else "a single line, without a phase,"
+        problem = f"{lines} of the measurement is within {low:.10g} to {high:.10g} Hz: {_covers(frf)}."
+        remedy = "Check the unit of the frequencies, measure there, or change 'frequency' in the description."
+        raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
+    if inside.all():
+        return frf
+    coherence, variance = (None if lines is None else lines[inside] for lines in (frf.coherence, frf.variance))
+    return replace(
+        frf, frequency=frf.frequency[inside], values=frf.values[inside], coherence=coherence, variance=variance
+    )
+
+
+def find_missing_ends(frf: Frf, frequency: ArrayLike) -> tuple[tuple[float, float], ...]:
+    """Return the ends of a band, (lowest, highest) Hz each, where a measurement has no lines.
+
+    Parameters
+    ----------
+    frf : Frf
+        With lines within the band only, as of `within_band`.
+    frequency : (n_freq,) array
+        Hz; the band.
+
+    Returns
+    -------
+    tuple of (float, float)
+        None, one or two. An end counts if more than two of the measurement's steps are missing there.
+    """
+    low, high = _band(frequency)
+    first, last = float(frf.frequency[0]), float(frf.frequency[-1])
+    spacing = np.diff(frf.frequency) if len(frf.frequency) > 1 else np.zeros(1)
+    below = (low, first) if first - low > _SETTINGS.end_steps * spacing[0] + _SETTINGS.tolerance * low else None
+    above = (last, high) if high - last > _SETTINGS.end_steps * spacing[-1] + _SETTINGS.tolerance * high else None
+    return tuple(end for end in (below, above) if end is not None)
+
+
+def check_cover(frf: Frf, frequency: ArrayLike) -> None:
+    """Make sure that a measurement reaches both ends of a band.
+
+    Parameters
+    ----------
+    frf, frequency
+        As in `find_missing_ends`.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    if find_missing_ends(frf, frequency):
+        low, high = _band(frequency)
+        problem = f"{_covers(frf)}, and {low:.10g} to {high:.10g} Hz are wanted."
+        remedy = "Measure the whole range, or narrow 'frequency' in the description."
+        raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
+
+
+def find_gaps(frf: Frf) -> tuple[tuple[float, float], ...]:
+    """Return the neighbouring lines, (lower, upper) Hz each, between which lines are missing.
+
+    Parameters
+    ----------
+    frf : Frf
+
+    Notes
+    -----
+    Lines are missing where the spacing is more than 3.5 times the usual one on either side, which is the median of the
+    three spacings there.
+    """
+    spacing = np.diff(frf.frequency)
+    if not spacing.size:
+        return ()
+    width = _SETTINGS.beside
+    medians = np.median(sliding_window_view(np.pad(spacing, width, mode="reflect"), width), axis=1)
+    usual = np.maximum(medians[: spacing.size], medians[width + 1 :])
+    wide = np.flatnonzero(spacing > _SETTINGS.gap * usual)
+    return tuple((float(frf.frequency[line]), float(frf.frequency[line + 1])) for line in wide)
+
+
+def _band(frequency: ArrayLike) -> tuple[float, float]:
+    lines: NDArray[np.float64] = np.asarray(frequency, dtype=np.float64)
+    return float(lines.min()), float(lines.max())
+
+
+def _covers(frf: Frf) -> str:
+    return f"the measurement covers {frf.frequency[0]:.10g} to {frf.frequency[-1]:.10g} Hz"
