@@ -1,0 +1,105 @@
+"""How does the program judge real structures, and is the cause named where a measurement was altered on purpose?
+
+    python tests/benchmarks/measured_structures.py --convert CLONE --convert CLONE --data FOLDER
+    python tests/benchmarks/measured_structures.py --data FOLDER [--altered] [--method posterior] [--only beam]
+
+The measurements are public, but only the oscillator's licence (MIT) would allow them to be part of this repository; so
+they are read from clones, once:
+
+    git clone https://github.com/Daniel-Sottovia/Grupo-6                                       # FRF.csv: frame
+    git clone https://github.com/matthijsvandevosse/Structual-Model-Updating-TNO               # a .mat file: beam
+    git clone https://github.com/vibrationtoolbox/vibration_toolbox                            # case1.mat: oscillator
+
+`--convert` writes the FRFs that it finds in a clone to NPZ files in the folder of `--data`, 15 of the beam, three of
+the frame, one of the oscillator. What is known about the structures stands in the descriptions in the folder
+measured_structures. A structure whose file is missing is left out.
+
+The first table compares measured natural frequencies, from a fit of complex modes, with those of the identified model.
+With `--altered` the sign, gain, unit, delay, phase, point and mass of each measurement are changed, one at a time, and
+the table shows the cause that is named first. No cause should be named where nothing was altered.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from measured_data import cases, convert, measured
+
+import dovetail
+
+
+def table_of_structures(data: Path, method: str, only: str) -> None:
+    """Print the verdict, natural frequencies, coherence and time of each unaltered measurement."""
+    print("| structure | response | verdict | measured [Hz] | model [Hz] | coherence | chi-squared | time |")
+    print("|---|---|---|---|---|---|---|---|")
+    for structure, frf in measured(data):
+        if not structure.name.startswith(only):
+            continue
+        begin = time.perf_counter()
+        result = dovetail.identify(structure.assembly(), frf, method)
+        took = time.perf_counter() - begin
+        model = ", ".join(f"{mode.natural_frequency:.2f}" for mode in result.modes)
+        cells = (
+            structure.name,
+            result.point or frf.response,
+            verdict(result),
+            ", ".join(f"{natural:g}" for natural in structure.modes),
+            model,
+            f"{result.mean_coherence:.3f}",
+            "-" if result.fit is None else f"{result.fit.chi_squared:.3g}",
+            f"{took:.1f} s",
+        )
+        print(f"| {' | '.join(cells)} |", flush=True)
+
+
+def table_of_alterations(data: Path, method: str, only: str) -> None:
+    """Print the cause that is named first for each measurement, unaltered and altered."""
+    print("| measurement | verdict | first cause | time |")
+    print("|---|---|---|---|")
+    for name, frf, assembly in cases(data):
+        if not name.startswith(only):
+            continue
+        begin = time.perf_counter()
+        result = dovetail.identify(assembly, frf, method)
+        took = time.perf_counter() - begin
+        print(f"| {name} | {verdict(result)} | {first_cause(result)} | {took:.1f} s |", flush=True)
+
+
+def verdict(result: dovetail.Identification) -> str:
+    """Say in a word how well the model fits, or whether it was flagged as one that cannot fit."""
+    adequacy = getattr(result, "adequacy", None)
+    if adequacy is not None:
+        return str(adequacy.word)
+    return "believed" if result.believable else "not believed"
+
+
+def first_cause(result: dovetail.Identification) -> str:
+    """Return the cause that is named first, or a dash."""
+    adequacy = getattr(result, "adequacy", None)
+    if adequacy is not None:
+        return str(adequacy.causes[0]) if adequacy.causes else "-"
+    found = result.misspecification
+    return (found.looks_like if found is not None else "") or "-"
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder with the NPZ files")
+    parser.add_argument("--convert", type=Path, action="append", default=[], metavar="CLONE", help="may be repeated")
+    parser.add_argument("--altered", action="store_true", help="alter the measurements, and name the causes")
+    parser.add_argument("--method", default="refined")
+    parser.add_argument("--only", default="", help="structures whose name begins so")
+    arguments = parser.parse_args()
+    for clone in arguments.convert:
+        print(f"{len(convert(clone, arguments.data))} FRFs of {clone}")
+    if arguments.convert:
+        return
+    table = table_of_alterations if arguments.altered else table_of_structures
+    table(arguments.data, arguments.method, arguments.only)
+
+
+if __name__ == "__main__":
+    main()
