@@ -50,7 +50,7 @@ class Structure:
     modes : tuple of float
         Natural frequencies [Hz] within the described band, from a fit of complex modes to the measured FRFs.
     other_points : tuple of str
-        Files with FRFs of other points under the same force.
+        Files with FRFs of other points, under the same force or under one at the point itself.
     added_mass : float
         kg; lowers a natural frequency by some per cent.
     wrong_unit : tuple of (str, float)
@@ -78,9 +78,9 @@ _G, _MM = ("g", STANDARD_GRAVITY), ("mm", 1e-3)
 STRUCTURES = (
     Structure("frame", "frame_floor1", _FRAME_MODES, _FLOORS, 0.2, _G),
     Structure("frame_fitted", "frame_floor1", _FRAME_MODES, _FLOORS, 0.2, _G),
-    Structure("beam1", "beam_o1_i1", _BEAM_MODES, ("beam_o2_i1", "beam_o3_i1"), 5e-3, _MM, BEAM_CHAIN),
-    Structure("beam2", "beam_o3_i2", _BEAM_MODES, ("beam_o1_i2", "beam_o4_i2"), 5e-3, _MM, BEAM_CHAIN),
-    Structure("beam3", "beam_o5_i3", _BEAM_MODES, ("beam_o3_i3", "beam_o4_i3"), 5e-3, _MM, BEAM_CHAIN),
+    Structure("beam1", "beam_o1_i1", _BEAM_MODES, ("beam_o2_i1", "beam_o3_i1", "beam_o3_i2"), 5e-3, _MM, BEAM_CHAIN),
+    Structure("beam2", "beam_o3_i2", _BEAM_MODES, ("beam_o1_i2", "beam_o4_i2", "beam_o1_i1"), 5e-3, _MM, BEAM_CHAIN),
+    Structure("beam3", "beam_o5_i3", _BEAM_MODES, ("beam_o3_i3", "beam_o4_i3", "beam_o3_i2"), 5e-3, _MM, BEAM_CHAIN),
     Structure("oscillator", "oscillator", (212.07,), (), 0.05, _G, OSCILLATOR_CHAIN),
 )
 
@@ -210,7 +210,7 @@ def altered(structure: Structure, frf: dovetail.Frf, data: Path) -> Iterator[tup
     yield f"mass: {structure.added_mass * 1e3:g} g", dovetail.add_accelerometer_mass(frf, structure.added_mass)
     for name in structure.other_points:
         other = dovetail.read_frf(data / f"{name}.npz")
-        yield f"point: {other.response}", replace(other, response=frf.response, force=frf.force)
+        yield f"point: {other.response} from {other.force}", replace(other, response=frf.response, force=frf.force)
 
 
 def with_overhang(structure: Structure, further: float) -> dovetail.Assembly:

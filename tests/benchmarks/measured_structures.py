@@ -29,6 +29,15 @@ from measured_data import cases, convert, measured
 
 import dovetail
 
+KINDS = ("sign", "gain", "unit", "delay", "conjugate", "mass", "point", "overhang")
+SAME = {
+    "unaltered": ("",),
+    "unit": ("unit", "gain"),
+    "delay as measured": ("delay",),
+    "overhang": ("overhang", "point"),
+}
+"""Kinds of causes that are right for an alteration, where they are others than its name."""
+
 
 def table_of_structures(data: Path, method: str, only: str) -> None:
     """Print the verdict, natural frequencies, coherence and time of each unaltered measurement."""
@@ -55,16 +64,23 @@ def table_of_structures(data: Path, method: str, only: str) -> None:
 
 
 def table_of_alterations(data: Path, method: str, only: str) -> None:
-    """Print the cause that is named first for each measurement, unaltered and altered."""
-    print("| measurement | verdict | first cause | time |")
-    print("|---|---|---|---|")
+    """Print the cause that is named first for each measurement, unaltered and altered, and how many are right."""
+    print("| measurement | verdict | first cause | right | time |")
+    print("|---|---|---|---|---|")
+    right: dict[bool, list[bool]] = {True: [], False: []}
     for name, frf, assembly in cases(data):
         if not name.startswith(only):
             continue
         begin = time.perf_counter()
         result = dovetail.identify(assembly, frf, method)
         took = time.perf_counter() - begin
-        print(f"| {name} | {verdict(result)} | {first_cause(result)} | {took:.1f} s |", flush=True)
+        kind, words = first_cause(result)
+        change = name.split(", ")[1].split(":")[0]
+        hit = kind in SAME.get(change, (change,))
+        right[change == "unaltered"].append(hit)
+        print(f"| {name} | {verdict(result)} | {words} | {'yes' if hit else 'no'} | {took:.1f} s |", flush=True)
+    print(f"\nThe right cause is first in {sum(right[False])} of {len(right[False])} altered measurements.")
+    print(f"None is named in {sum(right[True])} of {len(right[True])} unaltered ones.")
 
 
 def verdict(result: dovetail.Identification) -> str:
@@ -75,13 +91,15 @@ def verdict(result: dovetail.Identification) -> str:
     return "believed" if result.believable else "not believed"
 
 
-def first_cause(result: dovetail.Identification) -> str:
-    """Return the cause that is named first, or a dash."""
+def first_cause(result: dovetail.Identification) -> tuple[str, str]:
+    """Return the kind of the cause that is named first and what is said of it; an empty kind and a dash for none."""
     adequacy = getattr(result, "adequacy", None)
     if adequacy is not None:
-        return str(adequacy.causes[0]) if adequacy.causes else "-"
+        return (adequacy.causes[0].name, adequacy.causes[0].words) if adequacy.causes else ("", "-")
     found = result.misspecification
-    return (found.looks_like if found is not None else "") or "-"
+    words = found.looks_like if found is not None else ""
+    kind = next((kind for kind in KINDS if kind in words.lower()), "other")
+    return (kind, words) if words else ("", "-")
 
 
 def main() -> None:

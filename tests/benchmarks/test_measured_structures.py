@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ import dovetail
 
 sys.path.insert(0, str(Path(__file__).parent))
 import measured_data
+import measured_structures
 from measured_data import STRUCTURES, altered, cases, convert, measured
 
 sys.path.pop(0)
@@ -105,8 +107,8 @@ def test_the_alterations_are_what_they_say(data):
     late = np.angle(changed["delay: 200 us"].values / frf.values)
     np.testing.assert_allclose(late, -2 * np.pi * frf.frequency * 200e-6, atol=1e-9)
     np.testing.assert_allclose(1 / changed["mass: 200 g"].values, 1 / frf.values + 0.2, rtol=1e-9)
-    np.testing.assert_allclose(changed["point: floor2:1+x"].values, 1.5 * frf.values, rtol=1e-9)
-    assert changed["point: floor2:1+x"].response == frf.response
+    np.testing.assert_allclose(changed["point: floor2:1+x from floor1:1+x"].values, 1.5 * frf.values, rtol=1e-9)
+    assert changed["point: floor2:1+x from floor1:1+x"].response == frf.response
 
 
 def test_every_measurement_comes_unaltered_and_altered(data):
@@ -134,3 +136,26 @@ def test_the_program_judges_what_is_in_the_folder(data):
     natural = fitted().assembly().natural_frequencies(fitted().assembly().vector(FRAME))
     np.testing.assert_allclose([float(cell) for cell in cells[4].split(",")], natural, rtol=1e-3)
     assert float(cells[5]) > 0.999
+
+
+def test_the_causes_of_altered_measurements_are_counted(data, monkeypatch, capsys):
+    def identify(assembly, frf, method):
+        flipped = frf.values[300].real < 0
+        cause = SimpleNamespace(name="sign", words="the sign reversed")
+        return SimpleNamespace(adequacy=SimpleNamespace(word="good", causes=(cause,) if flipped else ()))
+
+    monkeypatch.setattr(measured_structures.dovetail, "identify", identify)
+    monkeypatch.setattr(measured_structures, "cases", lambda data: some_cases())
+    measured_structures.table_of_alterations(data, "refined", "frame")
+    printed = capsys.readouterr().out
+    assert "| frame, sign | good | the sign reversed | yes |" in printed
+    assert "| frame, gain: 1.2 | good | - | no |" in printed
+    assert "right cause is first in 1 of 2 altered" in printed
+    assert "None is named in 1 of 1 unaltered" in printed
+
+
+def some_cases():
+    """Three cases: unaltered, with the sign reversed, with a gain."""
+    positive = dovetail.Frf(np.arange(1.0, 401.0), np.ones(400, dtype=complex), "accelerance")
+    negative = dovetail.Frf(positive.frequency, -positive.values, "accelerance")
+    return [("frame, unaltered", positive, None), ("frame, sign", negative, None), ("frame, gain: 1.2", positive, None)]
