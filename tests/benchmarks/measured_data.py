@@ -52,7 +52,8 @@ class Structure:
     other_points : tuple of str
         Files with FRFs of other points, under the same force or under one at the point itself.
     added_mass : float
-        kg; lowers a natural frequency by some per cent.
+        kg; lowers a natural frequency by some per cent. 0 where a mass at the point is sought (the beam's coils), or
+        cannot be told from a gain (the oscillator).
     wrong_unit : tuple of (str, float)
         A unit that may be taken for the right one, and its size in the right one.
     chain : tuple of (float, float)
@@ -78,10 +79,10 @@ _G, _MM = ("g", STANDARD_GRAVITY), ("mm", 1e-3)
 STRUCTURES = (
     Structure("frame", "frame_floor1", _FRAME_MODES, _FLOORS, 0.2, _G),
     Structure("frame_fitted", "frame_floor1", _FRAME_MODES, _FLOORS, 0.2, _G),
-    Structure("beam1", "beam_o1_i1", _BEAM_MODES, ("beam_o2_i1", "beam_o3_i1", "beam_o3_i2"), 5e-3, _MM, BEAM_CHAIN),
-    Structure("beam2", "beam_o3_i2", _BEAM_MODES, ("beam_o1_i2", "beam_o4_i2", "beam_o1_i1"), 5e-3, _MM, BEAM_CHAIN),
-    Structure("beam3", "beam_o5_i3", _BEAM_MODES, ("beam_o3_i3", "beam_o4_i3", "beam_o3_i2"), 5e-3, _MM, BEAM_CHAIN),
-    Structure("oscillator", "oscillator", (212.07,), (), 0.05, _G, OSCILLATOR_CHAIN),
+    Structure("beam1", "beam_o1_i1", _BEAM_MODES, ("beam_o2_i1", "beam_o3_i1", "beam_o3_i2"), 0.0, _MM, BEAM_CHAIN),
+    Structure("beam2", "beam_o3_i2", _BEAM_MODES, ("beam_o1_i2", "beam_o4_i2", "beam_o1_i1"), 0.0, _MM, BEAM_CHAIN),
+    Structure("beam3", "beam_o5_i3", _BEAM_MODES, ("beam_o3_i3", "beam_o4_i3", "beam_o3_i2"), 0.0, _MM, BEAM_CHAIN),
+    Structure("oscillator", "oscillator", (212.07,), (), 0.0, _G, OSCILLATOR_CHAIN),
 )
 
 
@@ -207,7 +208,8 @@ def altered(structure: Structure, frf: dovetail.Frf, data: Path) -> Iterator[tup
         as_measured = frf.values * chain_phase(frf.frequency, structure.chain)
         yield f"delay as measured: {delay * 1e6:g} us, lead {lead:g}", replace(frf, values=as_measured)
     yield "conjugate", replace(frf, values=frf.values.conj())
-    yield f"mass: {structure.added_mass * 1e3:g} g", dovetail.add_accelerometer_mass(frf, structure.added_mass)
+    if structure.added_mass:
+        yield f"mass: {structure.added_mass * 1e3:g} g", dovetail.add_accelerometer_mass(frf, structure.added_mass)
     for name in structure.other_points:
         other = dovetail.read_frf(data / f"{name}.npz")
         yield f"point: {other.response} from {other.force}", replace(other, response=frf.response, force=frf.force)
