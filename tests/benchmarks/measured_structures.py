@@ -17,8 +17,8 @@ measured_structures. A structure whose file is missing is left out.
 The first table compares measured natural frequencies, from a fit of complex modes, with those of the identified model.
 With `--altered` the sign, gain, unit, delay, phase, point and mass of each measurement are changed, one at a time, and
 the table shows the cause that is named first. No cause should be named where nothing was altered. The frame with the
-masses of its drawings is left out there, since a gain of 0.7 explains half of its residual. Delays of 20 us can be found
-in the oscillator only: in frame and beam they are smaller than the phase errors of the best model (1 and 3 degrees).
+masses of its drawings is left out there: a gain of 0.7 explains much of its residual. A delay of 20 us can be found in
+the oscillator only: in frame and beam it is smaller than the phase error of the best model, 1 and 3 degrees.
 """
 
 from __future__ import annotations
