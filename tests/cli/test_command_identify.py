@@ -148,6 +148,16 @@ def test_a_measurement_that_does_not_cover_is_refused_before_training(run, bench
     assert "the measurement covers 1 to 300 Hz" in message
 
 
+def test_a_part_of_the_band_is_enough_without_a_network(run, bench, tmp_path):
+    whole = dovetail.read_frf(bench.measured)
+    dovetail.write_frf(Frf(whole.frequency[20:], whole.values[20:], whole.quantity), tmp_path / "part.csv")
+    shown = run("identify", bench.description, tmp_path / "part.csv", "--method", "refined").stdout
+    assert "has no lines from 1 to 21 Hz" in " ".join(shown.split())
+    dovetail.write_frf(Frf(whole.frequency + 600.0, whole.values, whole.quantity), tmp_path / "beyond.csv")
+    message = run("identify", bench.description, tmp_path / "beyond.csv", "--method", "refined", code=1).stderr
+    assert "no line of the measurement is within 1 to 600 Hz" in message
+
+
 @pytest.mark.usefixtures("untrained")
 @pytest.mark.parametrize(
     ("arguments", "code", "found"),

@@ -66,6 +66,23 @@ def test_identify_takes_a_file_for_each_response(run, two, measured, tmp_path):
     np.testing.assert_allclose(dovetail.read_frf(predicted).values, second.values, rtol=1e-3)
 
 
+def test_each_file_has_lines_of_its_own(run, two, measured, tmp_path):
+    assembly, axes = dovetail.load(two), (np.arange(195.0, 9100.0, 12.5), np.arange(210.0, 8990.0, 16.0))
+    theta, kept = {"kt_tc": 5e8, "kt_hc": 2e9}, []
+    for file, axis, alone in zip(measured, axes, assembly.on(*axes).each_response, strict=True):
+        dovetail.write_frf(dovetail.Frf(axis, alone.frf(theta), "accelerance"), file, overwrite=True)
+        kept.append(axis[(axis >= 200.0) & (axis <= 9000.0)])
+    folder = tmp_path / "results"
+    run("identify", two, *measured, "--method", "refined", "-o", folder)
+    for name, axis in zip(("frf.csv", "frf_2.csv"), kept, strict=True):
+        table = np.loadtxt(folder / name, delimiter=",", skiprows=2)
+        np.testing.assert_allclose(table[:, 0], axis, rtol=1e-12)
+        np.testing.assert_allclose(table[:, 1] + 1j * table[:, 2], table[:, 3] + 1j * table[:, 4], rtol=1e-3)
+    (further,) = json.loads((folder / "result.json").read_text())["further_responses"]
+    np.testing.assert_allclose(further["frequency_Hz"], kept[1], rtol=1e-12)
+    assert f"207.5 to 8995 Hz, {len(kept[0])} + {len(kept[1])} lines" in (folder / "report.html").read_text()
+
+
 def test_one_file_with_all_frfs_is_read_by_their_numbers(run, two, measured, tmp_path):
     every = tmp_path / "all.uff"
     every.write_bytes(measured[1].read_bytes() + measured[0].read_bytes())

@@ -55,6 +55,20 @@ def test_every_method_meets_every_measurement(cases):
     assert set(done.training) == {"pca"}
 
 
+def test_each_measurement_is_compared_on_its_own_lines(cases, sdof):
+    lines = np.arange(0.5, 620.0, 0.8)
+    values = sdof.on(lines).frf({"k": 1e6, "c": 20.0})
+    dovetail.write_frf(dovetail.Frf(lines, values, "accelerance"), cases / "soft.csv", overwrite=True)
+    done = compare(read_cases(cases / "cases.yaml"), ("refined", "pca"), samples=300)
+    inside = (lines >= 1.0) & (lines <= 600.0)
+    for row in done.of(done.cases[0]).values():
+        np.testing.assert_array_equal(row.measured.frequency, lines[inside])
+        np.testing.assert_array_equal(row.measured.values, values[inside])
+        np.testing.assert_array_equal(row.frf.frequency, lines[inside])
+    assert done.of(done.cases[0])["refined"].mean_coherence > 0.999
+    np.testing.assert_array_equal(done.of(done.cases[1])["refined"].measured.frequency, sdof.frequency)
+
+
 def test_the_command_writes_report_and_tables(cases):
     words = ["compare", "cases.yaml", "--methods", "refined,posterior", "--truth", "truth.json", "-o", "out"]
     done = CliRunner().invoke(app, [str(cases / word) if "." in word or word == "out" else word for word in words])

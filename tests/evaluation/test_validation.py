@@ -113,6 +113,19 @@ def test_a_measurement_that_is_too_short_is_refused(bench):
         validate(read_cases(bench / "cases.yaml"), Known())
 
 
+def test_a_measurement_is_compared_on_its_own_lines(bench):
+    heavier = dovetail.load(bench / "heavier.yaml")
+    lines = np.arange(0.7, 640.0, 0.6)
+    frf = dovetail.Frf(lines, heavier.on(lines).frf(TRUTH), "accelerance")
+    dovetail.write_frf(add_accelerometer_mass(frf, SENSOR), bench / "heavier.uff", overwrite=True)
+    for result in validate(read_cases(bench / "cases.yaml"), Known()).cases:
+        inside = lines[(lines >= 1.0) & (lines <= 600.0)]
+        for shown in (result.measured, result.compensated, result.predicted):
+            np.testing.assert_allclose(shown.frequency, inside, rtol=1e-6)
+        np.testing.assert_allclose(result.predicted.values, heavier.on(result.measured.frequency).frf(TRUTH))
+        assert result.mean_coherence > 0.999
+
+
 def test_plain_values_and_figures(bench):
     (bench / "cases.yaml").write_text(
         CASES.replace("cases:\n", "series: torque [N m]\ncases:\n", 1).replace(

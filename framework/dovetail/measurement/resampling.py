@@ -1,4 +1,4 @@
-"""A measured FRF on the frequency grid of an assembly."""
+"""A measured FRF interpolated to other lines, as trained networks and coupling need it; nothing else interpolates."""
 
 from __future__ import annotations
 

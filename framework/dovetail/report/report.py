@@ -62,7 +62,8 @@ def environment() -> Environment:
 
 
 def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
-    frequency = result.frf.frequency
+    axes = [response.frf.frequency for response in result.responses]
+    low, high = min(axis[0] for axis in axes), max(axis[-1] for axis in axes)
     evaluation = result.provenance.get("evaluation")
     return {
         "assembly": str(result.provenance.get("assembly", result.frf.label)),
@@ -71,8 +72,8 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "method": result.method,
         "quantity": result.frf.quantity,
         "has_phase": result.measured.has_phase,
-        "band": f"{number(frequency[0], 5, padded=False)} to {number(frequency[-1], 5, padded=False)} Hz",
-        "lines": frequency.size,
+        "band": f"{number(low, 5, padded=False)} to {number(high, 5, padded=False)} Hz",
+        "lines": " + ".join(str(size) for size in dict.fromkeys(axis.size for axis in axes)),
         "mean_coherence": _mean_coherence(result),
         "fit": "" if result.fit is None else content.fit_sentence(result.fit),
         "joints": list(dict.fromkeys(parameter.joint for parameter in result.parameters.values())),

@@ -114,7 +114,7 @@ def laplace_posterior(
     assembly : Assembly
         Its ranges are the prior: uniform on the parameters' scales.
     measured : Frf or sequence of Frf
-        One for each response, on the assembly's frequencies.
+        One for each response, on its frequencies in the assembly.
     fit : Fit
         Of the same measurement.
     samples : int

@@ -79,7 +79,7 @@ def sample_posterior(
     assembly : Assembly
         Its ranges are the prior: uniform on the parameters' scales.
     measured : Frf or sequence of Frf
-        One for each response, on the assembly's frequencies.
+        One for each response, on its frequencies in the assembly.
     fit : Fit
         Of the same measurement. Its random error, the lines that it left out and its discrepancy are used. The
         discrepancy is correlated between neighbouring lines, so that many of them count as one.
