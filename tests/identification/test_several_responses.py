@@ -258,6 +258,20 @@ def test_resonances_make_up_the_frfs_of_all_responses(chain, clean):
     np.testing.assert_allclose(resonances.background[1], 1.0, atol=1e-9)  # an accelerance tends to 1 / (1 kg)
 
 
+def test_resonances_are_common_to_responses_with_different_frequencies(chain):
+    expected = chain.natural_frequencies(TRUTH)[:2]
+    axes = [chain.frequency, chain.frequency[:-1:2] + 0.37]
+    values = [alone.frf(TRUTH) for alone in chain.on(*axes).each_response]
+    resonances = fit_resonances(axes, values)
+    np.testing.assert_allclose(resonances.poles.real, expected, rtol=1e-3)
+    assert [terms.shape for terms in resonances.terms] == [(2, len(axis)) for axis in axes]
+    np.testing.assert_allclose(resonances.background[1], 1.0, atol=1e-9)
+    errors = model_errors(axes, values, 1e-3)
+    common = model_errors([chain.frequency] * 2, [alone.frf(TRUTH) for alone in chain.each_response], 1e-3)
+    assert errors.shape == (len(common), sum(map(len, axes)))
+    np.testing.assert_allclose(errors[:, :LINES], common[:, :LINES], atol=1e-3 * np.abs(common).max())
+
+
 def test_the_model_errs_in_its_poles_alike_and_in_magnitude_on_its_own(chain, clean):
     values = [frf.values for frf in clean]
     each = [model_errors([chain.frequency], [frf], 1e-3) for frf in values]
