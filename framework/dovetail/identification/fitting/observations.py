@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
-from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines, known_variance
+from dovetail.identification.fitting.random_error import (
+    estimated_variance,
+    isolated_lines,
+    known_variance,
+    residual_variance,
+)
 from dovetail.identification.fitting.residuals import LogAmplitude, StackedResiduals, Weighted, split_by_response
 
 __all__ = ["Observations", "difference", "one_per_response"]
@@ -116,6 +121,30 @@ class Observations:
             [_estimated(frf, values) if variance is None else variance for frf, variance, values in responses]
         )
 
+    def residual_variance(self, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return E|error|^2 (n_lines,) of each line: known, or estimated from all that a model leaves.
+
+        Parameters
+        ----------
+        model : (n_lines,) array
+            Values that leave nothing but noise.
+        used : (n_lines,) bool array
+            Lines that were not left out.
+        """
+        responses = zip(self.frfs, self._known_variances, self.split(model), self.split(used), strict=True)
+        return np.concatenate(
+            [
+                known if known is not None else _from_residuals(frf, values, lines)
+                for frf, known, values, lines in responses
+            ]
+        )
+
+    def by_line(self, residuals: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return residuals (m,) line by line, (n_freq, n) for each response."""
+        counts = [(len(frf.frequency), 2 if frf.has_phase else 1) for frf in self.frfs]
+        ends = np.cumsum([lines * width for lines, width in counts])[:-1]
+        return [part.reshape(shape) for part, shape in zip(np.split(residuals, ends), counts, strict=True)]
+
     def weighted(self, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> Weighted | StackedResiduals[Weighted]:
         """Return the residuals over their standard deviation, of the lines `used`."""
         responses = zip(self.frfs, self.split(variance), self.split(used), strict=True)
@@ -150,6 +179,11 @@ def difference(frf: Frf, model: NDArray[np.complex128]) -> NDArray[Any]:
 
 def _estimated(frf: Frf, model: NDArray[np.complex128] | None) -> NDArray[np.float64]:
     return estimated_variance(frf, model if model is None or frf.has_phase else np.abs(model))
+
+
+def _from_residuals(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the variance from residuals; that of amplitudes, which is not the same up and down, from their scatter."""
+    return residual_variance(frf, model, used) if frf.has_phase else _estimated(frf, model)
 
 
 def _stacked(residuals: list[_Residual], counts: tuple[int, ...]) -> _Residual | StackedResiduals[_Residual]:

@@ -7,15 +7,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize
+from scipy.special import polygamma
 from scipy.stats import chi2
 
 from dovetail.frf import Frf
 
-__all__ = ["estimated_variance", "isolated_lines", "known_variance", "random_error_variance"]
+__all__ = ["estimated_variance", "isolated_lines", "known_variance", "random_error_variance", "residual_variance"]
 
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth difference: it keeps the variance of white noise and removes nearly all of a smooth curve."""
+_FEWEST_AVERAGES = 3
+"""From which the mean of 1 / s^2 is finite."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,10 @@ class Settings:
     a misplaced resonance raises the neighbours too."""
     neighbours: tuple[int, ...] = (2, 3, 4)
     """Distances, in lines, of the neighbours: the adjacent line is none, so that a bad pair is isolated too."""
+    scattering: float = 0.5
+    """Part of the scatter of a variance that was estimated line by line from which a stated one is taken for such."""
+    most_decrease: float = 5.0
+    """Natural logarithm of the factor by which the most likely floor and share may be below the least."""
     most_isolated: float = 0.05
     """Part of all lines above which no line is called isolated: then the model is wrong, not the lines."""
 
@@ -55,6 +62,13 @@ def known_variance(frf: Frf) -> NDArray[np.float64] | None:
 
     Lines with a coherence of 0, of which nothing is known, get the largest known variance or the square of their own
     value, whichever is larger.
+
+    Notes
+    -----
+    A coherence from n averages scatters itself, and with it the variance s^2 of a line: 2 (n - 1) s^2 / E[s^2] is
+    chi-squared distributed with 2 (n - 1) degrees of freedom. Weights are 1 / s^2, whose mean is (n - 1) / (n - 2) of
+    what it would be without that scatter. Where the coherences do scatter so, the variances are larger by this factor,
+    and noise leaves a chi-squared of 1.
     """
     variance = frf.random_variance
     if variance is None:
@@ -62,7 +76,18 @@ def known_variance(frf: Frf) -> NDArray[np.float64] | None:
     finite = np.isfinite(variance)
     largest = np.max(variance[finite], initial=0.0)
     variance = np.where(finite, variance, np.maximum(largest, frf.amplitude**2))
-    return np.asarray(np.maximum(variance, _least_variance(frf)))
+    return np.asarray(np.maximum(variance * _factor_of_scatter(frf, variance), _least_variance(frf)))
+
+
+def _factor_of_scatter(frf: Frf, variance: NDArray[np.float64]) -> float:
+    """Return (n - 1) / (n - 2) for a variance from coherences that were estimated from n averages, else 1."""
+    if frf.variance is not None or frf.averages is None or frf.averages < _FEWEST_AVERAGES:
+        return 1.0
+    if len(variance) < 2 * len(_DIFFERENCE) or not np.all(variance > 0.0):
+        return 1.0
+    scatter = np.convolve(np.log(variance), _DIFFERENCE, mode="valid") ** 2
+    expected = float(polygamma(1, frf.averages - 1)) * float(chi2.ppf(0.5, 1))
+    return (frf.averages - 1) / (frf.averages - 2) if np.median(scatter) > _SETTINGS.scattering * expected else 1.0
 
 
 def estimated_variance(frf: Frf, model: NDArray[Any] | None = None) -> NDArray[np.float64]:
@@ -98,6 +123,52 @@ def estimated_variance(frf: Frf, model: NDArray[Any] | None = None) -> NDArray[n
     quantiles = np.array([np.quantile(squares[rows], _SETTINGS.quantile) for rows in bins])
     floor, share = _floor_and_share(magnitude, np.maximum(quantiles / _unit_quantile(frf.has_phase), least))
     return np.asarray(np.maximum(floor + share * frf.amplitude**2, least))
+
+
+def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Estimate the random error from all of what a model leaves of a measurement, if that is nothing but noise.
+
+    Parameters
+    ----------
+    frf : Frf
+        With phase.
+    model : (n_freq,) complex array
+        The FRF that was fitted to it.
+    used : (n_freq,) bool array
+        Lines that were not left out.
+
+    Returns
+    -------
+    (n_freq,) array
+        E|error|^2 of the complex values: ``a^2 + b^2 |H|^2`` with the most likely a and b.
+
+    Notes
+    -----
+    The scatter from line to line, which `estimated_variance` needs before a model fits, has a fraction of this
+    estimate's certainty.
+    """
+    least = _least_variance(frf)
+    magnitude = np.maximum(np.abs(model) ** 2, np.finfo(float).tiny)
+    squares = np.abs(frf.values - model)[used] ** 2
+    floor, share = _most_likely(squares, magnitude[used], least)
+    return np.asarray(np.maximum(floor + share * magnitude, least))
+
+
+def _most_likely(squares: NDArray[np.float64], magnitude: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Return the floor and the share that make squares (n,), exponentially distributed, the most likely."""
+    lowest = np.argsort(magnitude)[: max(1, len(magnitude) // 4)]
+    starts = np.array([np.median(squares[lowest]), np.median(squares / magnitude)]) / np.log(2.0)
+    starts = np.log(np.maximum(starts, [least, least / magnitude.max()]))
+    terms = np.stack([np.ones_like(magnitude), magnitude])
+
+    def negative_log(logs: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        parts = np.exp(logs)[:, np.newaxis] * terms
+        variance = parts.sum(axis=0)
+        slope = (1.0 - squares / variance) / variance
+        return float(np.mean(np.log(variance) + squares / variance)), np.asarray((parts @ slope) / len(squares))
+
+    bounds = [(np.log(part) - _SETTINGS.most_decrease, None) for part in (least, least / magnitude.max())]
+    return np.asarray(np.exp(minimize(negative_log, starts, jac=True, method="L-BFGS-B", bounds=bounds).x))
 
 
 def _least_variance(frf: Frf) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,8 @@ from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agree
 from dovetail.identification.fitting.least_squares import Minima, minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
+from dovetail.identification.fitting.search_lines import missed_resonances, search_lines, thinned_lines
+from dovetail.identification.fitting.whiteness import is_white
 
 __all__ = ["refine"]
 
@@ -25,14 +27,23 @@ __all__ = ["refine"]
 class Settings:
     """Tuning constants of the refinement."""
 
+    candidates: int = 1024
+    """Random points for each batch of starts. The engine takes less time for them than a search for a few steps, and
+    nearly all searches from the most similar FRFs end in the right minimum, of those from random points half."""
     first_starts: int = 4
-    """At least. They reached the noise in each of 120 random joints of the collet; searches take most of the time."""
+    """At least."""
     more_starts: int = 8
     """In each further batch."""
-    more_batches: int = 3
-    """Where the model does not fit, more starts only confirm it."""
+    carried: int = 4
+    """Searches of each batch, those with the most similar FRFs, whose minima are fitted."""
+    more_batches: int = 4
+    """At most. Where the model does not fit, more starts only confirm it."""
     enough_agreeing: int = 3
     """Searches that must end in the same minimum before it counts as the best one, where the model does not fit."""
+    least_batches: int = 2
+    """Before a model is said not to fit."""
+    fit_lines: int = 1500
+    """Of each response, about, on which minima are told apart; the best is fitted on all lines."""
     search_tolerance: float = 1.0
     """Decrease of the sum of squares, per step, that ends a search by logarithms: the fit goes on from there."""
     search_steps: int = 40
@@ -44,7 +55,9 @@ class Settings:
     significance: float = 5.0
     """Standard deviations of chi-squared within which a fit is as good as the random error allows."""
     scatter_error: float = 0.15
-    """Relative error of a variance that is estimated from the scatter from line to line."""
+    """Relative error of a variance that is estimated from the scatter from line to line, of however many lines."""
+    scatter_deviation: float = 5.0
+    """The same over the inverse root of the number of lines, in addition: quantiles of few lines scatter."""
     refitted: int = 4
     """Minima that are fitted again when the weights change: another may then be the best."""
     most_discrepancies: int = 8
@@ -73,8 +86,9 @@ def refine(
         One for each response, on the assembly's frequencies. Its random error is taken from its variance, or coherence
         and averages, or from the scatter from line to line.
     starts : sequence of (n_params,) arrays
-        SI; values outside the ranges are brought to their bounds. Further starts are the middle of the ranges and Latin
-        hypercube points, more of them until a fit is as good as the random error allows.
+        SI; values outside the ranges are brought to their bounds. Further starts are the middle of the ranges and those
+        points of a Latin hypercube whose FRFs are most like the measured ones, more of them until a fit is as good as
+        the random error allows.
     seed : int
         Of the Latin hypercube.
 
@@ -84,10 +98,12 @@ def refine(
 
     Notes
     -----
-    Each search first compares logarithms of amplitudes, whose sum of squares is shallow, then the FRF itself, complex
-    where it has a phase. Isolated lines are left out. Where no fit reaches the random error, the model itself is wrong
-    by some part of each line's magnitude. The part that makes chi-squared 1 enters the weights, so that the lines with
-    the least noise do not dominate.
+    Each search first compares logarithms of amplitudes, whose sum of squares is shallow, on few lines, among them those
+    around each resonance; then the FRF itself, complex where it has a phase. Isolated lines are left out. A fit is as
+    good as the random error allows if chi-squared says so, and if the residuals are white: a smooth misfit is not
+    taken for noise, however small. Where the measurement does not tell its random error, it is then estimated from all
+    residuals. Where no fit reaches the random error, the model itself is wrong by some part of each line's magnitude.
+    The part that makes chi-squared 1 enters the weights, so that the lines with the least noise do not dominate.
     """
     return _Refinement(assembly, Observations.of(assembly, measured), seed).run(starts)
 
@@ -118,23 +134,26 @@ class _Refinement:
         self._variance = target.variance()
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
+        self._few = search_lines(target, self._variance)
+        self._some = thinned_lines(target, _SETTINGS.fit_lines, self._few)
+        self._model_of_few = self._model_at(self._few)
+        self._model_of_some = self._model_at(self._some)
         self._steps = self._starts = 0
 
     def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
         began = time.perf_counter()
-        first, *others = self._batches(starts)
-        minima = self._reweighted(self._first_minima(first))
-        for batch in others:
-            if self._is_noise(minima) or count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing:
-                break
-            minima = self._reweighted(_Ranked.of(minima, self._fitted(self._searched(batch))))
-        chi_squared = self._chi_squared(minima)
+        ends = self._searched(self._first_batch(starts))
+        found = self._told_apart(ends[:1])
+        best = self._reweighted(self._fitted(found.position[:1]))
+        if not self._is_noise(best):
+            found, best = self._further(_Ranked.of(found, self._told_apart(ends[1:])))
+        chi_squared = self._chi_squared(best)
         discrepancy = 0.0
-        if not self._is_noise(minima):
-            minima, discrepancy = self._with_discrepancy(minima)
+        if not self._is_noise(best):
+            best, discrepancy = self._with_discrepancy(best, found)
         return Fit(
-            theta=self._assembly.from_unit(minima.position[0]),
-            information=minima.curvature[0],
+            theta=self._assembly.from_unit(best.position[0]),
+            information=best.curvature[0],
             chi_squared=chi_squared,
             degrees_of_freedom=self._freedom,
             variance=self._variance,
@@ -142,66 +161,112 @@ class _Refinement:
             discrepancy=discrepancy,
             ignored=self._target.frequency[~self._used],
             used=self._used,
-            at_bounds=bounds_reached(self._assembly, minima.position[0]),
+            at_bounds=bounds_reached(self._assembly, best.position[0]),
             starts=self._starts,
-            agreeing=count_agreeing(minima.cost),
+            agreeing=count_agreeing(found.cost),
             steps=self._steps,
             seconds=time.perf_counter() - began,
         )
 
-    def _batches(self, starts: Sequence[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
+    def _further(self, found: _Ranked) -> tuple[_Ranked, _Ranked]:
+        """Search on, until a fit is noise, or enough searches agree that none is; return all minima and the best."""
+        for batch in range(1, _SETTINGS.more_batches + 2):
+            found = self._told_apart(found.position)  # the weights have changed
+            best = self._reweighted(self._fitted(found.position[:1]))
+            if self._is_noise(best) or batch > _SETTINGS.more_batches:
+                break
+            enough = count_agreeing(found.cost) >= _SETTINGS.enough_agreeing
+            if enough and batch >= _SETTINGS.least_batches and not self._missed(best).size:
+                break
+            ends = self._searched(self._most_similar(_SETTINGS.more_starts))
+            found = _Ranked.of(found, self._told_apart(ends[: _SETTINGS.carried]))
+        return found, best
+
+    def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         middle = np.full(len(self._assembly.parameters), 0.5)
-        first = np.array(
+        given = np.array(
             [*(self._assembly.to_unit(np.maximum(start, np.finfo(float).tiny)) for start in starts), middle]
         )
-        yield np.concatenate([first, self._hypercube.random(max(1, _SETTINGS.first_starts - len(first)))])
-        for _ in range(_SETTINGS.more_batches):
-            yield self._hypercube.random(_SETTINGS.more_starts)
+        return np.concatenate([given, self._most_similar(max(1, _SETTINGS.first_starts - len(given)))])
+
+    def _most_similar(self, count: int) -> NDArray[np.float64]:
+        """Return those of many random points whose FRFs are most like the measured ones."""
+        points = self._hypercube.random(_SETTINGS.candidates)
+        squares = np.sum(self._search.residuals(points) ** 2, axis=1)
+        return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
+
+    @property
+    def _search(self) -> FrfResiduals:
+        """Logarithms of amplitudes on few lines."""
+        target = self._target.at(self._few)
+        return FrfResiduals(self._model_of_few, target.logarithms(self._variance[self._few]))
 
     def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches by logarithms of amplitudes ended, the most promising first."""
-        search = FrfResiduals(self._model, self._target.logarithms(self._variance))
-        minima = minimise(search, batch, tolerance=_SETTINGS.search_tolerance, most_steps=_SETTINGS.search_steps)
+        minima = minimise(self._search, batch, tolerance=_SETTINGS.search_tolerance, most_steps=_SETTINGS.search_steps)
         self._steps += int(minima.steps.sum())
         self._starts += len(batch)
         return minima.position[np.argsort(minima.cost, kind="stable")]
 
-    def _first_minima(self, batch: NDArray[np.float64]) -> _Ranked:
-        """Fit from the most promising of the first starts, and from the others only if that is not enough."""
-        promising = self._searched(batch)
-        best = self._reweighted(self._fitted(promising[:1]))
-        return best if self._is_noise(best) else _Ranked.of(best, self._fitted(promising[1:]))
+    def _told_apart(self, start: NDArray[np.float64]) -> _Ranked:
+        """Fit on some of the lines: enough to tell which minimum is the best."""
+        residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
+        return self._minimised(FrfResiduals(self._model_of_some, residual), start)
 
     def _fitted(self, start: NDArray[np.float64]) -> _Ranked:
+        """Fit on all lines."""
         residual = self._target.weighted(self._variance + self._model_variance, self._used)
-        problem = FrfResiduals(self._model, residual)
+        return self._minimised(FrfResiduals(self._model, residual), start)
+
+    def _minimised(self, problem: FrfResiduals, start: NDArray[np.float64]) -> _Ranked:
         minima = minimise(problem, start, tolerance=_SETTINGS.fit_tolerance, most_steps=_SETTINGS.fit_steps)
         self._steps += int(minima.steps.sum())
         return _Ranked.of(minima)
 
-    def _reweighted(self, minima: _Ranked) -> _Ranked:
-        """Estimate the random error anew from the best fit, leave isolated lines out, fit again if that matters."""
-        known = self._target.variance_known
-        if not known:
-            self._variance = self._target.variance(self._values(minima))
-        bad = np.zeros_like(self._used) if self._is_noise(minima) else self._target.isolated(self._sizes(minima))
-        if known and np.array_equal(bad, ~self._used):
-            return minima
-        self._used = ~bad
-        return self._fitted(minima.position[: _SETTINGS.refitted])
+    def _model_at(self, lines: NDArray[np.intp]) -> ModelFrfs:
+        return self._model if len(lines) == len(self._variance) else self._model.at(lines)
 
-    def _with_discrepancy(self, minima: _Ranked) -> tuple[_Ranked, float]:
-        """Estimate the relative error of the model, and fit with it."""
-        discrepancy = 0.0
+    def _reweighted(self, best: _Ranked) -> _Ranked:
+        """Estimate the random error anew from the best fit, leave isolated lines out, fit again if that matters."""
+        if not self._target.variance_known:
+            self._variance = self._target.variance(self._values(best))
+            best = self._with_residual_variance(best)
+        bad = np.zeros_like(self._used) if self._is_noise(best) else self._target.isolated(self._sizes(best))
+        if np.array_equal(bad, ~self._used):
+            return best
+        self._used = ~bad
+        best = self._fitted(best.position)
+        return best if self._target.variance_known else self._with_residual_variance(best)
+
+    def _with_residual_variance(self, best: _Ranked) -> _Ranked:
+        """Estimate the random error from all residuals, and fit again, if nothing but noise is left then."""
+        if self._chi_squared(best) > self._most_chi_squared:
+            return best
+        from_scatter = self._variance
+        share = self._freedom / self._target.residual_count(self._used)
+        self._variance = self._target.residual_variance(self._values(best), self._used) / share
+        refitted = self._fitted(best.position)
+        if self._is_noise(refitted):
+            return refitted
+        self._variance = from_scatter
+        return best
+
+    def _missed(self, best: _Ranked) -> NDArray[np.float64]:
+        return missed_resonances(self._target, self._variance, self._values(best))
+
+    def _with_discrepancy(self, best: _Ranked, found: _Ranked) -> tuple[_Ranked, float]:
+        """Estimate the relative error of the model, and fit with it: another of the minima may then be the best."""
+        discrepancy, starts = 0.0, np.concatenate([best.position, found.position[1 : _SETTINGS.refitted]])
         for _ in range(_SETTINGS.most_discrepancies):
             before = discrepancy
-            values = self._values(minima)
+            values = self._values(best)
             discrepancy = self._discrepancy(values)
             self._model_variance = (discrepancy * np.abs(values)) ** 2
-            minima = self._fitted(minima.position[: _SETTINGS.refitted])
+            starts = self._told_apart(starts).position
+            best = self._fitted(starts[:1])
             if abs(discrepancy - before) <= _SETTINGS.settled * discrepancy:
                 break
-        return minima, discrepancy
+        return best, discrepancy
 
     def _discrepancy(self, values: NDArray[np.complex128]) -> float:
         """Return the part of each line's magnitude that makes chi-squared 1."""
@@ -219,20 +284,34 @@ class _Refinement:
     def _values(self, minima: _Ranked) -> NDArray[np.complex128]:
         return np.asarray(self._model.frf(self._assembly.from_unit(minima.position[:1]))[0])
 
-    def _sizes(self, minima: _Ranked) -> NDArray[np.float64]:
+    def _sizes(self, best: _Ranked) -> NDArray[np.float64]:
         """Return the size of each line's residual at the best fit, over its standard deviation."""
         all_lines = self._target.weighted(self._variance, np.ones_like(self._used))
-        return all_lines.size(self._values(minima))
+        return np.asarray(all_lines.size(self._values(best)))
+
+    def _residuals(self, best: _Ranked) -> NDArray[np.float64]:
+        """Return the residuals at the best fit over their standard deviation."""
+        values = self._values(best)[np.newaxis]
+        return np.asarray(self._target.weighted(self._variance, self._used).of(values)[0])
 
     @property
     def _freedom(self) -> int:
         return max(1, self._target.residual_count(self._used) - len(self._assembly.parameters))
 
-    def _chi_squared(self, minima: _Ranked) -> float:
-        return float(minima.cost[0]) / self._freedom
-
-    def _is_noise(self, minima: _Ranked) -> bool:
-        """Say whether the residuals of the best fit are no larger than the random error."""
+    @property
+    def _most_chi_squared(self) -> float:
+        """Chi-squared up to which a fit can be as good as the random error allows."""
         spread = _SETTINGS.significance * np.sqrt(2.0 / self._freedom)
-        spread += 0.0 if self._target.variance_known else _SETTINGS.scatter_error
-        return bool(self._chi_squared(minima) <= 1.0 + spread)
+        if not self._target.variance_known:
+            spread += _SETTINGS.scatter_error + _SETTINGS.scatter_deviation / np.sqrt(np.count_nonzero(self._used))
+        return float(1.0 + spread)
+
+    def _chi_squared(self, best: _Ranked) -> float:
+        return float(np.sum(self._residuals(best) ** 2)) / self._freedom
+
+    def _is_noise(self, best: _Ranked) -> bool:
+        """Say whether the residuals of the best fit are no larger than the random error, and as white."""
+        residuals = self._residuals(best)
+        if np.sum(residuals**2) > self._most_chi_squared * self._freedom:
+            return False
+        return all(is_white(of_response) for of_response in self._target.by_line(residuals))

@@ -1,0 +1,115 @@
+"""The lines on which a search looks at FRFs: few, but none of the measurement's resonances falls between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import find_peaks
+
+from dovetail.identification.fitting.observations import Observations
+
+__all__ = ["missed_resonances", "search_lines", "thinned_lines"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Tuning constants of the lines of a search."""
+
+    even: int = 300
+    """Lines of each response at equal distances."""
+    prominence: float = 6.0
+    """dB by which a clear resonance, or antiresonance, stands out on either side."""
+    most_peaks: int = 30
+    """Resonances, and antiresonances, around which lines are taken: the most prominent."""
+    reach: float = 0.1
+    """Distance of the last line around a resonance, over the band; the distances grow by `growth` from line to line."""
+    growth: float = 1.5
+    floor: float = 3.0
+    """Standard deviations of the noise below which amplitudes are not distinguished."""
+    smoothing: int = 3
+    """Lines over which the square of an amplitude is averaged."""
+    closeness: float = 0.05
+    """Relative distance within which a resonance of the fitted FRF can be that of the measured one."""
+
+
+_SETTINGS = Settings()
+
+
+def search_lines(observations: Observations, variance: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the lines for a search: at equal distances, and around each resonance and antiresonance.
+
+    Parameters
+    ----------
+    observations : Observations
+    variance : (n_lines,) array
+        E|error|^2 of each line.
+
+    Returns
+    -------
+    (n,) array
+        Increasing numbers of lines, those of the second response behind those of the first.
+    """
+    lines, first = [], 0
+    for frf, of_response in zip(observations.frfs, observations.split(variance), strict=True):
+        level = _level(frf.amplitude, of_response)
+        lines.append(first + _of_response(level))
+        first += len(level)
+    return np.concatenate(lines)
+
+
+def thinned_lines(observations: Observations, most: int, always: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return every n-th line, at most about `most` of each response, and the lines `always`."""
+    steps = [max(1, round(count / most)) for count in observations.counts]
+    firsts = np.cumsum((0, *observations.counts))[:-1].tolist()
+    thinned = [
+        np.arange(first, first + count, step)
+        for first, count, step in zip(firsts, observations.counts, steps, strict=True)
+    ]
+    return np.union1d(np.concatenate(thinned), always)
+
+
+def missed_resonances(
+    observations: Observations, variance: NDArray[np.float64], values: NDArray[np.complex128]
+) -> NDArray[np.float64]:
+    """Return the frequencies [Hz] of clear resonances of the measurement that FRFs (n_lines,) lack."""
+    missed: list[float] = []
+    responses = zip(observations.frfs, observations.split(variance), observations.split(values), strict=True)
+    for frf, of_response, fitted in responses:
+        measured = frf.frequency[_peaks(_level(frf.amplitude, of_response))]
+        modelled = frf.frequency[_peaks(_level(np.abs(fitted), of_response))]
+        missed += [at for at in measured.tolist() if not np.any(abs(modelled - at) <= _SETTINGS.closeness * at)]
+    return np.array(missed)
+
+
+def _level(amplitude: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return amplitudes in dB, not below the noise."""
+    square = uniform_filter1d(amplitude**2, _SETTINGS.smoothing, mode="nearest")
+    return np.asarray(10.0 * np.log10(square + _SETTINGS.floor**2 * variance))
+
+
+def _peaks(level: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the lines of the most prominent peaks."""
+    tops, properties = find_peaks(level, prominence=_SETTINGS.prominence)
+    most = np.argsort(-properties["prominences"], kind="stable")[: _SETTINGS.most_peaks]
+    return np.asarray(tops[most])
+
+
+def _of_response(level: NDArray[np.float64]) -> NDArray[np.intp]:
+    count = len(level)
+    even = np.linspace(0, count - 1, min(count, _SETTINGS.even)).round().astype(np.intp)
+    around = np.array([0, *_distances(_SETTINGS.reach * count)])
+    tops = np.concatenate([_peaks(level), _peaks(-level)])
+    lines = np.concatenate([even, (tops[:, np.newaxis] + around).ravel(), (tops[:, np.newaxis] - around).ravel()])
+    return np.unique(lines[(lines >= 0) & (lines < count)])
+
+
+def _distances(most: float) -> Iterator[int]:
+    """Yield 1, 2, 3, 5, 7, 11, ...: whole numbers that grow by a factor."""
+    distance = 1.0
+    while distance <= most:
+        yield round(distance)
+        distance = max(distance + 1.0, distance * _SETTINGS.growth)

@@ -1,0 +1,137 @@
+"""What tells noise from a smooth misfit, and what makes the searches of genuine measurements arrive, and soon."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from noisy_measurements import noisy
+
+import dovetail
+from dovetail.identification.fitting import refine
+from dovetail.identification.fitting.least_squares import Linearisation, minimise
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.random_error import known_variance, residual_variance
+from dovetail.identification.fitting.search_lines import missed_resonances, search_lines, thinned_lines
+from dovetail.identification.fitting.whiteness import is_white
+
+
+def resonances(frequency, *poles, loss=2e-3):
+    return sum(frequency**2 / (pole**2 * (1.0 + 1j * loss) - frequency**2) for pole in poles)
+
+
+def averaged(values, averages, seed, level=0.3):
+    """Return H1 and its coherence from spectra of a random force and of a response with noise."""
+    rng = np.random.default_rng(seed)
+    force, error = (part[0] + 1j * part[1] for part in rng.standard_normal((2, 2, averages, len(values))))
+    response = values * force + level * error
+    cross, power = np.sum(np.conj(force) * response, axis=0), np.sum(np.abs(force) ** 2, axis=0)
+    coherence = np.abs(cross) ** 2 / (power * np.sum(np.abs(response) ** 2, axis=0))
+    frequency = np.arange(1.0, len(values) + 1.0)
+    return dovetail.Frf(frequency, cross / power, "accelerance", coherence=coherence, averages=averages)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_smooth_misfit_is_not_taken_for_noise_however_small(sdof, known):
+    """A ripple that raises chi-squared to 1.2, as a wrong minimum of many lines does."""
+    sdof = sdof.on(np.linspace(1.0, 600.0, 6000))
+    frf = noisy(sdof, sdof.frf(), 0.01, 1, known=known)
+    deviation = 0.01 * sdof.frf().std()
+    ripple = np.sqrt(0.2) * deviation * np.exp(2j * np.pi * np.arange(6000) / 700.0)
+    assert refine(sdof, frf).discrepancy == 0.0
+    fit = refine(sdof, replace(frf, values=frf.values + ripple))
+    assert 1.05 < fit.chi_squared < 1.3
+    assert fit.discrepancy > 0.0
+    assert fit.starts > 4  # further searches were tried first
+
+
+@pytest.mark.parametrize("lines", [40, 5000])
+def test_noise_is_white_and_a_shift_in_one_place_is_not(lines):
+    for seed in range(20):
+        assert is_white(np.random.default_rng(seed).standard_normal((lines, 2)))
+    residuals = np.random.default_rng(0).standard_normal((lines, 2))
+    residuals[8:24] += 2.5
+    assert np.mean(residuals**2) < 4.0
+    assert not is_white(residuals)
+
+
+@pytest.mark.parametrize(("floor", "share"), [(1e-2, 0.0), (0.0, 1e-4), (1e-3, 1e-4)])
+def test_all_residuals_tell_floor_and_share_of_the_noise(floor, share):
+    frequency = np.linspace(50.0, 1000.0, 2000)
+    model = resonances(frequency, 200.0, 550.0)
+    truth = floor + share * np.abs(model) ** 2
+    normal = np.random.default_rng(4).standard_normal((2, 2000))
+    values = model + np.sqrt(truth / 2.0) * (normal[0] + 1j * normal[1])
+    told = residual_variance(dovetail.Frf(frequency, values, "accelerance"), model, np.ones(2000, dtype=bool))
+    np.testing.assert_allclose(told, truth, rtol=0.15, atol=1e-6)
+    assert np.mean(np.abs(values - model) ** 2 / told) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("averages", [5, 16])
+def test_a_coherence_from_few_averages_leaves_a_chi_squared_of_one(averages):
+    frf = averaged(np.full(20_000, 2.0 + 1.0j), averages, 7)
+    assert np.mean(np.abs(frf.values - (2.0 + 1.0j)) ** 2 / known_variance(frf)) == pytest.approx(1.0, abs=0.03)
+    smooth = replace(frf, coherence=np.full(20_000, 0.9))
+    np.testing.assert_allclose(known_variance(smooth), smooth.random_variance)
+
+
+def test_a_search_looks_at_few_lines_but_at_every_resonance():
+    frequency = np.linspace(50.0, 1000.0, 50_000)
+    poles = np.array([200.0, 203.0, 640.0])
+    values = resonances(frequency, *poles, loss=2e-4)
+    observations = Observations((dovetail.Frf(frequency, values, "accelerance"),))
+    few = search_lines(observations, np.full(50_000, 1e-6))
+    assert len(few) < 800
+    tops = [np.argmin(np.abs(frequency - pole)) for pole in poles]
+    assert all(np.abs(few - top).min() <= 2 for top in tops)  # a resonance is ten lines wide
+    some = thinned_lines(observations, 1000, few)
+    assert np.isin(few, some).all()
+    assert 1000 <= len(some) <= 1000 + len(few)
+
+
+def test_a_resonance_without_a_counterpart_is_missed():
+    frequency = np.linspace(50.0, 1000.0, 3000)
+    observations = Observations((dovetail.Frf(frequency, resonances(frequency, 200.0, 640.0), "accelerance"),))
+    variance = np.full(3000, 1e-6)
+    (missed,) = missed_resonances(observations, variance, resonances(frequency, 205.0, 800.0))
+    assert missed == pytest.approx(640.0, rel=1e-3)
+    assert not missed_resonances(observations, variance, resonances(frequency, 205.0, 630.0)).size
+
+
+class Curve:
+    """Exponentials through 5000 points."""
+
+    def __init__(self):
+        self._x = np.linspace(0.0, 1.0, 5000)
+        noise = np.random.default_rng(0).standard_normal(5000)
+        self._y = np.exp(-3.0 * 0.7 * self._x) + 0.2 + 0.01 * noise
+
+    def residuals(self, position):
+        return (np.exp(-3.0 * position[:, :1] * self._x) + position[:, 1:] - self._y) / 0.01
+
+    def linearise(self, position):
+        slope = -3.0 * self._x * np.exp(-3.0 * position[:, :1] * self._x) / 0.01
+        return Linearisation(self.residuals(position), np.stack([slope, np.full_like(slope, 100.0)], axis=1))
+
+
+def test_a_search_over_many_residuals_ends_where_the_gradient_vanishes():
+    problem = Curve()
+    found = minimise(problem, np.array([[0.1, 0.9]]), tolerance=1e-8, most_steps=100)
+    np.testing.assert_allclose(found.position, [[0.7, 0.2]], atol=0.01)
+    at_end = problem.linearise(found.position)
+    assert np.abs(at_end.gradient / np.sqrt(np.diagonal(at_end.curvature, axis1=1, axis2=2))).max() < 1e-2
+    np.testing.assert_allclose(found.cost, at_end.cost)
+
+
+def test_wide_ranges_lose_no_resonance(assemblies):
+    """Stiffnesses of the lap over five decades."""
+    text = (assemblies / "bolted_lap_beam.yaml").read_text()
+    wide = text.replace("[5e6 N/m, 2e9 N/m]", "[1e5 N/m, 1e10 N/m]").replace("[100 N m/rad, 5e4", "[5 N m/rad, 5e5")
+    assert wide.count("1e10 N/m") == wide.count("5e5 N m/rad") == 1
+    assembly = dovetail.load(yaml.safe_load(wide)).on(np.linspace(123.4, 4900.0, 2500))
+    theta = assembly.from_unit(np.array([0.45, 0.4, 0.3, 0.6]))
+    fit = refine(assembly, noisy(assembly, assembly.frf(theta), 0.01, 3, known=False))
+    assert fit.discrepancy == 0.0
+    assert fit.chi_squared == pytest.approx(1.0, abs=0.05)
