@@ -105,6 +105,16 @@ class Description:
         """The position of each response in words: ``"tool, 10 mm"``."""
         return tuple(self._label(response) for response in self.responses)
 
+    @property
+    def identified_parameters(self) -> tuple[tuple[str, str], ...]:
+        """Joint and name within the joint of each parameter to identify, in the order of ``Assembly.parameters``."""
+        return tuple(
+            (name, parameter.name)
+            for name, joint in self.joints.items()
+            for parameter in joint.parameters
+            if parameter.name not in joint.fixed
+        )
+
     def _label(self, response: Response) -> str:
         nodes = self.substructures[response.substructure].nodes
         node = nodes[response.node]

@@ -19,7 +19,7 @@ from dovetail.cli.reading import (
     names_of,
     selections,
 )
-from dovetail.cli.terminal import heading, note, print_json, say, table, title
+from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -61,7 +61,10 @@ def identify(
     model_error: Annotated[
         float | None,
         typer.Option(
-            metavar="PART", min=0.0, help="Relative error of natural frequencies that the posterior allows the model."
+            metavar="PART",
+            min=0.0,
+            show_default=False,
+            help="Relative error of natural frequencies that the model is allowed; told by the measurement by default.",
         ),
     ] = None,
     objective: Annotated[
@@ -101,7 +104,7 @@ def identify(
     DOVETAIL_CACHE_DIR says) and taken from there the next time. The other methods need none; given a trained model,
     'refined' starts from its answer too. Files of an earlier run in the output folder are replaced.
 
-    The exit code is 3 where the model cannot have made the measurement: the result is shown and written all the same,
+    The exit code is 3 where the model does not fit the measurement: the result is shown and written all the same,
     and says so.
     """
     import dovetail
@@ -137,7 +140,9 @@ def identify(
 
         model = trained_model(assembly, plugin or [], retrain=retrain)
     known = None if truth is None else read_truth(truth, assembly.parameters)
-    result = dovetail.identify(assembly, frfs, method, model=model, **options)
+    with progress_bars() as progress:
+        watched = {} if method == "network" else {"progress": progress}
+        result = dovetail.identify(assembly, frfs, method, model=model, **options, **watched)
     if output is not None:
         from dovetail.cli.result_files import write_results
 
@@ -194,12 +199,12 @@ def _check_accelerometer(assembly: Assembly, mass: float) -> None:
 
 def _print(result: Identification, truth: Truth | None) -> None:
     from dovetail.identification.posterior import NOT_BELIEVED
-    from dovetail.report.content import fit_sentence, misspecification_sentences, mode_rows, parameter_rows, warnings_of
+    from dovetail.report.content import adequacy_sentences, fit_sentence, mode_rows, parameter_rows, warnings_of
 
     measured = ", ".join(dict.fromkeys(response.measured.label for response in result.responses))
     title(f"{result.provenance['assembly']}: joint identified from {measured} ({result.method})")
-    for sentence in misspecification_sentences(result):
-        say(f"Warning: {sentence}")
+    for sentence in adequacy_sentences(result):
+        say(sentence if result.believable else f"Warning: {sentence}")
     rows = []
     for row in parameter_rows(result, truth):
         remarks = ["outside"] * (not row.in_range) + [NOT_BELIEVED] * (not result.believable)

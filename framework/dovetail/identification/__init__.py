@@ -1,24 +1,26 @@
 """Identification of a joint from a measured FRF: training, the network, results, bundles, prediction."""
 
+from dovetail.identification.adequacy import Adequacy, Cause
 from dovetail.identification.fitting import Fit
 from dovetail.identification.identifier import Identifier, load_model, train
 from dovetail.identification.identify import identify
 from dovetail.identification.metrics import Evaluation, ParameterMetrics
-from dovetail.identification.misspecification import Misspecification
-from dovetail.identification.posterior import Posterior, Verdict
+from dovetail.identification.posterior import ModelError, Posterior, Verdict
 from dovetail.identification.prediction import Band, predict, predict_band
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 
 __all__ = [
+    "Adequacy",
     "AtPoint",
     "Band",
+    "Cause",
     "Evaluation",
     "Fit",
     "Identification",
     "IdentifiedParameter",
     "Identifier",
-    "Misspecification",
     "Mode",
+    "ModelError",
     "ParameterMetrics",
     "Posterior",
     "Verdict",

@@ -14,15 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
+from dovetail.identification.adequacy import Adequacy, assess
 from dovetail.identification.fitting import Objective, multistart, refine
 from dovetail.identification.measured_lines import MeasuredLines
-from dovetail.identification.misspecification import check_misspecification
 from dovetail.identification.network.preprocessing import accelerance_amplitudes
 from dovetail.identification.network.trained_network import TrainedNetwork
-from dovetail.identification.posterior import MODEL_ERROR, Form, laplace_posterior, sample_posterior
+from dovetail.identification.posterior import (
+    TYPICAL,
+    Form,
+    ModelError,
+    laplace_posterior,
+    sample_posterior,
+    typical_model_error,
+)
 from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
+from dovetail.interfaces import Progress, silent
 
 __all__ = ["METHODS"]
 
@@ -59,13 +67,18 @@ def by_network(measured: MeasuredLines, trained: TrainedNetwork | None = None) -
         amplitude = trained.assembly.accelerance_amplitude(theta).astype(np.float64)
         verdict = trained.novelty.check(resampled[0], amplitude)
     origin = provenance(assembly, measured.whole, trained.evaluation)
-    result = _result(measured, theta, method="network", provenance=origin, misspecification=verdict)
+    result = _result(measured, theta, method="network", provenance=origin, adequacy=verdict)
     unsure = () if verdict is not None else (_CANNOT_TELL,)
     return replace(result, warnings=(*result.warnings, *measured.warnings_of_features, *unsure))
 
 
 def by_refined_fit(
-    measured: MeasuredLines, trained: TrainedNetwork | None = None, *, seed: int | None = None
+    measured: MeasuredLines,
+    trained: TrainedNetwork | None = None,
+    *,
+    model_error: float | None = None,
+    seed: int | None = None,
+    progress: Progress = silent,
 ) -> Identification:
     """Fit the joint to the measured FRF, from the ranges alone or from a network's answer as well.
 
@@ -74,22 +87,31 @@ def by_refined_fit(
     measured : MeasuredLines
     trained : TrainedNetwork, optional
         Its answer is one more start, if the measurement covers its frequencies.
+    model_error : float, optional
+        Relative error of natural frequencies that the model is allowed; what the measurement shows, by default.
     seed : int, optional
         Of the other starts; the description's by default.
+    progress : Progress
+        Called while causes of a misfit are searched.
     """
-    return _refined(measured, trained, seed, MODEL_ERROR)
-
-
-def _refined(
-    measured: MeasuredLines, trained: TrainedNetwork | None, seed: int | None, model_error: float
-) -> Identification:
-    """Fit the joint, and say whether a model with this relative error can have made the measurement."""
     assembly, frfs = measured.assembly, measured.frfs
     settings = assembly.description.identification
     fit = refine(assembly, frfs, _starts(measured, trained), seed=settings.seed if seed is None else seed)
+    adequacy, fit = assess(assembly, frfs, fit, _checked(model_error), progress=progress)
     origin = provenance(measured.described, measured.whole, trained.evaluation if trained is not None else None)
-    verdict = check_misspecification(assembly, frfs, fit, model_error)
-    return _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, misspecification=verdict)
+    return _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
+
+
+def _checked(model_error: float | None) -> float | None:
+    """Return the error that a model is allowed, if it is one.
+
+    Raises
+    ------
+    ParameterError
+    """
+    if model_error is not None and not (np.isfinite(model_error) and 0.0 <= model_error < 1.0):
+        raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
+    return model_error
 
 
 def _starts(measured: MeasuredLines, trained: TrainedNetwork | None) -> list[NDArray[np.float64]]:
@@ -117,7 +139,9 @@ def by_multistart(
     starts: int = 64,
     seconds: float | None = None,
     objective: Objective = "frf",
+    model_error: float | None = None,
     seed: int | None = None,
+    progress: Progress = silent,
 ) -> Identification:
     """Fit the joint to the measured FRF by many local searches.
 
@@ -132,8 +156,13 @@ def by_multistart(
         Time after which no further step is taken.
     objective : {"frf", "weighted"}
         Sum of the squared differences of the FRFs as they are, or over their random error.
+    model_error : float, optional
+        Relative error of natural frequencies that the model is allowed; what the measurement shows, by default. It
+        judges the fit, which is that of `objective`.
     seed : int, optional
         Of the Latin hypercube; the description's by default.
+    progress : Progress
+        Called while causes of a misfit are searched.
     """
     assembly, frfs = measured.assembly, measured.frfs
     fit = multistart(
@@ -145,8 +174,8 @@ def by_multistart(
         seed=assembly.description.identification.seed if seed is None else seed,
     )
     origin = provenance(measured.described, measured.whole, None) | {"objective": objective}
-    verdict = check_misspecification(assembly, frfs, fit, explain=False)
-    return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, misspecification=verdict)
+    adequacy, _ = assess(assembly, frfs, fit, _checked(model_error), progress=progress)
+    return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, adequacy=adequacy)
 
 
 _FORMS = {"samples": sample_posterior, "laplace": laplace_posterior}
@@ -158,8 +187,9 @@ def by_posterior(
     *,
     form: Form = "samples",
     samples: int = 400,
-    model_error: float = MODEL_ERROR,
+    model_error: float | None = None,
     seed: int | None = None,
+    progress: Progress = silent,
 ) -> Identification:
     """Fit the joint to the measured FRF, and tell how far each parameter is known.
 
@@ -171,27 +201,38 @@ def by_posterior(
     form : {"samples", "laplace"}
         Samples of the posterior, or a Gaussian at its most probable place: faster, and straight.
     samples : int
-    model_error : float
-        Relative error of natural frequencies that the model is allowed.
+    model_error : float, optional
+        Relative error of natural frequencies that the model is allowed; by default what the measurement shows, or 5e-4
+        if it shows none.
     seed : int, optional
         The description's by default.
+    progress : Progress
+        Called while causes of a misfit are searched.
     """
     if form not in _FORMS:
         problem = f"'{form}' is no form of the posterior."
         raise ParameterError(Fault("form", problem, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
-    fitted = _refined(measured, trained, seed, model_error)
+    fitted = by_refined_fit(measured, trained, model_error=model_error, seed=seed, progress=progress)
     assert fitted.fit is not None
+    allowed = _allowed(fitted.adequacy)
     posterior = _FORMS[form](
         measured.assembly,
         measured.frfs,
         fitted.fit,
         samples=samples,
-        model_error=model_error,
+        model_error=allowed,
         seed=measured.described.description.identification.seed if seed is None else seed,
     )
-    origin = {**fitted.provenance, "posterior_form": form, "model_error": model_error}
+    origin = {**fitted.provenance, "posterior_form": form, "model_error": allowed.natural_frequency}
     warnings = (*fitted.warnings, *posterior.warnings)
     return replace(fitted, method="posterior", posterior=posterior, provenance=origin, warnings=warnings)
+
+
+def _allowed(adequacy: Adequacy | None) -> ModelError:
+    """Return the errors that the posterior allows: the user's, those that the measurement shows, or typical ones."""
+    if adequacy is not None and adequacy.allowed is not None:
+        return typical_model_error(adequacy.allowed)
+    return TYPICAL if adequacy is None or adequacy.size is None else adequacy.size.at_least(TYPICAL)
 
 
 METHODS: Mapping[str, Callable[..., Identification]] = {

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
-from dovetail.identification.posterior import LEVEL, model_errors
+from dovetail.identification.posterior import LEVEL, error_shapes
 from dovetail.identification.posterior.prior import normal_from_unit, unit_from_normal
-from dovetail.identification.reconstruction import list_identified_parameters
 from dovetail.identification.result import Identification
 
 __all__ = ["Band", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]
@@ -94,7 +93,7 @@ def joint_values(assembly: Assembly, result: Identification | Mapping[str, float
         As in `predict`.
     """
     values = _values(result)
-    names = list_identified_parameters(assembly)
+    names = assembly.description.identified_parameters
     matched: dict[str, float] = {}
     faults, missing = [], []
     for parameter, (joint, name) in zip(assembly.parameters, names, strict=True):
@@ -233,7 +232,8 @@ def predicted_band(assembly: Assembly, result: Identification, level: float = LE
         values = _frfs(assembly, result, posterior.theta[draws])
     else:
         values = _linearised_frfs(assembly, result, posterior.fraction[draws], posterior.mode)
-    errors = model_errors([assembly.frequency], [predicted_frf(assembly, result).values], posterior.model_error)
+    shapes = error_shapes([assembly.frequency], [predicted_frf(assembly, result).values], posterior.model_error)
+    errors = np.concatenate(list(shapes.values()))
     amplitude = np.abs(values + random.standard_normal((len(values), len(errors))) @ errors)
     lower, upper = np.quantile(amplitude, [(1.0 - level) / 2.0, (1.0 + level) / 2.0], axis=0)
     return Band(assembly.frequency, lower, upper, level, result.caveat)

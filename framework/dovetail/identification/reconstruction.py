@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
+from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.fitting import Fit, one_per_response
-from dovetail.identification.misspecification import Misspecification
 from dovetail.identification.resonance_peaks import paired_modes, resonance_peaks
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.units import format_quantity
 
-__all__ = ["list_identified_parameters", "reconstruct"]
+__all__ = ["reconstruct"]
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,6 @@ class Settings:
     """Mean coherence below which the reconstruction visibly misses the measurement."""
     low_r2: float = 0.1
     """R2 on test FRFs below which a network is hardly better than a guess of the middle of the range."""
-    least_agreeing: int = 2
-    """Searches that end in the same minimum for it to be taken as the global one."""
     most_listed: int = 8
     """Ignored lines that a warning lists."""
     most_modes: int = 10
@@ -39,16 +37,6 @@ class Settings:
 
 
 _SETTINGS = Settings()
-
-
-def list_identified_parameters(assembly: Assembly) -> list[tuple[str, str]]:
-    """Return for each of ``assembly.parameters`` its joint and its name within the joint."""
-    return [
-        (name, parameter.name)
-        for name, joint in assembly.description.joints.items()
-        for parameter in joint.parameters
-        if parameter.name not in joint.fixed
-    ]
 
 
 def reconstruct(
@@ -60,7 +48,7 @@ def reconstruct(
     provenance: Mapping[str, Any],
     band: tuple[float, float] | None = None,
     fit: Fit | None = None,
-    misspecification: Misspecification | None = None,
+    adequacy: Adequacy | None = None,
 ) -> Identification:
     """Build the result of identified parameter values.
 
@@ -78,8 +66,8 @@ def reconstruct(
         Hz; within which natural frequencies are listed. The assembly's frequencies by default.
     fit : Fit, optional
         From which `theta` comes.
-    misspecification : Misspecification, optional
-        Whether the model can have produced the measurement.
+    adequacy : Adequacy, optional
+        How well the model explains the measurement.
 
     Returns
     -------
@@ -101,7 +89,7 @@ def reconstruct(
         fit=fit,
         point=first.point,
         further=at_points[1:],
-        misspecification=misspecification,
+        adequacy=adequacy,
         band=band,
     )
     return replace(result, warnings=_warnings(result, without_modes))
@@ -121,7 +109,7 @@ def _at_points(
 
 
 def _parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
-    pairs = zip(assembly.parameters, theta.tolist(), list_identified_parameters(assembly), strict=True)
+    pairs = zip(assembly.parameters, theta.tolist(), assembly.description.identified_parameters, strict=True)
     return {
         parameter.name: IdentifiedParameter(
             **asdict(parameter), value=value, in_range=parameter.lower <= value <= parameter.upper, joint=joint
@@ -169,7 +157,7 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
             "there than a guess of the middle of the range."
         )
     if result.fit is not None:
-        warnings += _warnings_of_fit(result.fit, result.believable)
+        warnings += _warnings_of_fit(result.fit)
     counts = [len(at_point.frf.frequency) for at_point in result.responses]
     for index, at_point in enumerate(result.responses):
         where = f" at {at_point.point}" if result.further else ""
@@ -196,18 +184,9 @@ def _warnings_at(at_point: AtPoint, where: str, believable: bool) -> list[str]:
     return warnings
 
 
-def _warnings_of_fit(fit: Fit, believable: bool) -> list[str]:
-    """Return the warnings about a fit; misspecification is reported by itself."""
-    warnings = [f"{name} ended at the {end} end of its range." for name, end in fit.at_bounds.items()]
-    if fit.discrepancy and believable:
-        warnings.append(
-            f"No parameters within the ranges explain this measurement down to its random error (chi-squared "
-            f"{fit.chi_squared:.3g}): the model is off by about {100 * fit.discrepancy:.2g} % of the FRF, so the "
-            "parameters may be off by more than the noise says."
-        )
-        if fit.agreeing < _SETTINGS.least_agreeing:
-            warnings.append("No two searches ended in the same place: there may be a better fit.")
-    return warnings
+def _warnings_of_fit(fit: Fit) -> list[str]:
+    """Return the warnings about a fit; how well it explains the measurement is told by its adequacy."""
+    return [f"{name} ended at the {end} end of its range." for name, end in fit.at_bounds.items()]
 
 
 def _warnings_of_lines(fit: Fit, where: str) -> list[str]:

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.frf import Frf, coherence_spectrum
+from dovetail.identification.adequacy.adequacy import Adequacy
 from dovetail.identification.fitting.fit import Fit
-from dovetail.identification.misspecification.result import Misspecification
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Parameter, Scale
 from dovetail.units import format_quantity
 
 __all__ = ["AtPoint", "Identification", "IdentifiedParameter", "Mode", "caveats_of"]
 
-_CAVEAT = "The model cannot have made the measurement: do not believe the numbers."
+_CAVEAT = "The model does not fit the measurement: do not believe the numbers."
 """At most 80 characters of ASCII, the length of an id line in UFF."""
 
 
@@ -152,8 +152,8 @@ class Identification:
         Where the first response is.
     further : tuple of AtPoint
         The other responses, if there are several.
-    misspecification : Misspecification or None
-        Whether the model can have produced the measurement; None if the method cannot tell.
+    adequacy : Adequacy or None
+        How well the model explains the measurement; None if the method cannot tell.
     band : (float, float) or None
         The description's first and last frequency [Hz]; None with a result of an earlier version.
 
@@ -175,7 +175,7 @@ class Identification:
     posterior: Posterior | None = None
     point: str = ""
     further: tuple[AtPoint, ...] = ()
-    misspecification: Misspecification | None = None
+    adequacy: Adequacy | None = None
     band: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -194,8 +194,8 @@ class Identification:
 
     @property
     def believable(self) -> bool:
-        """Whether the numbers may be believed, as far as the method can tell: False if misspecification is flagged."""
-        return self.misspecification is None or not self.misspecification.flagged
+        """Whether the numbers may be believed, as far as the method can tell: False if the model does not fit."""
+        return self.adequacy is None or self.adequacy.fits
 
     @property
     def caveat(self) -> str:
@@ -233,7 +233,7 @@ class Identification:
             "method": self.method,
             "believable": self.believable,
             "caveat": self.caveat,
-            "misspecification": None if self.misspecification is None else self.misspecification.to_dict(),
+            "adequacy": None if self.adequacy is None else self.adequacy.to_dict(),
             "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
             "known": dict(self.known),
             "mean_coherence": self.mean_coherence,

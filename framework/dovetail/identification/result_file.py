@@ -13,8 +13,8 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault
 from dovetail.frf import Frf, Quantity
-from dovetail.identification.misspecification import Misspecification
-from dovetail.identification.posterior import Form, Posterior
+from dovetail.identification.adequacy import Adequacy, AdequacyWord, Cause
+from dovetail.identification.posterior import Form, ModelError, Posterior, typical_model_error
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 
 __all__ = ["RESULT_FILE", "read_identification"]
@@ -64,17 +64,26 @@ class _StoredPosterior(_Stored):
     parameters: dict[str, _StoredParameter] = {}
     samples: _StoredSamples
     reached: float
-    model_error: float
+    model_error: ModelError | float
     lines: int
     seconds: float
 
 
-class _StoredMisspecification(_Stored):
-    flagged: bool
-    statistic: float
-    looks_like: str
+class _StoredAdequacy(_Stored):
+    word: AdequacyWord
+    model_error: ModelError | None
+    allowed: float | None
+    causes: tuple[Cause, ...]
     reasons: tuple[str, ...]
     bands_Hz: tuple[tuple[float, float], ...]  # noqa: N815  the unit's own spelling
+
+
+class _StoredMisspecification(_Stored):
+    """What earlier versions wrote: yes or no."""
+
+    flagged: bool
+    reasons: tuple[str, ...]
+    bands_Hz: tuple[tuple[float, float], ...]  # noqa: N815
 
 
 class _StoredIdentification(_StoredResponse):
@@ -89,6 +98,7 @@ class _StoredIdentification(_StoredResponse):
     band_Hz: tuple[float, float] | None = None  # noqa: N815
     posterior: _StoredPosterior | None = None
     further_responses: tuple[_StoredFurther, ...] = ()
+    adequacy: _StoredAdequacy | None = None
     misspecification: _StoredMisspecification | None = Field(
         None, validation_alias=AliasChoices("misspecification", "foreign")
     )
@@ -138,7 +148,7 @@ def read_identification(path: str | Path) -> Identification:
         posterior=None if stored.posterior is None else _posterior(file, stored.parameters, stored.posterior),
         point=first.point,
         further=tuple(further),
-        misspecification=None if stored.misspecification is None else _misspecification(stored.misspecification),
+        adequacy=_adequacy(stored),
         band=stored.band_Hz,
     )
 
@@ -161,7 +171,11 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         fraction=fraction,
         weight=weight / total,
         estimate=np.array([parameter.from_unit(value) for parameter, value in zip(ranges, mean, strict=True)]),
-        model_error=stored.model_error,
+        model_error=(
+            stored.model_error
+            if isinstance(stored.model_error, ModelError)
+            else typical_model_error(stored.model_error)  # of an earlier version
+        ),
         searches=round(len(weight) / stored.reached),
         lines=stored.lines,
         seconds=stored.seconds,
@@ -176,8 +190,14 @@ def _at_point(file: Path, frequency: list[float], response: _StoredResponse) -> 
     return AtPoint(response.point, frf, measured)
 
 
-def _misspecification(stored: _StoredMisspecification) -> Misspecification:
-    return Misspecification(stored.flagged, stored.statistic, stored.looks_like, stored.reasons, stored.bands_Hz)
+def _adequacy(stored: _StoredIdentification) -> Adequacy | None:
+    if (kept := stored.adequacy) is not None:
+        return Adequacy(kept.word, kept.model_error, kept.allowed, kept.causes, kept.reasons, kept.bands_Hz)
+    if (earlier := stored.misspecification) is None:
+        return None
+    return Adequacy(
+        "does not fit" if earlier.flagged else "not judged", reasons=earlier.reasons, bands=earlier.bands_Hz
+    )
 
 
 def _frf(file: Path, frequency: list[float], quantity: Quantity, frf: _StoredFrf) -> Frf:

@@ -20,11 +20,11 @@ __all__ = [
     "ModeRow",
     "ParameterRow",
     "PosteriorRow",
+    "adequacy_sentences",
     "evaluation_rows",
     "fit_sentence",
     "is_synthetic",
     "known_rows",
-    "misspecification_sentences",
     "mode_rows",
     "parameter_rows",
     "posterior_rows",
@@ -134,17 +134,17 @@ def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
     return warnings
 
 
-def misspecification_sentences(result: Identification) -> list[str]:
-    """Return what a reader must know before any number, if the model cannot have made the measurement."""
-    misspecification = result.misspecification
-    if misspecification is None or result.believable:
+def adequacy_sentences(result: Identification) -> list[str]:
+    """Return how well the model explains the measurement, what that means, and what would explain the rest."""
+    adequacy = result.adequacy
+    if adequacy is None:
         return []
-    cause = misspecification.looks_like or "It looks like another structure or response point."
-    sentences = [result.caveat, cause, *misspecification.reasons]
-    if misspecification.bands:
-        bands = ", ".join(f"{low:.6g} to {high:.6g} Hz" for low, high in misspecification.bands)
+    sentences = [result.caveat, adequacy.sentence, *adequacy.reasons, "" if result.caveat else adequacy.meaning]
+    sentences += [cause.sentence for cause in adequacy.causes]
+    if adequacy.bands and not result.believable:
+        bands = ", ".join(f"{low:.6g} to {high:.6g} Hz" for low, high in adequacy.bands)
         sentences.append(f"It is off at {bands}.")
-    return [readable(sentence) for sentence in sentences]
+    return [readable(sentence) for sentence in sentences if sentence]
 
 
 def parameter_rows(result: Identification, truth: Truth | None) -> list[ParameterRow]:

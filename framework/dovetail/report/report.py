@@ -78,7 +78,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "fit": "" if result.fit is None else content.fit_sentence(result.fit),
         "joints": list(dict.fromkeys(parameter.joint for parameter in result.parameters.values())),
         "believable": result.believable,
-        "misspecification": content.misspecification_sentences(result),
+        "adequacy": content.adequacy_sentences(result),
         "warnings": content.warnings_of(result, truth),
         "truth": truth,
         "posterior": content.posterior_rows(result),

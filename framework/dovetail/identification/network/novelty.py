@@ -12,13 +12,13 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
+from dovetail.identification.adequacy import Adequacy
+from dovetail.identification.adequacy.frequency_bands import find_deviating_bands
 from dovetail.identification.fitting.random_error import random_error_variance
-from dovetail.identification.misspecification.clipping import share_near_maximum
-from dovetail.identification.misspecification.frequency_bands import find_deviating_bands
-from dovetail.identification.misspecification.result import Misspecification
 from dovetail.identification.network.network import Network
 from dovetail.identification.network.preprocessing import log10p1
 from dovetail.measurement import noisy_frf
@@ -44,6 +44,10 @@ class NoveltySettings:
     """Of a feature, so that none has infinite weight."""
     clear: float = 3.0
     """Standard deviations of noise above which the logarithm of an amplitude is compared."""
+    smoothed_lines: int = 5
+    """Lines over which amplitudes are averaged, so that noise does not hide a plateau."""
+    near_maximum: float = 0.75
+    """Amplitude over the largest from which a line may belong to a plateau."""
 
 
 _SETTINGS = NoveltySettings()
@@ -127,7 +131,7 @@ class Novelty:
     levels: NDArray[np.float64]
     limits: NDArray[np.float64]
 
-    def check(self, measured: Frf, reconstructed: NDArray[np.float64]) -> Misspecification:
+    def check(self, measured: Frf, reconstructed: NDArray[np.float64]) -> Adequacy:
         """Say whether a measurement is unlike all that the network was trained on.
 
         Parameters
@@ -142,11 +146,10 @@ class Novelty:
         limits = [float(np.interp(level, np.log(self.levels), column)) for column in self.limits.T]
         ratios = statistics / limits
         if ratios.max() <= 1.0:
-            return Misspecification(False, float(ratios.max()))
+            return Adequacy("not judged")
         reasons = tuple(text for text, ratio in zip(_REASONS, ratios.tolist(), strict=True) if ratio > 1.0)
-        looks = "It looks as if it were cut off (an overloaded channel?)." if ratios[1] > 1.0 else ""
         bands = find_deviating_bands(measured.frequency, residuals[:, np.newaxis]) if ratios[0] > 1.0 else ()
-        return Misspecification(True, float(ratios.max()), looks, reasons, bands)
+        return Adequacy("does not fit", reasons=reasons, bands=bands)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that `restore` needs."""
@@ -177,6 +180,12 @@ class Novelty:
 _BASIS_ARRAYS = tuple(field.name for field in fields(PrincipalComponents))
 
 
+def _share_near_maximum(amplitude: NDArray[np.float64]) -> float:
+    """Return the share of the lines (n_freq,) whose amplitude is close to the largest: of a clipped peak, many."""
+    smooth = uniform_filter1d(amplitude, _SETTINGS.smoothed_lines, mode="nearest")
+    return float(np.mean(smooth > _SETTINGS.near_maximum * smooth.max()))
+
+
 def _statistics(
     basis: PrincipalComponents, measured: Frf, reconstructed: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
@@ -201,7 +210,7 @@ def _statistics(
     differences = np.abs(np.log(frf.amplitude[clear]) - np.log(np.maximum(reconstructed[clear], floor)))
     disagreement = np.mean(np.minimum(differences, 1.0)) if clear.any() else 1.0
     noise_level = float(np.sqrt(np.mean(variance)) / max(frf.amplitude.std(), floor))
-    return np.array([distance, share_near_maximum(frf.amplitude), disagreement]), noise_level, residuals
+    return np.array([distance, _share_near_maximum(frf.amplitude), disagreement]), noise_level, residuals
 
 
 def learn_novelty(

@@ -13,10 +13,9 @@ from scipy.stats import norm, qmc
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.residuals import FrfResiduals
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals, build_likelihood, check_options
 from dovetail.identification.posterior.mode_search import maximise_posterior
-from dovetail.identification.posterior.model_error import MODEL_ERROR
+from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.identification.posterior.prior import PosteriorResiduals, normal_from_unit, unit_from_normal
 
@@ -104,7 +103,7 @@ def laplace_posterior(
     fit: Fit,
     *,
     samples: int = 400,
-    model_error: float = MODEL_ERROR,
+    model_error: ModelError = TYPICAL,
     seed: int = 0,
 ) -> Posterior:
     """Approximate the posterior by a Gaussian, in the coordinates in which the prior is one.
@@ -119,7 +118,7 @@ def laplace_posterior(
         Of the same measurement.
     samples : int
         Drawn from the Gaussian.
-    model_error : float
+    model_error : ModelError
         As in `sample_posterior`.
     seed : int
 
@@ -133,11 +132,10 @@ def laplace_posterior(
     ParameterError
         An option is out of its range.
     """
-    check_options(samples, model_error)
+    check_options(samples)
     began = time.perf_counter()
     likelihood = build_likelihood(assembly, measured, fit, model_error)
-    misfit = FrfResiduals(assembly, likelihood.residual)
-    residuals = PosteriorResiduals(MarginalisedResiduals(misfit, likelihood.errors))
+    residuals = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
     start = normal_from_unit(np.clip(assembly.to_unit(fit.theta), _SETTINGS.margin, 1.0 - _SETTINGS.margin))
     modes = maximise_posterior(residuals, start[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
     approximation = LaplaceApproximation.at(residuals, modes[0])
@@ -147,7 +145,7 @@ def laplace_posterior(
         np.full(samples, 1.0 / samples),
         model_error=model_error,
         searches=samples,
-        lines=likelihood.lines,
+        lines=sum(likelihood.model.counts),
         seconds=time.perf_counter() - began,
     )
     mode = assembly.from_unit(unit_from_normal(approximation.mode))

@@ -18,9 +18,10 @@ from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
-from dovetail.identification.fitting.observations import Observations, difference
-from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, StackedResiduals, Weighted
-from dovetail.identification.posterior.model_error import correlation_length, model_errors
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, StackedResiduals, Weighted
+from dovetail.identification.posterior.frequency_average import average, needs_average
+from dovetail.identification.posterior.model_error import ModelError, error_shapes, fit_resonances
 
 __all__ = [
     "Likelihood",
@@ -49,31 +50,41 @@ _SETTINGS = ReductionSettings()
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """Residuals of all lines, and how they err together.
+    """Residuals of a measurement, and how they err together.
 
     Parameters
     ----------
     target : Observations
         In the quantities of the responses.
     variance : (n_lines,) array
-        E|error|^2 of each line: the random error, and the discrepancy that the fit showed beyond it.
-    residual : Weighted or StackedResiduals
-        Over the standard deviation of both.
-    lines : int
-        How many of them count.
+        E|error|^2 of each line.
+    model : ModelFrfs
+        On the lines that the residuals need.
+    residual : Residual
+        Over the standard deviation; averaged over neighbouring lines if the model's errors need that.
+    by_line : Weighted or StackedResiduals or None
+        The same, if it is of single lines.
     errors : (k, m) array
         What one standard deviation of each error of the model adds to the residuals.
     """
 
     target: Observations
     variance: NDArray[np.float64]
-    residual: Weighted | StackedResiduals[Weighted]
-    lines: int
+    model: ModelFrfs
+    residual: Residual
+    by_line: Weighted | StackedResiduals[Weighted] | None
     errors: NDArray[np.float64]
 
+    @property
+    def misfit(self) -> FrfResiduals:
+        """The residuals as functions of the parameters."""
+        return FrfResiduals(self.model, self.residual)
 
-def build_likelihood(assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: float) -> Likelihood:
-    """Weight a measurement by the errors that its best fit shows.
+
+def build_likelihood(
+    assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: ModelError
+) -> Likelihood:
+    """Weight a measurement by its random error and by the errors that the model is allowed.
 
     Parameters
     ----------
@@ -81,28 +92,26 @@ def build_likelihood(assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit
     measured : Frf or sequence of Frf
         One for each response, on its frequencies in the assembly.
     fit : Fit
-        Of the same measurement. Its random error, the lines that it left out and its discrepancy are used. The
-        discrepancy is correlated between neighbouring lines, so that many of them count as one.
-    model_error : float
-        Standard deviation of the relative error of natural frequencies.
+        Of the same measurement. Its random error and the lines that it left out are used.
+    model_error : ModelError
     """
-    target = Observations.of(assembly, measured)
-    values = ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])[0]
-    discrepancy = (fit.discrepancy * np.abs(values)) ** 2
-    if fit.discrepancy:
-        deviations = target.split(np.sqrt(fit.variance + discrepancy))
-        responses = zip(target.frfs, target.split(values), deviations, strict=True)
-        lengths = [correlation_length(difference(frf, fitted) / sd) for frf, fitted, sd in responses]
-        discrepancy = discrepancy * np.repeat(lengths, target.counts)
-    residual = target.weighted(fit.variance + discrepancy, fit.used)
-    axes = [frf.frequency for frf in target.frfs]
-    errors = model_errors(axes, target.split(values), model_error)
-    in_residuals = residual.jacobian(values[np.newaxis], errors[np.newaxis])[0]
-    return Likelihood(target, fit.variance + discrepancy, residual, int(np.count_nonzero(fit.used)), in_residuals)
+    model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
+    values = model.frf(fit.theta[np.newaxis])[0]
+    axes, by_response = [frf.frequency for frf in target.frfs], target.split(values)
+    shapes = np.concatenate(list(error_shapes(axes, by_response, model_error).values()))
+    if not needs_average(model_error):
+        variance = fit.variance + (model_error.other * np.abs(values)) ** 2
+        weighted = target.weighted(variance, fit.used)
+        errors = weighted.jacobian(values[np.newaxis], shapes[np.newaxis])[0]
+        return Likelihood(target, variance, model, weighted, weighted, errors)
+    poles = fit_resonances(axes, by_response).poles
+    lines, averaged = average(model, target, fit.variance, fit.used, values, poles, model_error)
+    errors = averaged.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
+    return Likelihood(target, fit.variance, model.at(lines), averaged, None, errors)
 
 
-def check_options(samples: int, model_error: float) -> None:
-    """Make sure that there are samples, and that the error of the model is one.
+def check_options(samples: int) -> None:
+    """Make sure that there are samples.
 
     Raises
     ------
@@ -110,8 +119,6 @@ def check_options(samples: int, model_error: float) -> None:
     """
     if samples < 1:
         raise ParameterError(Fault("samples", f"{samples} samples are none.", "1 or more"))
-    if not (np.isfinite(model_error) and 0.0 <= model_error < 1.0):
-        raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
 
 
 def marginalised_squares(residuals: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -129,15 +136,17 @@ class MarginalisedResiduals:
     misfit : SumOfSquares
     errors : (k, m) array
         What one standard deviation of each error of the model adds to the residuals.
+    weight : float
+        By which residuals and errors are multiplied.
 
     Notes
     -----
     Their squares sum to `marginalised_squares`: ``(1 + E^T E)^(-1/2)`` is 1 but in the directions of the errors.
     """
 
-    def __init__(self, misfit: SumOfSquares, errors: NDArray[np.float64]) -> None:
-        self._misfit = misfit
-        _, sizes, self._directions = np.linalg.svd(errors, full_matrices=False)
+    def __init__(self, misfit: SumOfSquares, errors: NDArray[np.float64], weight: float = 1.0) -> None:
+        self._misfit, self._weight = misfit, weight
+        _, sizes, self._directions = np.linalg.svd(weight * errors, full_matrices=False)
         self._reduction = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -150,7 +159,8 @@ class MarginalisedResiduals:
         return Linearisation(self._scaled(linear.residuals), self._scaled(linear.jacobian))
 
     def _scaled(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(residuals - (residuals @ self._directions.T * self._reduction) @ self._directions)
+        along = residuals @ self._directions.T * self._reduction
+        return np.asarray(self._weight * (residuals - along @ self._directions))
 
 
 class ReducedResiduals:
@@ -158,15 +168,12 @@ class ReducedResiduals:
 
     Parameters
     ----------
-    assembly : Assembly
-    residual : Weighted or StackedResiduals
-        Of all lines of all responses.
+    likelihood : Likelihood
+        Residuals of all lines of all responses. Averages over lines need them all.
     snapshots : (n, m) array
         Residuals of the whole FRF at points all over the region of interest.
     origin : (m,) array
         Residuals from which differences are taken.
-    errors : (k, m) array
-        What one standard deviation of each error of the model adds to the residuals.
 
     Notes
     -----
@@ -177,26 +184,20 @@ class ReducedResiduals:
 
     def __init__(
         self,
-        assembly: Assembly,
-        residual: Weighted | StackedResiduals[Weighted],
+        likelihood: Likelihood,
         snapshots: NDArray[np.float64],
         origin: NDArray[np.float64],
-        errors: NDArray[np.float64],
     ) -> None:
+        errors = likelihood.errors
         basis = _basis(np.concatenate([snapshots - origin, _SETTINGS.error_multiple * errors]))
-        pivots = qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]]
-        lines = residual.lines_of(pivots)
-        rows = residual.residuals_of(lines)
-        on_lines = ModelFrfs.of(assembly).at(lines)
-        for response in on_lines.assemblies:
-            response.engine.threads = 1  # so little work is done before others have begun
-        self._misfit = FrfResiduals(on_lines, residual.at(lines))
+        model, residual, rows = _on_few_lines(likelihood, basis)
+        self.lines = sum(model.counts)
+        self._misfit = FrfResiduals(model, residual)
         scaled = _inverse_square_root(np.eye(basis.shape[1]) + (errors @ basis).T @ (errors @ basis))
         self._to_subspace = np.linalg.pinv(basis[rows]).T @ scaled
         self._at_origin = origin @ basis @ scaled
         self._origin_rows = origin[rows]
         self.outside = float(origin @ origin - np.sum((origin @ basis) ** 2))
-        self.lines = lines
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, k) in the subspace; with `outside`, their squares sum to `marginalised_squares`."""
@@ -209,6 +210,18 @@ class ReducedResiduals:
 
     def _reduced(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
         return (residuals - self._origin_rows) @ self._to_subspace + self._at_origin
+
+
+def _on_few_lines(likelihood: Likelihood, basis: NDArray[np.float64]) -> tuple[ModelFrfs, Residual, NDArray[np.intp]]:
+    """Return model and residuals on the lines that determine vectors of a basis, and the numbers of these residuals."""
+    if likelihood.by_line is None:
+        return likelihood.model, likelihood.residual, np.arange(len(basis))
+    pivots = qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]]
+    lines = likelihood.by_line.lines_of(pivots)
+    model = likelihood.model.at(lines)
+    for response in model.assemblies:
+        response.engine.threads = 1  # so little work is done before others have begun
+    return model, likelihood.by_line.at(lines), likelihood.by_line.residuals_of(lines)
 
 
 def _inverse_square_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

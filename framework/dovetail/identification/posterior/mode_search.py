@@ -67,18 +67,21 @@ def search_modes(
     (n, p) array
         Normal quantiles of the fractions, the highest mode first. Several may be one and the same mode.
     """
-    variance, residual, errors = likelihood.variance, likelihood.residual, likelihood.errors
+    variance, errors = likelihood.variance, likelihood.errors
     step = max(1, len(variance) // _SETTINGS.lines)
     lines = np.arange(step // 2, len(variance), step)
-    on_lines, few, rows = ModelFrfs.of(assembly).at(lines), residual.at(lines), residual.residuals_of(lines)
+    on_lines = ModelFrfs.of(assembly).at(lines)
+    misfit, some_errors, full_weight = likelihood.misfit, errors, 1.0
+    if likelihood.by_line is not None:
+        misfit = FrfResiduals(on_lines, likelihood.by_line.at(lines))
+        some_errors = errors[:, likelihood.by_line.residuals_of(lines)]
+        full_weight = float(np.sqrt(step))  # with which these lines tell as much as all
     points = qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
     logarithms = FrfResiduals(on_lines, likelihood.target.at(lines).logarithms(variance[lines]))
     near = minimise(logarithms, points, tolerance=_SETTINGS.first_tolerance, most_steps=_SETTINGS.first_steps).position
 
     def tempered(weight: float) -> PosteriorResiduals:
-        factor = weight * np.sqrt(step)  # with weight 1 these lines tell as much as all
-        misfit = FrfResiduals(on_lines, few.scaled(factor))
-        return PosteriorResiduals(MarginalisedResiduals(misfit, factor * errors[:, rows]))
+        return PosteriorResiduals(MarginalisedResiduals(misfit, some_errors, weight * full_weight))
 
     direct = cooled = normal_from_unit(_within_margin(near))
     tolerance = _SETTINGS.rough_tolerance
@@ -86,9 +89,9 @@ def search_modes(
         cooled = maximise_posterior(tempered(weight), cooled, tolerance=tolerance, most_steps=_SETTINGS.tempering_steps)
     both = np.concatenate([direct, cooled])
     rough = maximise_posterior(tempered(1.0), both, tolerance=tolerance, most_steps=_SETTINGS.rough_steps)
-    on_all_lines = PosteriorResiduals(MarginalisedResiduals(FrfResiduals(assembly, residual), errors))
+    posterior = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, errors))
     best_fit = normal_from_unit(_within_margin(best))[np.newaxis]
-    return maximise_posterior(on_all_lines, np.concatenate([best_fit, rough[: _SETTINGS.refined_modes]]))
+    return maximise_posterior(posterior, np.concatenate([best_fit, rough[: _SETTINGS.refined_modes]]))
 
 
 def maximise_posterior(

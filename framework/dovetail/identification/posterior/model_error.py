@@ -1,21 +1,30 @@
 """What a model that is a little wrong can do to FRFs: resonances misplaced, too high or too broad.
 
 The FRFs of one structure are split into resonances and a background (`fit_resonances`). From these follows what one
-standard deviation of each error of the model adds to the FRFs (`model_errors`).
+standard deviation of each error of the model adds to the FRFs (`error_shapes`).
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import AAA
 
-__all__ = ["MODEL_ERROR", "Resonances", "correlation_length", "fit_resonances", "hat_functions", "model_errors"]
+__all__ = [
+    "KINDS",
+    "MODEL_ERROR",
+    "TYPICAL",
+    "ModelError",
+    "Resonances",
+    "error_shapes",
+    "fit_resonances",
+    "hat_functions",
+    "typical_model_error",
+]
 
 MODEL_ERROR = 5e-4
 """Standard deviation of the relative error of natural frequencies that a model is allowed by default."""
@@ -25,16 +34,18 @@ MODEL_ERROR = 5e-4
 class ModelErrorSettings:
     """Sizes of the model's errors, and what counts as a resonance.
 
-    Natural frequencies are stationary in the mode shapes, modal constants and damping are not. Their errors are the
-    largest ratios that a mesh twice as fine shows among the assemblies that ship (docs/uncertainty.md).
+    Natural frequencies are stationary in the mode shapes, modal constants and damping are not. Their typical errors are
+    the largest ratios that a mesh twice as fine shows among the assemblies that ship (docs/uncertainty.md).
     """
 
-    damping: float = 0.3
-    """Relative error of damping ratios, over that of natural frequencies."""
+    damping: float = 100.0
+    """Typical relative error of damping ratios, over that of natural frequencies."""
     magnitude: float = 20.0
-    """Relative error of magnitudes, over that of natural frequencies."""
+    """Typical relative error of magnitudes, over that of natural frequencies."""
     phase: float = 2.0
-    """Error of phases [rad], over that of natural frequencies."""
+    """Typical error of phases [rad], over that of natural frequencies."""
+    largest: float = 0.3
+    """Error of damping, magnitude and phase that is typical at most, however wrong natural frequencies are."""
     individual: float = 0.3
     """Error of each resonance alone, over the one that it shares with its neighbours."""
     orders: tuple[int, ...] = (2, 3)
@@ -54,6 +65,75 @@ class ModelErrorSettings:
 
 
 _SETTINGS = ModelErrorSettings()
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """How wrong a model is: standard deviations of its errors.
+
+    Parameters
+    ----------
+    natural_frequency : float
+        Relative.
+    damping : float
+        Of damping ratios, relative.
+    magnitude : float
+        Of the FRF's magnitude, relative.
+    phase : float
+        Of the FRF's phase [rad].
+    other : float
+        What none of these explains: of each average over neighbouring lines, relative to its magnitude.
+    """
+
+    natural_frequency: float
+    damping: float = 0.0
+    magnitude: float = 0.0
+    phase: float = 0.0
+    other: float = 0.0
+
+    def at_least(self, least: ModelError) -> ModelError:
+        """Return each size, or that of another error where it is larger."""
+        return ModelError(**{name: max(size, getattr(least, name)) for name, size in asdict(self).items()})
+
+    def within(self, limit: ModelError) -> bool:
+        """Whether no error is larger than another one's."""
+        return all(size <= getattr(limit, name) for name, size in asdict(self).items())
+
+    def describe(self) -> str:
+        """Return the sizes in words."""
+        words = [
+            f"natural frequencies are off by {100.0 * self.natural_frequency:.2g} %",
+            f"damping by {_percent_or_factor(self.damping)}",
+            f"amplitudes by {_percent_or_factor(self.magnitude)}",
+            f"phases by {np.degrees(self.phase):.2g} degrees",
+        ]
+        if self.other > 0.0:
+            words.append(f"and what none of these explains is {_percent_or_factor(self.other)} of the FRF")
+        return ", ".join(words)
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the sizes by their names."""
+        return asdict(self)
+
+
+def _percent_or_factor(size: float) -> str:
+    """Return a relative error in per cent; one that is no small part, as the factor that it is."""
+    return f"{100.0 * size:.2g} %" if size < 1.0 else f"a factor of {np.exp(size):.2g}"
+
+
+KINDS = tuple(field.name for field in fields(ModelError) if field.name != "other")
+"""The errors that have a shape."""
+
+
+def typical_model_error(natural_frequency: float) -> ModelError:
+    """Return the sizes of all errors that go with a relative error of natural frequencies."""
+    ratios = {"damping": _SETTINGS.damping, "magnitude": _SETTINGS.magnitude, "phase": _SETTINGS.phase}
+    sizes = {name: min(ratio * natural_frequency, _SETTINGS.largest) for name, ratio in ratios.items()}
+    return ModelError(natural_frequency, **sizes)
+
+
+TYPICAL = typical_model_error(MODEL_ERROR)
+"""What a model is allowed whose errors the measurement does not show."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,10 +264,10 @@ def _residues(
     return np.asarray(coefficients[: len(poles)] + 1j * coefficients[len(poles) : 2 * len(poles)])
 
 
-def model_errors(
-    axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]], level: float
-) -> NDArray[np.complex128]:
-    """Return what one standard deviation of each error adds to the FRFs of one structure.
+def error_shapes(
+    axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]], size: ModelError
+) -> dict[str, NDArray[np.complex128]]:
+    """Return what one standard deviation of each error adds to the FRFs of one structure, by the kind of error.
 
     Parameters
     ----------
@@ -195,37 +275,47 @@ def model_errors(
         Hz; the frequencies of each response.
     values : sequence of (n_freq,) complex arrays
         The FRF of each response.
-    level : float
-        Relative error of natural frequencies; the others are in proportion.
+    size : ModelError
 
     Returns
     -------
-    (n_errors, n_lines) complex array
+    dict of str to (n_errors, n_lines) complex array
         The lines of each response behind those of the one before. Natural frequencies and damping are those of the
         structure, so that all responses err alike in them; magnitude and phase err in each response separately.
+        "higher" is what a misplaced resonance adds beyond the linear term.
 
     Notes
     -----
     Neighbouring resonances err alike for the most part: the FRF is stretched, and its magnitude and phase change,
     smoothly over the frequency axis, by six hat functions. Beside this each resonance errs alone, which moves the
-    antiresonances too. An error of 5e-4 is a quarter of the half width of a peak with a loss factor of 0.004. What
-    that adds is not linear in it: terms of higher order are errors of their own. They have the size that one standard
-    deviation of the whole gives them, and any phase, since frequency and damping mix.
+    antiresonances too.
     """
     counts = [len(frequency) for frequency in axes]
-    if level == 0.0 or max(counts) < 2:
-        return np.zeros((0, sum(counts)), dtype=np.complex128)
-    band = float(min(frequency[0] for frequency in axes)), float(max(frequency[-1] for frequency in axes))
+    if max(counts) < 2 or not any(size.to_dict().values()):
+        return {kind: np.zeros((0, sum(counts)), dtype=np.complex128) for kind in KINDS}
+    band = float(min(axis[0] for axis in axes)), float(max(axis[-1] for axis in axes))
     resonances, hats = fit_resonances(axes, values), [hat_functions(frequency, band) for frequency in axes]
     responses = zip(hats, axes, values, strict=True)
     stretched = np.concatenate([hat * _stretched(frequency, frf) for hat, frequency, frf in responses], axis=1)
-    linear = np.concatenate([level * stretched, resonances.displaced(_SETTINGS.individual * level, 1)])
+    level, alone = size.natural_frequency, _SETTINGS.individual * size.natural_frequency
+    of_response = zip(hats, values, resonances.terms, strict=True)
+    shapes = [np.concatenate([hat * frf, _SETTINGS.individual * terms]) for hat, frf, terms in of_response]
+    scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
     higher = np.concatenate([resonances.displaced(level, order) for order in _SETTINGS.orders])
-    of_poles = zip(hats, values, resonances.terms, strict=True)
-    shapes = [np.concatenate([hat * frf, _SETTINGS.individual * terms]) for hat, frf, terms in of_poles]
-    sizes = level * np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
-    structure = [linear, 1j * _SETTINGS.damping * linear, higher, 1j * higher]
-    return np.concatenate([*structure, _SETTINGS.magnitude * sizes, 1j * _SETTINGS.phase * sizes])
+    return {
+        "natural_frequency": np.concatenate([level * stretched, resonances.displaced(alone, 1)]),
+        "damping": size.damping * _damped(resonances),
+        "magnitude": size.magnitude * scaled,
+        "phase": 1j * size.phase * scaled,
+        "higher": np.concatenate([higher, 1j * higher]),
+    }
+
+
+def _damped(resonances: Resonances) -> NDArray[np.complex128]:
+    """Return the derivative (n, n_lines) of the FRFs by the logarithm of each resonance's damping ratio."""
+    ratio = resonances.poles.imag / resonances.poles.real
+    pairs = zip(resonances.near, resonances.relative, strict=True)
+    return np.concatenate([1j * ratio[:, np.newaxis] * near * relative for near, relative in pairs], axis=1)
 
 
 def _stretched(frequency: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -253,24 +343,3 @@ def hat_functions(frequency: NDArray[np.float64], band: tuple[float, float] | No
     low, high = (frequency[0], frequency[-1]) if band is None else band
     peaks = np.linspace(low, high, _SETTINGS.hat_functions)
     return np.stack([np.interp(frequency, peaks, height) for height in np.eye(_SETTINGS.hat_functions)])
-
-
-def correlation_length(residuals: NDArray[Any]) -> float:
-    """Return how many neighbouring lines err alike: 1 for noise.
-
-    Parameters
-    ----------
-    residuals : (n_freq,) array
-        Complex, or real where there is no phase, over their standard deviation.
-
-    Returns
-    -------
-    float
-        Integrated correlation, 1 + 2 sum of the autocorrelation up to where it has died away.
-    """
-    padded = np.fft.fft(residuals, 2 * len(residuals))
-    correlation = np.fft.ifft(np.abs(padded) ** 2).real[: len(residuals)]
-    correlation /= max(correlation[0], np.finfo(float).tiny)
-    uncorrelated = np.flatnonzero(correlation < 0.05)
-    last = int(uncorrelated[0]) if len(uncorrelated) else len(correlation)
-    return float(1.0 + 2.0 * np.sum(correlation[1:last]))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.identification.posterior.model_error import ModelError
 from dovetail.identification.posterior.prior import PRIOR_PRECISION
 
 __all__ = ["LEVEL", "NOT_BELIEVED", "Form", "Posterior", "Verdict", "Word", "quantiles", "split_half_difference"]
@@ -84,8 +85,8 @@ class Posterior:
         Sums to 1.
     estimate : (n_params,) array
         SI; posterior means, taken on the parameters' scales.
-    model_error : float
-        Standard deviation of the relative error of natural frequencies that the model was allowed.
+    model_error : ModelError
+        The errors that the model was allowed.
     searches : int
         Searches for a sample; n of them converged.
     lines : int
@@ -106,7 +107,7 @@ class Posterior:
     fraction: NDArray[np.float64]
     weight: NDArray[np.float64]
     estimate: NDArray[np.float64]
-    model_error: float
+    model_error: ModelError
     searches: int
     lines: int
     seconds: float
@@ -121,7 +122,7 @@ class Posterior:
         fraction: NDArray[np.float64],
         weight: NDArray[np.float64],
         *,
-        model_error: float,
+        model_error: ModelError,
         searches: int,
         lines: int,
         seconds: float,
@@ -251,7 +252,7 @@ class Posterior:
             "correlation": self.correlation.tolist(),
             "effective_samples": self.effective_sample_size,
             "reached": self.converged_fraction,
-            "model_error": self.model_error,
+            "model_error": self.model_error.to_dict(),
             "lines": self.lines,
             "seconds": self.seconds,
             "mode": None if self.mode is None else self.mode.tolist(),

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.residuals import FrfResiduals
 from dovetail.identification.posterior.likelihood import (
     Likelihood,
     ReducedResiduals,
@@ -25,7 +24,7 @@ from dovetail.identification.posterior.likelihood import (
     marginalised_squares,
 )
 from dovetail.identification.posterior.mode_search import maximise_posterior, search_modes
-from dovetail.identification.posterior.model_error import MODEL_ERROR
+from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.identification.posterior.prior import PRIOR_PRECISION, PosteriorResiduals, unit_from_normal
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
@@ -69,7 +68,7 @@ def sample_posterior(
     fit: Fit,
     *,
     samples: int = 400,
-    model_error: float = MODEL_ERROR,
+    model_error: ModelError = TYPICAL,
     seed: int = 0,
 ) -> Posterior:
     """Draw samples of the parameters given a measured FRF, or one for each response.
@@ -81,14 +80,12 @@ def sample_posterior(
     measured : Frf or sequence of Frf
         One for each response, on its frequencies in the assembly.
     fit : Fit
-        Of the same measurement. Its random error, the lines that it left out and its discrepancy are used. The
-        discrepancy is correlated between neighbouring lines, so that many of them count as one.
+        Of the same measurement. Its random error and the lines that it left out are used.
     samples : int
         Searches, each of which gives one sample.
-    model_error : float
-        Standard deviation of the relative error of natural frequencies that the model is allowed, 0 for a model that
-        is exact; errors of damping, magnitude and phase are in proportion (`model_errors`). The measurement cannot
-        show it, since the parameters follow it.
+    model_error : ModelError
+        What the model is allowed, 0 for a model that is exact. Small errors the measurement cannot show, since the
+        parameters follow them.
     seed : int
 
     Returns
@@ -107,11 +104,11 @@ def sample_posterior(
     folds over, samples are drawn by their weights and moved by Metropolis steps until they are independent of where
     they began.
     """
-    check_options(samples, model_error)
+    check_options(samples)
     likelihood = build_likelihood(assembly, measured, fit, model_error)
     modes = search_modes(assembly, likelihood, assembly.to_unit(fit.theta), np.random.default_rng([seed, 3]))
     began = time.perf_counter()
-    sampler = _Sampler(assembly, likelihood, modes, fit.information, np.random.default_rng([seed, 2]))
+    sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]))
     z, log_weight = sampler.search(samples)
     converged = len(z)
     if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
@@ -133,7 +130,6 @@ class _Sampler:
 
     Parameters
     ----------
-    assembly : Assembly
     likelihood : Likelihood
     modes : (n, p) array
         Modes of the posterior as normal quantiles of the fractions of the ranges, the highest first.
@@ -144,20 +140,19 @@ class _Sampler:
 
     def __init__(
         self,
-        assembly: Assembly,
         likelihood: Likelihood,
         modes: NDArray[np.float64],
         information: NDArray[np.float64],
         random: np.random.Generator,
     ) -> None:
-        self._residuals, self._errors = FrfResiduals(assembly, likelihood.residual), likelihood.errors
+        self._residuals, self._errors = likelihood.misfit, likelihood.errors
         self._random = random
         log_posterior = self._log_posterior(modes)
         self._points = modes[log_posterior >= log_posterior.max() - _SETTINGS.region / 2.0]
         origin = self._residuals.residuals(unit_from_normal(self._points[:1]))[0]
         snapshots = self._first_snapshots(unit_from_normal(self._points), information)
         for number in range(1, _SETTINGS.rounds[1] + 1):
-            reduced = ReducedResiduals(assembly, likelihood.residual, snapshots, origin, self._errors)
+            reduced = ReducedResiduals(likelihood, snapshots, origin)
             self._adopt(reduced)
             pilots, _ = self._solve(_SETTINGS.pilots, _SETTINGS.pilot_iterations)
             fraction = unit_from_normal(pilots.z)
@@ -169,7 +164,7 @@ class _Sampler:
             if number >= _SETTINGS.rounds[0] and error[near].max(initial=0.0) < _SETTINGS.reduction_error:
                 break
             snapshots = np.concatenate([snapshots, on_all_lines[near]])[-_SETTINGS.most_snapshots :]
-        self.lines = len(reduced.lines)
+        self.lines = reduced.lines
 
     def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals at the modes, as fractions, and scattered around them."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, TypeAlias, get_args
 
 import numpy as np
@@ -15,11 +15,20 @@ from dovetail.assembly import Assembly
 from dovetail.assembly.parameters import Theta
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
-from dovetail.identification.misspecification.overhang import Overhang, find_overhangs
+from dovetail.identification.adequacy.overhang import Overhang, find_overhangs
+from dovetail.identification.fitting.least_squares import Linearisation
+from dovetail.identification.fitting.residuals import FrfResiduals, Residual
 from dovetail.interfaces import SubstructureModel
 from dovetail.units import InUnit, format_quantity
 
-__all__ = ["Perturbation", "PerturbedAssembly", "add_mass", "list_perturbations", "list_quantities", "scale_by"]
+__all__ = [
+    "Perturbation",
+    "PerturbedAssembly",
+    "PerturbedResiduals",
+    "add_mass",
+    "list_perturbations",
+    "list_quantities",
+]
 
 
 @dataclass(frozen=True)
@@ -27,7 +36,9 @@ class Settings:
     """How substructures are perturbed."""
 
     step: float = 1e-4
-    """Logarithmic step of derivatives: small against any amount that matters, large against rounding."""
+    """Logarithm of the ratio by which it is tried whether the model permits another size."""
+    difference: float = 1e-5
+    """Part of an amount's range by which residuals are differentiated by it."""
     most_dofs: int = 2000
     """DOFs of a substructure above which condensing it anew takes too long."""
     least_overhang: float = 0.05
@@ -36,7 +47,6 @@ class Settings:
 
 _SETTINGS = Settings()
 
-Derivative: TypeAlias = Callable[[NDArray[np.float64], NDArray[np.complex128]], NDArray[np.complex128]]
 Apply: TypeAlias = Callable[[float], Assembly]
 Describe: TypeAlias = Callable[[float], str]
 
@@ -47,70 +57,34 @@ class Perturbation:
 
     Parameters
     ----------
+    kind : {"mass", "overhang", "part"}
     name : str
-        ``"gain"``, or ``"tool: material.young"`` of a substructure.
-    derivative : callable
-        From the parameters (n_params,) and the FRF (n_freq,) to the derivative (n_freq,) of the FRF by the amount.
+        ``"mass"``, or ``"tool: material.young"`` of a substructure.
     apply : callable
         From an amount to the perturbed assembly.
     describe : callable
-        From an amount to words: "the frequency axis were off by 1 %".
+        From an amount to words, after "with": "the tool standing out of the collet by 31 mm in place of 30 mm".
     lower, upper : float
         Amounts between which it is searched.
     negligible : float
         Amount below which it is not worth reporting.
-    is_overhang : bool
-        Whether it is how far a substructure stands out of its joint.
     """
 
+    kind: str
     name: str
-    derivative: Derivative
     apply: Apply
     describe: Describe
     lower: float
     upper: float
     negligible: float = 0.0
-    is_overhang: bool = False
-
-    @property
-    def of_substructure(self) -> bool:
-        """Whether it is of a substructure, not of the measurement."""
-        return ": " in self.name
 
 
-@lru_cache(maxsize=1)  # each perturbed assembly keeps its condensed substructures; all of the spindle's, a gigabyte
 def list_perturbations(assembly: Assembly) -> tuple[Perturbation, ...]:
-    """Return the perturbations of the measurement and of each substructure."""
-    of_measurement = (*_factors(assembly), *_sensor_mass(assembly), *_frequency_axis(assembly))
-    return (*of_measurement, *_overhangs(assembly), *_quantities(assembly))
+    """Return the perturbations of an assembly: a mass at its first response, overhangs, quantities of the parts."""
+    return (*_added_mass(assembly), *_overhangs(assembly), *_quantities(assembly))
 
 
-def _factors(assembly: Assembly) -> Iterator[Perturbation]:
-    frequency = assembly.frequency
-    ones = np.ones(len(frequency), dtype=np.complex128)
-    logarithm = np.log(frequency) - np.log(frequency).mean()
-
-    def perturb(name: str, exponent: NDArray[np.complex128], describe: Describe, upper: float) -> Perturbation:
-        def apply(amount: float) -> Assembly:
-            return PerturbedAssembly(assembly, scale_by(np.exp(amount * exponent)))
-
-        return Perturbation(name, lambda _, frf: exponent * frf, apply, describe, -upper, upper)
-
-    yield replace(perturb("gain", ones, _describe_gain, 0.7), negligible=0.005)
-    yield perturb("phase", 1j * ones, lambda by: f"the phase were off by {np.degrees(by):.2g} degrees", np.pi)
-    yield perturb("slope", logarithm + 0j, "the amplitude grew with the frequency to the power {:.2g}".format, 1.0)
-    yield perturb("delay", np.asarray(-2j * np.pi * frequency), _describe_delay, 0.2 / frequency[-1])
-
-
-def _describe_gain(by: float) -> str:
-    return f"all values were {abs(100.0 * np.expm1(by)):.2g} % too {'large' if by > 0 else 'small'} (calibration?)"
-
-
-def _describe_delay(seconds: float) -> str:
-    return f"the response came {1e6 * seconds:.2g} microseconds late"
-
-
-def _sensor_mass(assembly: Assembly) -> Iterator[Perturbation]:
+def _added_mass(assembly: Assembly) -> Iterator[Perturbation]:
     response = assembly.description.response
     if response.rotation:
         return
@@ -119,31 +93,13 @@ def _sensor_mass(assembly: Assembly) -> Iterator[Perturbation]:
     def apply(mass: float) -> Assembly:
         return PerturbedAssembly(assembly, add_mass(mass, to_accelerance))
 
-    yield Perturbation("mass", lambda _, frf: -to_accelerance * frf**2, apply, _describe_mass, -0.05, 0.2, 1e-4)
+    apparent = 1.0 / float(np.median(np.abs(assembly.frf() * to_accelerance)))
+    yield Perturbation("mass", "mass", apply, _describe_mass, -0.5 * apparent, apparent, 1e-3 * apparent)
 
 
 def _describe_mass(mass: float) -> str:
     grams = f"{abs(1e3 * mass):.2g} g"
-    if mass > 0:
-        return f"an accelerometer mass of {grams} was not compensated"
-    return f"an accelerometer mass of {grams} too much was compensated"
-
-
-def _frequency_axis(assembly: Assembly) -> Iterator[Perturbation]:
-    frequency, step = assembly.frequency, _SETTINGS.step
-    up, down = (assembly.on(frequency * np.exp(by)) for by in (step, -step))
-
-    def derivative(theta: NDArray[np.float64], _: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        return (down.frf(theta) - up.frf(theta)) / (2.0 * step)
-
-    def apply(amount: float) -> Assembly:
-        return assembly.on(frequency * np.exp(-amount))
-
-    yield Perturbation("axis", derivative, apply, _describe_axis, -0.1, 0.1, 5e-4)
-
-
-def _describe_axis(by: float) -> str:
-    return f"the frequency axis were off by {100.0 * np.expm1(by):+.2g} %"
+    return f"a mass of {grams} {'added to' if mass > 0 else 'taken from'} the model at the response (an accelerometer?)"
 
 
 def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
@@ -151,10 +107,10 @@ def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
         name = f"overhang at {1e3 * overhang.end:.4g} mm"
         apply = partial(_with_overhang, assembly, overhang)
         describe = partial(_describe_overhang, overhang)
-        for perturbation in _of_substructure(assembly, overhang.substructure, name, apply, describe):
+        for perturbation in _of_substructure(overhang.substructure, name, apply, describe):
             least = _SETTINGS.least_overhang
             shortest = np.log(least + (1.0 - least) * overhang.unchanged / overhang.length)
-            yield replace(perturbation, lower=max(perturbation.lower, float(shortest)), is_overhang=True)
+            yield replace(perturbation, kind="overhang", lower=max(perturbation.lower, float(shortest)))
 
 
 def _quantities(assembly: Assembly) -> Iterator[Perturbation]:
@@ -163,22 +119,16 @@ def _quantities(assembly: Assembly) -> Iterator[Perturbation]:
             continue
         for quantity in list_quantities(model):
             apply = partial(_with_quantity, assembly, name, quantity)
-            yield from _of_substructure(assembly, name, quantity.name, apply, partial(_describe, name, quantity))
+            yield from _of_substructure(name, quantity.name, apply, partial(_describe, name, quantity))
 
 
-def _of_substructure(
-    assembly: Assembly, substructure: str, name: str, apply: Apply, describe: Describe
-) -> Iterator[Perturbation]:
+def _of_substructure(substructure: str, name: str, apply: Apply, describe: Describe) -> Iterator[Perturbation]:
     """Yield a perturbation of a substructure by the logarithm of a ratio, if the model permits it."""
     try:
-        ahead = apply(_SETTINGS.step)
+        apply(_SETTINGS.step)
     except DovetailError:
         return
-
-    def derivative(theta: NDArray[np.float64], _: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        return (ahead.frf(theta) - assembly.frf(theta)) / _SETTINGS.step
-
-    yield Perturbation(f"{substructure}: {name}", derivative, apply, describe, -0.5, 0.5, 0.002)
+    yield Perturbation("part", f"{substructure}: {name}", apply, describe, -0.5, 0.5, 0.002)
 
 
 def _with_quantity(assembly: Assembly, name: str, quantity: ConfigQuantity, amount: float) -> Assembly:
@@ -201,13 +151,57 @@ def _describe_overhang(overhang: Overhang, amount: float) -> str:
     described = 1e3 * overhang.length
     actual = described * np.exp(amount)
     lengths = f"{actual:.3g} mm in place of {described:.4g} mm"
-    return f"the {overhang.substructure} stood out of the {overhang.joint} by {lengths}"
+    return f"the {overhang.substructure} standing out of the {overhang.joint} by {lengths}"
 
 
 def _describe(substructure: str, quantity: ConfigQuantity, amount: float) -> str:
     value = quantity.value
     actual, described = (format_quantity(size, quantity.unit, 4) for size in (value * np.exp(amount), value))
-    return f"'{quantity.name}' of the {substructure} were {actual} in place of {described}"
+    return f"'{quantity.name}' of the {substructure} at {actual} in place of {described}"
+
+
+class PerturbedResiduals:
+    """Residuals as a function of the joint's fractions of the ranges and, last, of a perturbation's amount.
+
+    Parameters
+    ----------
+    perturbation : Perturbation
+        Its amount is given as a fraction of its range, too.
+    residual : Residual
+        Against the measurement.
+    """
+
+    def __init__(self, perturbation: Perturbation, residual: Residual) -> None:
+        self._perturbation = perturbation
+        self._residual = residual
+        self._width = perturbation.upper - perturbation.lower
+
+    def position(self, fraction: NDArray[np.float64], amount: float) -> NDArray[np.float64]:
+        """Return the position (1, p + 1) of a joint (p,) and an amount."""
+        return np.append(fraction, (amount - self._perturbation.lower) / self._width)[np.newaxis]
+
+    def amount(self, position: NDArray[np.float64]) -> float:
+        """Return the amount at a position (p + 1,)."""
+        return float(self._perturbation.lower + self._width * position[-1])
+
+    def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at positions (n, p + 1)."""
+        return np.concatenate([self._at(self.amount(row)).residuals(row[np.newaxis, :-1]) for row in position])
+
+    def linearise(self, position: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives at positions (n, p + 1)."""
+        rows = [self._linearise(row) for row in position]
+        return Linearisation(*(np.stack(arrays) for arrays in zip(*rows, strict=True)))
+
+    def _linearise(self, position: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        fraction, amount = position[np.newaxis, :-1], self.amount(position)
+        step = -_SETTINGS.difference if position[-1] > 0.5 else _SETTINGS.difference
+        here = self._at(amount).linearise(fraction)
+        ahead = self._at(amount + step * self._width).residuals(fraction)
+        return here.residuals[0], np.concatenate([here.jacobian[0], (ahead - here.residuals) / step])
+
+    def _at(self, amount: float) -> FrfResiduals:
+        return FrfResiduals(self._perturbation.apply(amount), self._residual)
 
 
 FrfTransform: TypeAlias = Callable[[NDArray[np.complex128]], tuple[NDArray[np.complex128], NDArray[np.complex128]]]
@@ -237,11 +231,6 @@ class PerturbedAssembly(Assembly):
         values, jacobian = self._assembly.frf_jacobian(theta)
         measured, derivative = self._transform(values)
         return measured, jacobian * derivative[..., np.newaxis]
-
-
-def scale_by(factor: NDArray[np.complex128] | complex) -> FrfTransform:
-    """Return what multiplies an FRF by a factor."""
-    return lambda values: (values * factor, np.broadcast_to(np.asarray(factor, dtype=np.complex128), values.shape))
 
 
 def add_mass(mass: float, to_accelerance: NDArray[np.complex128]) -> FrfTransform:

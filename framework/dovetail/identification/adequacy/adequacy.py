@@ -1,0 +1,132 @@
+"""How well a model explains a measurement: the size of its errors, one word for it, and what would explain them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final, Literal, TypeAlias, get_args
+
+from dovetail.identification.posterior.model_error import ModelError
+
+__all__ = ["Adequacy", "AdequacyWord", "Cause", "word_for"]
+
+AdequacyWord: TypeAlias = Literal["to the noise", "good", "rough", "does not fit", "not judged"]
+"""From best to worst; "not judged" where a method cannot tell."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The largest errors of a model that is good, and of one that is rough.
+
+    They are chosen by what such a model is used for, not on any measurement: a good one predicts where resonances are
+    and how high, a rough one tells which is which.
+    """
+
+    good: ModelError = field(default=ModelError(0.01, damping=0.5, magnitude=0.25, phase=0.15, other=0.2))
+    rough: ModelError = field(default=ModelError(0.06, damping=2.0, magnitude=0.8, phase=0.6, other=0.7))
+
+
+_SETTINGS = Settings()
+
+_MEANING: Final[dict[AdequacyWord, str]] = {
+    "to the noise": "Nothing but random error separates model and measurement.",
+    "good": "The model can be relied on as far as its intervals say; they allow for these errors.",
+    "rough": "Take it for what goes with what, not for precise values; the intervals allow for these errors.",
+    "does not fit": "No error of a plausible size explains the measurement: do not believe the numbers.",
+    "not judged": "",
+}
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A change with which the model fits the measurement better.
+
+    Parameters
+    ----------
+    name : str
+        Its kind: "sign", "gain", "unit", "quantity", "delay", "conjugate", "point", "mass", "overhang", "range",
+        "resonance", "window".
+    words : str
+        What would be changed, after "with": "the sign reversed".
+    coherence : (float, float)
+        Mean coherence of model and measurement without and with it.
+    residual_factor : float
+        By how much typical residuals become smaller.
+    """
+
+    name: str
+    words: str
+    coherence: tuple[float, float]
+    residual_factor: float
+
+    @property
+    def sentence(self) -> str:
+        """The cause with its figures."""
+        before, after = self.coherence
+        rises = f"the coherence rises from {before:.3f} to {after:.3f} and " if after - before >= 5e-4 else ""
+        return f"With {self.words} {rises}residuals become {self.residual_factor:.2g} times smaller."
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """How well a model explains a measurement.
+
+    Parameters
+    ----------
+    word : {"to the noise", "good", "rough", "does not fit", "not judged"}
+    size : ModelError or None
+        The errors of the model that the measurement shows; None if it shows none, or the method cannot tell.
+    allowed : float or None
+        Relative error of natural frequencies that the user allowed, which sets weights and intervals in place of
+        `size`.
+    causes : tuple of Cause
+        What makes the model fit better, the best first; at most three.
+    reasons : tuple of str
+        What else there is to say, as sentences.
+    bands : tuple of (float, float)
+        Frequency bands [Hz] in which the measurement deviates, the worst first.
+    """
+
+    word: AdequacyWord
+    size: ModelError | None = None
+    allowed: float | None = None
+    causes: tuple[Cause, ...] = ()
+    reasons: tuple[str, ...] = ()
+    bands: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def fits(self) -> bool:
+        """Whether an error of a plausible size explains the measurement, as far as the method can tell."""
+        return self.word != "does not fit"
+
+    @property
+    def meaning(self) -> str:
+        """What the word means for use, in a sentence; empty if the model was not judged."""
+        return _MEANING[self.word]
+
+    @property
+    def sentence(self) -> str:
+        """The word with the figures behind it."""
+        if self.size is None:
+            return f"The model fits {self.word}." if self.word == "to the noise" else ""
+        heads = {"good": "The model fits well", "rough": "The model fits roughly"}
+        return f"{heads.get(self.word, 'The model does not fit')}: {self.size.describe()}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, fit for JSON."""
+        return {
+            "word": self.word,
+            "meaning": self.meaning,
+            "model_error": None if self.size is None else self.size.to_dict(),
+            "allowed": self.allowed,
+            "causes": [{**asdict(cause), "sentence": cause.sentence} for cause in self.causes],
+            "reasons": list(self.reasons),
+            "bands_Hz": [list(band) for band in self.bands],
+        }
+
+
+def word_for(size: ModelError) -> AdequacyWord:
+    """Return the word for errors of this size."""
+    words: tuple[AdequacyWord, ...] = get_args(AdequacyWord)
+    if size.within(_SETTINGS.good):
+        return words[1]
+    return words[2] if size.within(_SETTINGS.rough) else words[3]

@@ -1,0 +1,137 @@
+"""The judgement of a fit: to the noise, or with errors of the model of some size, and what would explain them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.frf import Frf
+from dovetail.identification.adequacy.adequacy import Adequacy, word_for
+from dovetail.identification.adequacy.causes import find_causes
+from dovetail.identification.adequacy.frequency_bands import find_deviating_bands
+from dovetail.identification.adequacy.model_error_size import estimate_model_error, fit_with_error
+from dovetail.identification.fitting import Fit
+from dovetail.identification.fitting.fit import bounds_reached
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
+from dovetail.identification.fitting.whiteness import is_white
+from dovetail.identification.posterior.model_error import ModelError, typical_model_error
+from dovetail.interfaces import Progress, silent
+
+__all__ = ["assess"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """When a fit is no longer to the noise."""
+
+    chi_squared: float = 1.25
+    """Chi-squared above which a fit that was not refined is not to the noise; its random error is estimated, mostly."""
+    exceeds: float = 2.0
+    """Times the allowed error of natural frequencies from which the measurement is said to need more."""
+
+
+_SETTINGS = Settings()
+
+
+def assess(
+    assembly: Assembly,
+    measured: Sequence[Frf],
+    fit: Fit,
+    model_error: float | None = None,
+    *,
+    explain: bool = True,
+    progress: Progress = silent,
+) -> tuple[Adequacy, Fit]:
+    """Judge how well a fit explains a measurement, and fit anew with the errors that the model turns out to have.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        On the lines of the measurement.
+    measured : sequence of Frf
+        One for each response.
+    fit : Fit
+        Of the same measurement.
+    model_error : float, optional
+        Relative error of natural frequencies that the model is allowed; by default what the measurement shows.
+    explain : bool
+        Whether to search for causes where the model does not fit to the noise.
+    progress : Progress
+
+    Returns
+    -------
+    Adequacy
+    Fit
+        The same one where it is to the noise and no error is allowed.
+    """
+    model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
+    noise = is_noise(assembly, target, fit)
+    if noise and not model_error:
+        return Adequacy("to the noise", allowed=model_error), fit
+    start = assembly.to_unit(fit.theta)
+    estimated = None if noise else estimate_model_error(model, target, fit.variance, fit.used, start)
+    used = estimated
+    if model_error is not None:
+        used = fit_with_error(model, target, fit.variance, fit.used, start, typical_model_error(model_error))
+    assert used is not None
+    refitted = replace(
+        fit,
+        theta=assembly.from_unit(used.fraction),
+        information=used.information,
+        at_bounds=bounds_reached(assembly, used.fraction),
+    )
+    if estimated is None:
+        return Adequacy("to the noise", allowed=model_error), refitted
+    judged = Adequacy(word_for(estimated.size), estimated.size, model_error)
+    judged = replace(
+        judged,
+        bands=_bands(target, fit, estimated.values),
+        reasons=_reasons(estimated.size, model_error),
+        causes=find_causes(assembly, measured, refitted, progress=progress) if explain else (),
+    )
+    return judged, refitted
+
+
+def _reasons(size: ModelError, allowed: float | None) -> tuple[str, ...]:
+    if allowed is None or size.natural_frequency <= _SETTINGS.exceeds * allowed:
+        return ()
+    needed, given = 100.0 * size.natural_frequency, 100.0 * allowed
+    return (f"It shows errors of natural frequencies of {needed:.2g} %, more than the {given:.2g} % that are allowed.",)
+
+
+def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
+    """Return whether the residuals of a fit are noise: by their size, and by their order along the frequency axis."""
+    if fit.discrepancy or fit.chi_squared > _SETTINGS.chi_squared:
+        return False
+    frf, jacobian = linearise_frf(ModelFrfs.of(assembly), fit.theta[np.newaxis])
+    weighted = target.weighted(fit.variance, fit.used)
+    residuals = weighted.of(frf)[0]
+    columns = weighted.jacobian(frf, jacobian)[0].T
+    basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))[0]
+    white = residuals - basis @ (basis.T @ residuals)
+    return all(is_white(_scaled_to_scatter(block)) for block in _by_response(target, white))
+
+
+def _by_response(target: Observations, residuals: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return residuals (n_freq, 1 or 2) of each response."""
+    components = [2 if frf.has_phase else 1 for frf in target.frfs]
+    ends = np.cumsum([count * number for count, number in zip(target.counts, components, strict=True)])[:-1]
+    blocks = zip(np.split(residuals, ends), components, strict=True)
+    return [block.reshape(-1, number) for block, number in blocks]
+
+
+def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return residuals (n_freq, n), smaller if they scatter from line to line by more than random error."""
+    scatter = float(np.mean(np.diff(residuals, axis=0) ** 2)) / 2.0 if len(residuals) > 1 else 1.0
+    return np.asarray(residuals / np.sqrt(max(1.0, scatter)))
+
+
+def _bands(target: Observations, fit: Fit, values: NDArray[np.complex128]) -> tuple[tuple[float, float], ...]:
+    """Return the bands of the first response in which a fit deviates."""
+    residuals = target.weighted(fit.variance, fit.used).of(values[np.newaxis])[0]
+    return find_deviating_bands(target.frfs[0].frequency, _by_response(target, residuals)[0])

@@ -1,0 +1,366 @@
+"""What would explain why a model does not fit: single changes of measurement or model, ranked by what they improve.
+
+Each change is tried by fitting the joint anew with it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.errors import DovetailError
+from dovetail.frf import QUANTITIES, Frf
+from dovetail.identification.adequacy.adequacy import Cause
+from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
+from dovetail.identification.adequacy.trials import Trial, Trials, values_of
+from dovetail.identification.fitting import Fit
+from dovetail.identification.fitting.least_squares import minimise
+from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
+from dovetail.interfaces import Parameter, Progress, silent
+from dovetail.units import format_quantity
+
+__all__ = ["find_causes"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tried, and when a cause is named."""
+
+    most: int = 3
+    """Causes that are named at most; more are not readable."""
+    seconds: float = 20.0
+    """Time after which nothing new is tried."""
+    noise: float = 0.6
+    """Misfit of noise: mean of log(1 + x) for an x that is distributed exponentially."""
+    improvement: float = 1.0
+    """Decrease of the misfit from which a cause is named: typical residuals fall by a factor of 1.6."""
+    share: float = 0.5
+    """Part of what separates a misfit from noise that is enough, where it is less than that."""
+    least: float = 0.1
+    """Decrease of the misfit below which no cause is named."""
+    beside_best: float = 0.5
+    """Part of the best improvement that a further cause has at least."""
+    explained: float = 0.2
+    """Misfit beyond noise from which on down nothing else is tried: the cause is found."""
+    gain: float = 0.05
+    """Relative error of the gain that is worth naming."""
+    phase: float = 0.05
+    """Error of the phase [rad] at the highest frequency that is worth naming."""
+    unit: float = 0.03
+    """Logarithm by which a gain may differ from the factor of a usual mistake of units."""
+    delays: int = 400
+    """Delays that are compared, up to two periods of the highest frequency either way."""
+    samples: int = 64
+    """Random joints by which other response points are compared."""
+    most_difference: float = 1.0
+    """Difference of logarithms of amplitudes at which it is cut off: a resonance elsewhere makes larger ones."""
+    points: int = 2
+    """Other points at which the joint is fitted: those that come nearest."""
+    parts: int = 3
+    """Quantities of parts that are fitted: those that the residuals point to."""
+    overhangs: tuple[float, ...] = (-0.1, 0.1)
+    """Logarithms of ratios from which an overhang is fitted."""
+    tolerance: float = 0.1
+    """Decrease of the sum of squares, per step, that ends a fit of joint and amount."""
+    steps: int = 40
+    range_factor: float = 10.0
+    """By which the range of a parameter on a logarithmic scale is extended at either end; others by their width."""
+
+
+_SETTINGS = Settings()
+
+_UNITS: tuple[tuple[float, str], ...] = (
+    (9.80665, "g and m/s^2"),
+    (4.44822, "N and lbf"),
+    (25.4, "mm and inches"),
+    (39.3701, "inches and m"),
+    (1e3, "mm and m, or N and kN"),
+    (1e6, "micrometres and m"),
+    (2.0 * np.pi, "rad/s and Hz"),
+    (2.0, "peak and peak to peak"),
+    (np.sqrt(2.0), "peak and RMS"),
+)
+
+Candidate = tuple[str, str, Trial]
+"""Kind and words of a cause, and the fit with it."""
+
+
+def find_causes(
+    assembly: Assembly, measured: Sequence[Frf], fit: Fit, *, progress: Progress = silent
+) -> tuple[Cause, ...]:
+    """Return what makes the model fit clearly better, the best first; nothing if nothing that was tried does.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        On the lines of the measurement.
+    measured : sequence of Frf
+        One for each response.
+    fit : Fit
+        Of the same measurement.
+    progress : Progress
+
+    Notes
+    -----
+    The misfit is the mean of log(1 + |residual|^2 / variance) over few lines, among them those around each resonance.
+    A cause is named if the misfit falls by 1 with it, or by half of what separates it from noise, and at least half
+    as far as with the best one.
+    """
+    deadline = time.monotonic() + _SETTINGS.seconds
+    trials = Trials(assembly, measured, fit)
+    before = trials.unchanged
+    found: list[tuple[float, Cause]] = []
+    for name, words, trial in _candidates(trials, progress):
+        improvement = before.misfit - trial.misfit
+        factor = float(np.exp(improvement / 2.0))
+        found.append((improvement, Cause(name, words, (before.coherence, trial.coherence), factor)))
+        if time.monotonic() > deadline or trial.misfit < _SETTINGS.noise + _SETTINGS.explained:
+            break
+    progress("causes", _STAGES, _STAGES)
+    return _named(found, before.misfit - _SETTINGS.noise)
+
+
+def _named(found: list[tuple[float, Cause]], excess: float) -> tuple[Cause, ...]:
+    """Return the causes that improve the fit enough, each kind once, the best first."""
+    if not found:
+        return ()
+    found.sort(key=lambda item: -item[0])
+    enough = max(_SETTINGS.least, min(_SETTINGS.improvement, _SETTINGS.share * excess))
+    enough = max(enough, _SETTINGS.beside_best * found[0][0])
+    named: dict[str, Cause] = {}
+    for improvement, cause in found:
+        if improvement >= enough:
+            named.setdefault(cause.name, cause)
+    return tuple(list(named.values())[: _SETTINGS.most])
+
+
+_STAGES = 8
+
+
+def _candidates(trials: Trials, progress: Progress) -> Iterator[Candidate]:
+    """Yield the changes that could be the cause, the quickest to try first."""
+    stages: list[tuple[str, Callable[[Trials], Iterator[Candidate]]]] = [
+        ("sign and phase", _phases),
+        ("gain and units", _gains),
+        ("quantity", _quantities),
+        ("delay", _delays),
+        ("ranges", _ranges),
+        ("mass and overhang", _masses_and_overhangs),
+        ("response point", _points),
+        ("parts", _parts),
+    ]
+    for number, (note, stage) in enumerate(stages):
+        progress("causes", number, _STAGES, note)
+        yield from stage(trials)
+
+
+def _phases(trials: Trials) -> Iterator[Candidate]:
+    if not _has_phase(trials):
+        return
+    starts = [trials.best, trials.shape]
+    for name, words, change in (
+        ("sign", "the sign reversed", lambda values: -values),
+        ("conjugate", "the phase conjugated", np.conj),
+    ):
+        frfs = [replace(frf, values=change(frf.values)) for frf in trials.target.frfs]
+        yield name, words, trials.fit(trials.assembly, frfs, starts)
+
+
+def _gains(trials: Trials, power: int = 0) -> Iterator[Candidate]:
+    frfs = _times(trials.target.frfs, lambda axis: (2j * np.pi * axis) ** -power)
+    starts = [trials.best, trials.shape]
+    theta, gain = trials.fit_freely(frfs, starts, np.ones(len(trials.target.frequency), dtype=np.complex128))
+    for factor, unit in _factors(gain):
+        if not power and abs(np.log(factor)) < np.log1p(_SETTINGS.gain):
+            continue
+        corrected = [replace(frf, values=frf.values / factor) for frf in frfs]
+        words = _as_gain(factor, unit) if abs(np.log(factor)) >= np.log1p(_SETTINGS.gain) else ""
+        trial = trials.fit(trials.assembly, corrected, [theta])
+        if power:
+            quantity = trials.target.frfs[0].quantity
+            actual = QUANTITIES[QUANTITIES.index(quantity) + power]
+            words = f"the values read as {actual}, not as {quantity}" + (f", and {words}" if words else "")
+        yield "quantity" if power else "unit" if unit else "gain", words, trial
+
+
+def _as_gain(factor: float, unit: str) -> str:
+    size = f"divided by {factor:.4g}" if factor > 1.0 else f"multiplied by {1.0 / factor:.4g}"
+    return f"all values {size} ({f'{unit} confused' if unit else 'calibration'}?)"
+
+
+def _factors(gain: float) -> list[tuple[float, str]]:
+    """Return the factor of a usual mistake of units if the logarithm of a gain is near it, else the gain itself."""
+    usual = [(known**sign, words) for known, words in _UNITS for sign in (1, -1)]
+    near = [(factor, words) for factor, words in usual if abs(np.log(factor) - gain) < _SETTINGS.unit]
+    return near or [(float(np.exp(gain)), "")]
+
+
+def _quantities(trials: Trials) -> Iterator[Candidate]:
+    """Try another quantity if the ratio of measurement and model follows a power of the frequency."""
+    ratio = np.log(np.abs(values_of(trials.target.frfs)) / np.abs(trials.values(trials.shape)))
+    axis = np.log(trials.target.frequency)
+    low, high = np.array_split(np.argsort(axis), 2)
+    span = float(np.median(axis[high]) - np.median(axis[low]))
+    power = int(np.clip(np.round((np.median(ratio[high]) - np.median(ratio[low])) / max(span, 1e-9)), -2, 2))
+    quantities = {QUANTITIES.index(frf.quantity) + power for frf in trials.target.frfs}
+    if power and all(0 <= index < len(QUANTITIES) for index in quantities):
+        yield from _gains(trials, power)
+
+
+def _delays(trials: Trials) -> Iterator[Candidate]:
+    if not _has_phase(trials):
+        return
+    angular = 2.0 * np.pi * trials.target.frequency
+    change = np.asarray(-1j * angular / angular.max())
+    guesses = []
+    for start in (trials.best, trials.shape):
+        phase = np.angle(values_of(trials.target.frfs) * np.conj(trials.values(start)))
+        grid = np.linspace(-4.0 * np.pi, 4.0 * np.pi, _SETTINGS.delays)
+        agreement = np.cos(phase + np.outer(grid, angular / angular.max())).mean(axis=1)
+        guesses.append((float(agreement.max()), float(grid[np.argmax(agreement)]), start))
+    _, amount, start = max(guesses, key=lambda guess: guess[0])
+
+    def corrected(amount: float) -> list[Frf]:
+        return _times(trials.target.frfs, lambda axis: np.exp(2j * np.pi * amount * axis / angular.max()))
+
+    theta, rest = trials.fit_freely(corrected(amount), [start], change)
+    amount += rest
+    if abs(amount) > _SETTINGS.phase:
+        words = f"a delay of {1e6 * amount / angular.max():.3g} microseconds taken out"
+        yield "delay", words, trials.fit(trials.assembly, corrected(amount), [theta])
+
+
+def _ranges(trials: Trials) -> Iterator[Candidate]:
+    """Try parameters that ended at an end of their range outside of it."""
+    assembly, fraction = trials.assembly, trials.assembly.to_unit(trials.unchanged.theta)
+    for index, (parameter, (joint, name)) in enumerate(
+        zip(assembly.parameters, assembly.description.identified_parameters, strict=True)
+    ):
+        if 0.0 < fraction[index] < 1.0:
+            continue
+        lower, upper = _widened(parameter, at_upper=fraction[index] >= 1.0)
+        try:
+            trial = trials.fit(
+                _with_range(assembly, joint, name, lower, upper), trials.target.frfs, [trials.unchanged.theta]
+            )
+        except DovetailError:
+            continue
+        value = float(trial.theta[index])
+        if not parameter.lower <= value <= parameter.upper:
+            yield "range", f"{parameter.name} at {format_quantity(value, parameter.unit)}, outside its range", trial
+
+
+def _widened(parameter: Parameter, *, at_upper: bool) -> tuple[float, float]:
+    """Return a range that is extended at one end."""
+    lower, upper, factor = parameter.lower, parameter.upper, _SETTINGS.range_factor
+    if at_upper:
+        return lower, upper * factor if parameter.scale == "log" else upper + (upper - lower)
+    return lower / factor if parameter.scale == "log" else max(lower - (upper - lower), min(lower, 0.0)), upper
+
+
+def _with_range(assembly: Assembly, joint: str, name: str, lower: float, upper: float) -> Assembly:
+    description = assembly.description
+    entry = description.joints[joint]
+    parameters = tuple(replace(p, lower=lower, upper=upper) if p.name == name else p for p in entry.parameters)
+    joints = {**description.joints, joint: replace(entry, parameters=parameters)}
+    return Assembly(replace(description, joints=joints)).on(*(each.frequency for each in assembly.each_response))
+
+
+def _masses_and_overhangs(trials: Trials) -> Iterator[Candidate]:
+    if len(trials.target.frfs) > 1:
+        return
+    for perturbation in list_perturbations(trials.assembly):
+        if perturbation.kind == "mass":
+            yield from _perturbed(trials, perturbation, (0.0,))
+        elif perturbation.kind == "overhang":
+            yield from _perturbed(trials, perturbation, _SETTINGS.overhangs)
+
+
+def _parts(trials: Trials) -> Iterator[Candidate]:
+    """Try the quantities of parts to which the residuals point."""
+    if len(trials.target.frfs) > 1:
+        return
+    parts = [p for p in list_perturbations(trials.assembly) if p.kind == "part"]
+    parts.sort(key=lambda p: -_alignment(trials, p))
+    for perturbation in parts[: _SETTINGS.parts]:
+        yield from _perturbed(trials, perturbation, (0.0,))
+
+
+def _alignment(trials: Trials, perturbation: Perturbation, step: float = 1e-4) -> float:
+    """Return the cosine of residuals and what a perturbation adds to them, beyond what the joint can make."""
+    theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
+    frf, jacobian = linearise_frf(trials.assembly, theta)
+    ahead = residual.of(perturbation.apply(step).frf(theta))[0]
+    residuals, columns = residual.of(frf)[0], residual.jacobian(frf, jacobian)[0].T
+    basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))[0]
+    change, left = ahead - residuals, residuals - basis @ (basis.T @ residuals)
+    change = change - basis @ (basis.T @ change)
+    return float(abs(change @ left) / max(np.linalg.norm(change) * np.linalg.norm(left), np.finfo(float).tiny))
+
+
+def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float, ...]) -> Iterator[Candidate]:
+    """Fit joint and amount together, from some amounts."""
+    problem = PerturbedResiduals(perturbation, trials.residual())
+    candidates = []
+    for amount in amounts:
+        try:
+            start = problem.position(trials.assembly.to_unit(trials.unchanged.theta), amount)
+            minimum = minimise(problem, start, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+            found = problem.amount(minimum.position[0])
+            if abs(found) >= perturbation.negligible:
+                theta = trials.assembly.from_unit(minimum.position[0, :-1])
+                trial = trials.fit(perturbation.apply(found), trials.target.frfs, [theta])
+                candidates.append((perturbation.kind, perturbation.describe(found), trial))
+        except (DovetailError, np.linalg.LinAlgError):
+            continue
+    yield from sorted(candidates, key=lambda candidate: candidate[2].misfit)[:1]
+
+
+def _points(trials: Trials) -> Iterator[Candidate]:
+    """Try other points of response and force: those at which random joints come nearest."""
+    if len(trials.target.frfs) > 1:
+        return
+    nearest = sorted(_other_points(trials.assembly), key=lambda point: _distance(trials, point[0]))
+    for other, words in nearest[: _SETTINGS.points]:
+        yield "point", words, trials.fit(other, trials.target.frfs, [trials.best, trials.shape])
+
+
+def _distance(trials: Trials, other: Assembly) -> float:
+    """Return the mean difference of logarithms of amplitudes to the nearest of random joints."""
+    points = np.random.default_rng(0).random((_SETTINGS.samples, len(trials.best)))
+    logarithms = np.log(np.abs(ModelFrfs.of(other).frf(other.from_unit(points))))
+    differences = np.abs(logarithms - np.log(np.abs(values_of(trials.target.frfs))))
+    return float(np.minimum(differences, _SETTINGS.most_difference).mean(axis=1).min())
+
+
+def _other_points(assembly: Assembly) -> Iterator[tuple[Assembly, str]]:
+    """Yield the assembly with force and response at each point outside the joints but its own, and where that is."""
+    description = assembly.description
+    response = description.response
+    excluded = {(response.substructure, response.node)} | {
+        (attachment.substructure, node)
+        for joint in description.joints.values()
+        for attachment in joint.connection.attachments
+        for node in attachment.nodes
+    }
+    for name, model in description.substructures.items():
+        for index, node in enumerate(model.nodes):
+            if (name, index) not in excluded:
+                elsewhere = replace(response, substructure=name, node=index)
+                words = f"force and response on the {name} at {1e3 * node.position:.4g} mm"
+                yield Assembly(replace(description, responses=(elsewhere,))), words
+
+
+def _times(frfs: Sequence[Frf], factor: Callable[[NDArray[np.float64]], Any]) -> list[Frf]:
+    """Return FRFs multiplied by a function of the frequency [Hz]."""
+    return [replace(frf, values=frf.values * factor(frf.frequency)) for frf in frfs]
+
+
+def _has_phase(trials: Trials) -> bool:
+    return all(frf.has_phase for frf in trials.target.frfs)

@@ -1,0 +1,271 @@
+"""How wrong is the model? The size of its errors, estimated from the measurement together with the parameters.
+
+The sizes are unknowns with a prior: errors of each kind are normally distributed, and their standard deviation is what
+makes the residuals most probable once parameters and errors are marginalised (empirical Bayes). It is found by the EM
+algorithm around the best fit, which is then fitted anew with these errors allowed, until nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from dovetail.identification.fitting.least_squares import minimise
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, linearise_frf
+from dovetail.identification.posterior.frequency_average import average, needs_average
+from dovetail.identification.posterior.likelihood import MarginalisedResiduals, marginalised_squares
+from dovetail.identification.posterior.model_error import (
+    KINDS,
+    ModelError,
+    error_shapes,
+    fit_resonances,
+    typical_model_error,
+)
+from dovetail.identification.posterior.prior import PRIOR_PRECISION
+
+__all__ = ["FitWithError", "estimate_model_error", "fit_with_error"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the sizes are estimated."""
+
+    start: float = 2e-3
+    """Relative error of natural frequencies from which the estimate starts."""
+    rounds: int = 10
+    """Of fits and estimates, at most; two or three suffice mostly."""
+    settled: float = 0.1
+    """Relative change of the error of natural frequencies at which it has settled."""
+    em_steps: int = 100
+    em_settled: float = 0.02
+    """Relative change of all sizes in a step of EM at which it ends."""
+    pseudo_count: float = 2.0
+    """Errors of the typical size that the prior adds to those of a kind: a few resonances tell little."""
+    least: float = 1e-5
+    """Relative errors of natural frequencies, and other errors, below which they do not matter."""
+    most: float = 10.0
+    """Other errors above which the FRF says nothing."""
+    alternations: int = 6
+    """Of the estimates of errors that have a shape, and of others."""
+    tolerance: float = 0.05
+    """Decrease of the sum of squares, per step, that ends a fit."""
+    steps: int = 60
+
+
+_SETTINGS = Settings()
+
+
+@dataclass(frozen=True, eq=False)
+class FitWithError:
+    """The parameters that fit best when the model may be wrong.
+
+    Parameters
+    ----------
+    fraction : (p,) array
+        Of the ranges.
+    values : (n_lines,) complex array
+        The FRFs there.
+    size : ModelError
+        That was allowed.
+    information : (p, p) array
+        Fisher information of the fractions, with these errors.
+    chi_squared : float
+        Of the residuals with parameters and errors marginalised, over their number: 1 where the errors have the
+        size that was allowed.
+    """
+
+    fraction: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    size: ModelError
+    information: NDArray[np.float64]
+    chi_squared: float
+
+
+class _Problem:
+    """A measurement, and what changes of the parameters and errors of the model add to its residuals."""
+
+    def __init__(
+        self, model: ModelFrfs, target: Observations, variance: NDArray[np.float64], used: NDArray[np.bool_]
+    ) -> None:
+        self.model, self.target = model, target
+        self.axes = [frf.frequency for frf in target.frfs]
+        self._variance, self._used = variance, used
+
+    def residual(self, values: NDArray[np.complex128], size: ModelError) -> tuple[NDArray[np.intp], Residual]:
+        """Return lines of the model and residuals of it there, in which other errors are part of the random error."""
+        if not needs_average(size):
+            variance = self._variance + (size.other * np.abs(values)) ** 2
+            return np.arange(len(values)), self.target.weighted(variance, self._used)
+        poles = fit_resonances(self.axes, self.target.split(values)).poles
+        return average(self.model, self.target, self._variance, self._used, values, poles, size)
+
+    def shapes(self, values: NDArray[np.complex128], size: ModelError) -> dict[str, NDArray[np.complex128]]:
+        """Return what errors of the model add to its FRFs."""
+        return error_shapes(self.axes, self.target.split(values), size)
+
+    def fit(self, fraction: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
+        """Return the fractions (p,) that fit best with errors of this size, from a start."""
+        values = self.model.frf(self.model.assemblies[0].from_unit(fraction[np.newaxis]))[0]
+        lines, residual = self.residual(values, size)
+        shapes = np.concatenate(list(self.shapes(values, size).values()))
+        errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
+        model = self.model if len(lines) == len(values) else self.model.at(lines)
+        problem = MarginalisedResiduals(FrfResiduals(model, residual), errors)
+        minimum = minimise(problem, fraction[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+        return np.asarray(minimum.position[0])
+
+
+def fit_with_error(
+    model: ModelFrfs,
+    target: Observations,
+    variance: NDArray[np.float64],
+    used: NDArray[np.bool_],
+    fraction: NDArray[np.float64],
+    size: ModelError,
+) -> FitWithError:
+    """Fit the parameters with errors of the model of a given size allowed."""
+    problem = _Problem(model, target, variance, used)
+    fraction = problem.fit(fraction, size)
+    return _Linearised(problem, fraction, size).result(size)
+
+
+def estimate_model_error(
+    model: ModelFrfs,
+    target: Observations,
+    variance: NDArray[np.float64],
+    used: NDArray[np.bool_],
+    fraction: NDArray[np.float64],
+) -> FitWithError:
+    """Fit the parameters and the sizes of the model's errors.
+
+    Parameters
+    ----------
+    model : ModelFrfs
+        On the lines of the measurement.
+    target : Observations
+    variance : (n_lines,) array
+        E|random error|^2 of each line.
+    used : (n_lines,) bool array
+    fraction : (p,) array
+        Of the ranges, from which the search starts: the best fit without errors.
+    """
+    problem = _Problem(model, target, variance, used)
+    size = typical_model_error(_SETTINGS.start)
+    for _ in range(_SETTINGS.rounds):
+        fraction = problem.fit(fraction, size)
+        linearised, before = _Linearised(problem, fraction, size), size.natural_frequency
+        size = linearised.estimate()
+        if abs(np.log(size.natural_frequency / before)) < _SETTINGS.settled:
+            break
+    return linearised.result(size)
+
+
+class _Linearised:
+    """A fit, around which residuals are linear in the parameters and in the errors of the model."""
+
+    def __init__(self, problem: _Problem, fraction: NDArray[np.float64], size: ModelError) -> None:
+        self._problem, self._fraction, self._size = problem, fraction, size
+        model = problem.model
+        frf, jacobian = linearise_frf(model, model.assemblies[0].from_unit(fraction[np.newaxis]))
+        self._frf, self._jacobian = frf, jacobian
+        self._shapes = problem.shapes(frf[0], size)
+
+    def _whitened(self, size: ModelError) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+        """Return residuals (m,), and what parameters and errors of each kind add to them (k, m), for other errors."""
+        lines, residual = self._problem.residual(self._frf[0], replace(self._size, other=size.other))
+        changes = {"parameters": self._jacobian[0] / np.sqrt(PRIOR_PRECISION), **self._shapes}
+        stacked = np.concatenate(list(changes.values()))
+        columns = residual.jacobian(self._frf[:, lines], stacked[np.newaxis, :, lines])[0]
+        ends = np.cumsum([len(change) for change in changes.values()])[:-1]
+        return residual.of(self._frf[:, lines])[0], dict(zip(changes, np.split(columns, ends), strict=True))
+
+    def estimate(self) -> ModelError:
+        """Return the most probable sizes."""
+        size = self._size
+        for _ in range(_SETTINGS.alternations):
+            before = size
+            size = self._estimate_shaped(size)
+            size = self._estimate_other(size)
+            if _change(size, before) < _SETTINGS.settled:
+                break
+        return size
+
+    def _factors(self, size: ModelError) -> dict[str, float]:
+        """Return sizes over those of the shapes."""
+        return {kind: getattr(size, kind) / getattr(self._size, kind) for kind in KINDS}
+
+    def _estimate_shaped(self, size: ModelError) -> ModelError:
+        """Return the sizes of the errors that have a shape, by EM."""
+        residuals, changes = self._whitened(size)
+        columns = np.concatenate(list(changes.values()))
+        gram, along = columns @ columns.T, columns @ residuals
+        counts = {name: len(change) for name, change in changes.items()}
+        for _ in range(_SETTINGS.em_steps):
+            factors = {"parameters": 1.0, "higher": 1.0, **self._factors(size)}
+            scale = np.concatenate([np.full(count, factors[name]) for name, count in counts.items()])
+            covariance = np.linalg.inv(np.eye(len(scale)) + gram * np.outer(scale, scale))
+            mean = covariance @ (scale * along)
+            second = dict(
+                zip(counts, np.split(mean**2 + np.diag(covariance), np.cumsum(list(counts.values()))[:-1]), strict=True)
+            )
+            before, size = size, self._em_step(size, second)
+            if _change(size, before) < _SETTINGS.em_settled:
+                break
+        return size
+
+    def _em_step(self, size: ModelError, second: Mapping[str, NDArray[np.float64]]) -> ModelError:
+        """Return the sizes from the second moments of the errors, in units of the sizes before."""
+        frequency = size.natural_frequency * float(np.sqrt(second["natural_frequency"].mean()))
+        typical = typical_model_error(max(frequency, _SETTINGS.least))
+        sizes = {}
+        for kind in KINDS[1:]:
+            squares = getattr(size, kind) ** 2 * float(second[kind].sum())
+            prior = _SETTINGS.pseudo_count * getattr(typical, kind) ** 2
+            sizes[kind] = float(np.sqrt((squares + prior) / (len(second[kind]) + _SETTINGS.pseudo_count)))
+        return replace(size, natural_frequency=typical.natural_frequency, **sizes)
+
+    def _estimate_other(self, size: ModelError) -> ModelError:
+        """Return with the size of other errors that makes chi-squared 1."""
+
+        def excess(logarithm: float) -> float:
+            return self.chi_squared(replace(size, other=float(np.exp(logarithm)))) - 1.0
+
+        least, most = np.log(_SETTINGS.least), np.log(_SETTINGS.most)
+        if excess(least) <= 0.0:
+            return replace(size, other=0.0)
+        root = most if excess(most) >= 0.0 else brentq(excess, least, most, xtol=_SETTINGS.em_settled)
+        return replace(size, other=float(np.exp(root)))
+
+    def chi_squared(self, size: ModelError) -> float:
+        """Return the mean square of the residuals with parameters and errors marginalised."""
+        return _mean_square(*self._scaled(size))
+
+    def _scaled(self, size: ModelError) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals (m,), and what one standard deviation of parameters and errors adds to them (k, m)."""
+        residuals, changes = self._whitened(size)
+        factors = {"parameters": 1.0, "higher": 1.0, **self._factors(size)}
+        return residuals, np.concatenate([factors[name] * change for name, change in changes.items()])
+
+    def result(self, size: ModelError) -> FitWithError:
+        residuals, columns = self._scaled(size)
+        errors, parameters = columns[self._jacobian.shape[1] :], columns[: self._jacobian.shape[1]]
+        along = parameters @ errors.T
+        inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T)
+        information = PRIOR_PRECISION * (parameters @ parameters.T - along @ inner)
+        return FitWithError(self._fraction, self._frf[0], size, information, _mean_square(residuals, columns))
+
+
+def _mean_square(residuals: NDArray[np.float64], changes: NDArray[np.float64]) -> float:
+    return float(marginalised_squares(residuals[np.newaxis], changes)[0]) / len(residuals)
+
+
+def _change(size: ModelError, before: ModelError) -> float:
+    """Return the largest change of the logarithms of sizes."""
+    least = _SETTINGS.least
+    pairs = [(getattr(size, name), getattr(before, name)) for name in (*KINDS, "other")]
+    return max(abs(float(np.log(max(now, least) / max(then, least)))) for now, then in pairs)

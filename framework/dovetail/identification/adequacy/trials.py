@@ -1,0 +1,206 @@
+"""Quick fits of a model to a measurement, both perhaps changed, and how well they agree then."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from dovetail.assembly import Assembly
+from dovetail.frf import Frf, coherence_spectrum
+from dovetail.identification.adequacy.log_residuals import LogRatio
+from dovetail.identification.fitting import Fit
+from dovetail.identification.fitting.least_squares import SumOfSquares, minimise
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
+from dovetail.identification.fitting.search_lines import search_lines
+from dovetail.identification.posterior.likelihood import MarginalisedResiduals
+
+__all__ = ["Trial", "Trials"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the joint is fitted to a changed measurement, or with a changed model."""
+
+    tolerance: float = 0.1
+    """Decrease of the sum of squares, per step, that ends a search."""
+    steps: int = 40
+    reweighted: int = 6
+    """Times that the fit is weighted by its own typical residual, at most."""
+    settled: float = 0.02
+    """Decrease of the misfit at which it has settled."""
+    candidates: int = 256
+    """Random joints, of which the most similar are starts of the search by shape."""
+    starts: int = 3
+    free: float = 100.0
+    """Standard deviation of an unknown gain, or power of the frequency, in logarithms: as good as free."""
+
+
+_SETTINGS = Settings()
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """The joint that fits best.
+
+    Parameters
+    ----------
+    theta : (p,) array
+        SI.
+    misfit : float
+        Mean over the lines of log(1 + |residual|^2 / variance): 0.6 for noise. It grows with the logarithm of typical
+        residuals, so that neither peaks nor antiresonances decide alone.
+    coherence : float
+        Mean coherence of model and measurement.
+    """
+
+    theta: NDArray[np.float64]
+    misfit: float
+    coherence: float
+
+
+class Trials:
+    """A measurement on few lines, among them those around each resonance, and fits to it.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        On the lines of the measurement.
+    measured : sequence of Frf
+        One for each response.
+    fit : Fit
+        Of the same measurement.
+    """
+
+    def __init__(self, assembly: Assembly, measured: Sequence[Frf], fit: Fit) -> None:
+        target = Observations.of(assembly, measured)
+        lines = search_lines(target, fit.variance)
+        lines = lines[fit.used[lines]]
+        self.best = fit.theta
+        self.target = target.at(lines)
+        self.assembly = assembly.on(*(frf.frequency for frf in self.target.frfs))
+        self.relative = fit.variance[lines] / np.maximum(np.abs(values_of(self.target.frfs)) ** 2, fit.variance[lines])
+        self._used = np.ones(len(lines), dtype=np.bool_)
+
+    @cached_property
+    def unchanged(self) -> Trial:
+        """The fit with nothing changed."""
+        return self.fit(self.assembly, self.target.frfs, [self.best, self.shape])
+
+    @cached_property
+    def shape(self) -> NDArray[np.float64]:
+        """(p,) the joint whose amplitudes fit best but for a gain and a power of the frequency [SI]."""
+        model = ModelFrfs.of(self.assembly)
+        residual = self._logarithms(Observations(tuple(_amplitude(frf) for frf in self.target.frfs)))
+        axis = np.log(self.target.frequency)
+        free = _SETTINGS.free * residual.weight * np.stack([np.ones_like(axis), axis - axis.mean()])
+        problem = MarginalisedResiduals(FrfResiduals(model, residual), free)
+        points = qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0)).random(_SETTINGS.candidates)
+        similar = points[np.argsort(np.sum(problem.residuals(points) ** 2, axis=1))[: _SETTINGS.starts]]
+        starts = np.concatenate([self.assembly.to_unit(self.best)[np.newaxis], similar])
+        return np.asarray(self.assembly.from_unit(_lowest(problem, starts)))
+
+    def fit(self, assembly: Assembly, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]]) -> Trial:
+        """Fit a model to measured FRFs, first their logarithms, then themselves, weighted by typical residuals.
+
+        Parameters
+        ----------
+        assembly : Assembly
+            On the lines of the trials.
+        frfs : sequence of Frf
+            The measurement on these lines, perhaps changed.
+        starts : sequence of (p,) arrays
+            SI.
+        """
+        target, model = Observations(tuple(frfs)), ModelFrfs.of(assembly)
+        positions = assembly.to_unit(np.array(starts))
+        position = _lowest(FrfResiduals(model, self._logarithms(target)), positions)
+        best = self._trial(model, target, assembly.from_unit(position))
+        for _ in range(_SETTINGS.reweighted):
+            variance = self._variance(target) + self._typical_square(model, target, best.theta)
+            problem = FrfResiduals(model, target.weighted(variance, self._used))
+            position = _lowest(problem, assembly.to_unit(best.theta)[np.newaxis])
+            before, now = best, self._trial(model, target, assembly.from_unit(position))
+            best = min(before, now, key=lambda trial: trial.misfit)
+            if now.misfit > before.misfit - _SETTINGS.settled:
+                break
+        return best
+
+    def fit_freely(
+        self, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]], change: NDArray[np.complex128]
+    ) -> tuple[NDArray[np.float64], float]:
+        """Fit the joint to logarithms that may be changed by any amount.
+
+        Parameters
+        ----------
+        frfs : sequence of Frf
+        starts : sequence of (p,) arrays
+            SI.
+        change : (n_lines,) complex array
+            What an amount of 1 adds to the logarithm of the measured values.
+
+        Returns
+        -------
+        theta : (p,) array
+            SI.
+        amount : float
+        """
+        residual = self._logarithms(Observations(tuple(frfs)))
+        model = ModelFrfs.of(self.assembly)
+        direction = -residual.weighted(change)[np.newaxis]
+        problem = MarginalisedResiduals(FrfResiduals(model, residual), _SETTINGS.free * direction)
+        position = _lowest(problem, self.assembly.to_unit(np.array(starts)))
+        theta = self.assembly.from_unit(position)
+        left = residual.of(model.frf(theta[np.newaxis]))[0]
+        return theta, float(left @ direction[0] / (direction[0] @ direction[0]))
+
+    def residual(self) -> LogRatio:
+        """Return the logarithmic residuals of the measurement as it is."""
+        return self._logarithms(self.target)
+
+    def values(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the FRFs (n_lines,) of a joint (p,)."""
+        return np.asarray(ModelFrfs.of(self.assembly).frf(theta[np.newaxis])[0])
+
+    def _logarithms(self, target: Observations) -> LogRatio:
+        return LogRatio.against(values_of(target.frfs), self.relative, all(frf.has_phase for frf in target.frfs))
+
+    def _variance(self, target: Observations) -> NDArray[np.float64]:
+        square = np.maximum(np.abs(values_of(target.frfs)) ** 2, np.finfo(float).tiny)
+        return np.asarray(self.relative * square)
+
+    def _typical_square(
+        self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the median of relative squared residuals beyond the noise, times the square of each value."""
+        values = model.frf(theta[np.newaxis])[0]
+        size = np.abs(values) ** 2
+        excess = float(np.median(np.maximum(target.squares(values) - self._variance(target), 0.0) / size))
+        return np.asarray(excess * size)
+
+    def _trial(self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]) -> Trial:
+        values, measured = model.frf(theta[np.newaxis])[0], values_of(target.frfs)
+        misfit = float(np.mean(np.log1p(target.squares(values) / self._variance(target))))
+        if not all(frf.has_phase for frf in target.frfs):
+            values, measured = np.abs(values).astype(complex), np.abs(measured).astype(complex)
+        return Trial(theta, misfit, float(coherence_spectrum(measured, values).mean()))
+
+
+def values_of(frfs: Sequence[Frf]) -> NDArray[np.complex128]:
+    """Return the values (n_lines,) of FRFs, one behind the other."""
+    return np.concatenate([frf.values for frf in frfs])
+
+
+def _lowest(problem: SumOfSquares, starts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where the best of some searches ended (p,)."""
+    minima = minimise(problem, starts, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+    return np.asarray(minima.position[np.argmin(minima.cost)])
+
+
+def _amplitude(frf: Frf) -> Frf:
+    return Frf(frf.frequency, np.abs(frf.values), frf.quantity, has_phase=False, rotation=frf.rotation)

@@ -1,0 +1,222 @@
+"""Residuals averaged over neighbouring lines, so that natural frequencies need not agree better than a model can.
+
+A resonance a few of its widths beside the measured one leaves residuals that no longer depend linearly on where it is.
+Averaged over a band as wide as the error of natural frequencies they do, and all methods for small errors apply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky_banded, solve_banded
+from scipy.sparse import csr_array
+
+from dovetail.frf import Frf
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import ModelFrfs, Residual, StackedResiduals
+from dovetail.identification.posterior.model_error import ModelError
+
+__all__ = ["AveragedResiduals", "average", "needs_average"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How residuals are averaged."""
+
+    averaged_from: float = 1e-3
+    """Relative error of natural frequencies from which lines are averaged: below, its effect is nearly linear."""
+    spacing: float = 1.5
+    """Distance of averages, in standard deviations of the Gaussian by which lines are weighted."""
+    reach: float = 4.0
+    """Standard deviations beyond which lines have no weight."""
+    narrow: float = 0.7
+    """Standard deviation, in distances of the lines, below which a line stands for itself."""
+    jitter: float = 1e-9
+    """Part of the variance that is added to it, since averages that share most lines are nearly dependent."""
+    lines_per_deviation: float = 1.5
+    """Lines of the model in a standard deviation of the Gaussian, at least."""
+    lines_per_width: float = 1.4
+    """Lines of the model in half the width of a resonance: the sum over a Lorentzian errs by exp(-2 pi) for one."""
+    wander: float = 5.0
+    """Errors of natural frequencies by which a resonance may be elsewhere, with lines as close as it needs."""
+
+
+_SETTINGS = Settings()
+
+
+def needs_average(size: ModelError) -> bool:
+    """Return whether natural frequencies are off by so much that lines are averaged."""
+    return size.natural_frequency >= _SETTINGS.averaged_from
+
+
+def average(
+    model: ModelFrfs,
+    target: Observations,
+    variance: NDArray[np.float64],
+    used: NDArray[np.bool_],
+    values: NDArray[np.complex128],
+    poles: NDArray[np.complex128],
+    size: ModelError,
+) -> tuple[NDArray[np.intp], Residual]:
+    """Return residuals of FRFs averaged over neighbouring lines, and the lines on which they need the model.
+
+    Parameters
+    ----------
+    model : ModelFrfs
+    target : Observations
+    variance : (n_lines,) array
+        E|random error|^2 of each line.
+    used : (n_lines,) bool array
+    values : (n_lines,) complex array
+        The model's FRFs.
+    poles : (n,) complex array
+        Of these FRFs [Hz], as `Resonances.poles`.
+    size : ModelError
+        Its error of natural frequencies is the standard deviation of the Gaussian that weights the lines, over the
+        frequency in its middle. Its other errors are part of the random error of each average.
+
+    Returns
+    -------
+    lines : (m,) array
+        Increasing numbers, fewer than all where resonances are broad.
+    residuals : Residual
+        Of the FRFs on these lines.
+    """
+    deviations = target.split(size.other * np.abs(values))
+    responses = zip(target.frfs, target.split(variance), target.split(used), deviations, strict=True)
+    lines, averaged = [], []
+    for frf, of_response, counted, deviation in responses:
+        needed = _needed_lines(frf.frequency, poles, size.natural_frequency)
+        averaged.append(AveragedResiduals(frf, of_response, counted, needed, size.natural_frequency, deviation))
+        lines.append(needed)
+    firsts = np.cumsum((0, *model.counts))[:-1].tolist()
+    numbers = np.concatenate([first + needed for first, needed in zip(firsts, lines, strict=True)])
+    if len(averaged) == 1:
+        return numbers, averaged[0]
+    return numbers, StackedResiduals(tuple(averaged), tuple(len(needed) for needed in lines))
+
+
+def _needed_lines(frequency: NDArray[np.float64], poles: NDArray[np.complex128], width: float) -> NDArray[np.intp]:
+    """Return the lines that determine averages of FRFs with resonances near some poles."""
+    spacing = width * frequency / _SETTINGS.lines_per_deviation
+    for pole in poles:
+        beside = np.abs(frequency - pole.real) - _SETTINGS.wander * width * pole.real
+        spacing = np.minimum(spacing, np.maximum(pole.imag, beside) / _SETTINGS.lines_per_width)
+    step = np.gradient(frequency) if len(frequency) > 1 else np.ones(1)
+    density = np.cumsum(step / np.maximum(spacing, step))
+    lines = np.searchsorted(density, np.arange(density[0], density[-1]) - 1e-9)
+    return np.unique(np.concatenate([lines, [0, len(frequency) - 1]]))
+
+
+class AveragedResiduals:
+    """Residuals of one response, averaged over neighbouring lines and scaled to covariance 1.
+
+    Parameters
+    ----------
+    measured : Frf
+    variance : (n_freq,) array
+        E|random error|^2 of each line.
+    used : (n_freq,) bool array
+    lines : (m,) array
+        Those on which FRFs are given.
+    width : float
+        Standard deviation of the Gaussian that weights the lines, over the frequency in its middle.
+    deviation : (n_freq,) array
+        Standard deviation of an error of each average, before it is averaged.
+    """
+
+    def __init__(
+        self,
+        measured: Frf,
+        variance: NDArray[np.float64],
+        used: NDArray[np.bool_],
+        lines: NDArray[np.intp],
+        width: float,
+        deviation: NDArray[np.float64],
+    ) -> None:
+        self._has_phase = measured.has_phase
+        frequency = measured.frequency[used]
+        averages = _averages(frequency, width)
+        weights = _gaussian_weights(frequency, averages)
+        self._weights = _gaussian_weights(measured.frequency[lines], averages)
+        values = measured.values if measured.has_phase else measured.amplitude
+        self._measured = weights @ values[used]
+        of_error = (weights @ deviation[used]) ** 2
+        self._factor = _cholesky(weights, variance[used] / 2.0, of_error / 2.0)
+
+    def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals (n, m) of FRFs (n, f)."""
+        return self._scaled(self._averaged(frf if self._has_phase else np.abs(frf)) - self._measured)
+
+    def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
+        if self._has_phase:
+            return self._scaled(self._averaged(frf_jacobian))
+        amplitude = np.maximum(np.abs(frf), np.finfo(float).tiny)
+        of_amplitude = np.real(frf_jacobian * (np.conj(frf) / amplitude)[:, np.newaxis])
+        return self._scaled(self._averaged(of_amplitude))
+
+    def _averaged(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return averages (..., n_averages) of values (..., f)."""
+        columns = np.ascontiguousarray(values.reshape(-1, values.shape[-1]).T)
+        return np.asarray((self._weights @ columns).T.reshape(*values.shape[:-1], -1))
+
+    def _scaled(self, averages: NDArray[Any]) -> NDArray[np.float64]:
+        """Return averages (..., n_averages) scaled to covariance 1; real parts beside imaginary ones."""
+        columns = averages.reshape(-1, averages.shape[-1]).T
+        white = np.ascontiguousarray(solve_banded((len(self._factor) - 1, 0), self._factor, columns).T)
+        return np.asarray(white.view(np.float64).reshape(*averages.shape[:-1], -1))
+
+
+Average = tuple[float, float]
+"""Middle and standard deviation [Hz]; the latter is 0 where a line stands for itself."""
+
+
+def _averages(frequency: NDArray[np.float64], width: float) -> list[Average]:
+    step = np.gradient(frequency) if len(frequency) > 1 else np.ones(1)
+    averages, line = list[Average](), 0
+    while line < len(frequency):
+        middle = float(frequency[line])
+        deviation = width * middle
+        if deviation < _SETTINGS.narrow * step[line]:
+            averages.append((middle, 0.0))
+            line += 1
+        else:
+            averages.append((middle, deviation))
+            line = max(line + 1, int(np.searchsorted(frequency, middle + _SETTINGS.spacing * deviation)))
+    return averages
+
+
+def _gaussian_weights(frequency: NDArray[np.float64], averages: Sequence[Average]) -> csr_array:
+    """Return the weights (n_averages, n_freq) of lines in averages, which sum to 1."""
+    step = np.gradient(frequency) if len(frequency) > 1 else np.ones(1)
+    rows, columns, weights = [], [], []
+    for row, (middle, deviation) in enumerate(averages):
+        low, high = np.searchsorted(frequency, middle + _SETTINGS.reach * deviation * np.array([-1.0, 1.0]))
+        if high <= low:
+            low = min(max(low - 1, 0) + int(np.argmin(np.abs(frequency[max(low - 1, 0) : low + 1] - middle))), low)
+            high = low + 1
+        lines = np.arange(low, high)
+        weight = step[lines]
+        if deviation:
+            weight = weight * np.exp(-0.5 * ((frequency[lines] - middle) / deviation) ** 2)
+        rows.append(np.full(len(lines), row))
+        columns.append(lines)
+        weights.append(weight / weight.sum())
+    indices = np.concatenate(rows), np.concatenate(columns)
+    return csr_array((np.concatenate(weights), indices), shape=(len(rows), len(frequency)))
+
+
+def _cholesky(weights: csr_array, variance: NDArray[np.float64], of_error: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Cholesky factor of the averages' covariance, banded, as `scipy.linalg.solve_banded` takes it."""
+    covariance = ((weights * variance) @ weights.T).tocoo()
+    below = covariance.row - covariance.col
+    lower = below >= 0
+    bands = np.zeros((int(below.max()) + 1, covariance.shape[0]))
+    bands[below[lower], covariance.col[lower]] = covariance.data[lower]
+    bands[0] = (1.0 + _SETTINGS.jitter) * bands[0] + of_error
+    return np.asarray(cholesky_banded(bands, lower=True))
