@@ -259,7 +259,7 @@ class Weighted:
         return np.asarray(np.real(frf_jacobian * (np.conj(frf) / amplitude * slope * self.weight)[:, np.newaxis]))
 
 
-_Kind = TypeVar("_Kind", Weighted, LogAmplitude)
+_Kind = TypeVar("_Kind", bound=Residual)
 
 
 @dataclass(frozen=True, eq=False)
