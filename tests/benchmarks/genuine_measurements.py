@@ -47,6 +47,8 @@ class Case:
     word : str
         How well the model is said to fit.
     chi_squared : float
+    deviation : float
+        Standard deviation of chi-squared by chance.
     at_truth : float
         Chi-squared that a fit from the true parameters reaches.
     starts, agreeing : int
@@ -61,6 +63,7 @@ class Case:
     unknowns: int
     word: str
     chi_squared: float
+    deviation: float
     at_truth: float
     starts: int
     agreeing: int
@@ -84,7 +87,7 @@ class Case:
     def describe(self) -> str:
         """Return a line on what went wrong."""
         wrong = [] if self.to_the_noise else [f"said to be '{self.word}'"]
-        wrong += [] if self.inside else [f"chi-squared {self.chi_squared:.3f}"]
+        wrong += [] if self.inside else [f"chi-squared {self.chi_squared:.3f} (by chance +-{self.deviation:.3f})"]
         wrong += [] if self.right else [f"another minimum: {self.chi_squared:.3f}, not {self.at_truth:.3f}"]
         stated = "stated" if self.stated else "not stated"
         return (
@@ -127,6 +130,7 @@ def identified(number: int, seed: int) -> Case:
         len(theta),
         word(result),
         result.fit.chi_squared,
+        float(np.sqrt(2.0 / result.fit.degrees_of_freedom)),
         refine(assembly, measured, [theta]).chi_squared,
         result.fit.starts,
         result.fit.agreeing,

@@ -60,6 +60,15 @@ def test_the_noise_floor_is_reached_in_a_few_cases():
     assert all(row[3] == "3 of 3" for row in rows if row[1:3] == ["complex", "refined"])
 
 
+def test_genuine_measurements_of_random_structures_reach_the_noise():
+    printed = run("genuine_measurements.py", "--cases", 4, "--seed", 3)
+    rows = {row[0]: row[1:] for row in cells(printed)[2:]}
+    assert rows["all"][2] == "4 of 4", printed
+    assert {name for name in rows if "additive" in name} == {"additive, stated", "additive, not stated"}
+    alone = cells(run("genuine_measurements.py", "--only", 2, "--seed", 3))[2:]
+    assert [row[0] for row in alone] == ["additive, stated", "all"]
+
+
 @pytest.mark.slow
 def test_the_benchmark_of_a_second_point_prints_prediction_and_achievement():
     table = cells(run("second_point.py", "--cases", 1))[2:]

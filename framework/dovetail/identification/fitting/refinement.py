@@ -28,8 +28,10 @@ class Settings:
     """Tuning constants of the refinement."""
 
     candidates: int = 1024
-    """Random points for each batch of starts. The engine takes less time for them than a search for a few steps, and
-    nearly all searches from the most similar FRFs end in the right minimum, of those from random points half."""
+    """Random points for the first batch of starts. The engine takes less time for them than a search for a few steps,
+    and nearly all searches from the most similar FRFs end in the right minimum, of those from random points half."""
+    more_candidates: int = 4096
+    """For each further batch."""
     first_starts: int = 4
     """At least."""
     more_starts: int = 8
@@ -178,7 +180,7 @@ class _Refinement:
             enough = count_agreeing(found.cost) >= _SETTINGS.enough_agreeing
             if enough and batch >= _SETTINGS.least_batches and not self._missed(best).size:
                 break
-            ends = self._searched(self._most_similar(_SETTINGS.more_starts))
+            ends = self._searched(self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates))
             found = _Ranked.of(found, self._told_apart(ends[: _SETTINGS.carried]))
         return found, best
 
@@ -187,11 +189,12 @@ class _Refinement:
         given = np.array(
             [*(self._assembly.to_unit(np.maximum(start, np.finfo(float).tiny)) for start in starts), middle]
         )
-        return np.concatenate([given, self._most_similar(max(1, _SETTINGS.first_starts - len(given)))])
+        count = max(1, _SETTINGS.first_starts - len(given))
+        return np.concatenate([given, self._most_similar(count, _SETTINGS.candidates)])
 
-    def _most_similar(self, count: int) -> NDArray[np.float64]:
+    def _most_similar(self, count: int, candidates: int) -> NDArray[np.float64]:
         """Return those of many random points whose FRFs are most like the measured ones."""
-        points = self._hypercube.random(_SETTINGS.candidates)
+        points = self._hypercube.random(candidates)
         squares = np.sum(self._search.residuals(points) ** 2, axis=1)
         return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
 
