@@ -1,0 +1,332 @@
+"""How wrong is the model, and does the program say so? Errors of known kinds and sizes in structures at random.
+
+    python tests/benchmarks/model_errors.py [--cases 10] [--seed 0] [--sizes 0.2,1] [--kinds young,spring]
+    python tests/benchmarks/model_errors.py --causes [--cases 25] [--seed 0]
+
+Each case is a structure, parameters, a frequency axis and noise as in `genuine_measurements.py`, but the structure
+that is measured differs from the model: a modulus, density, mass, length or section of a part is off, or a spring to
+the ground is missing, by as much as makes its natural frequencies, at equal parameters, differ by a wanted size (root
+mean square over the resonances that are visible in the band). Further kinds are as they are: a mesh four times as fine
+("mesh"), a loss factor 30 % lower ("loss"), joints that are damped by another law ("law").
+
+Parameters absorb a part of the error. What is left is the difference between the natural frequencies of the structure
+and of the model that fits its FRF best without any noise, weighted as the measurement is. "seen" counts the cases whose
+residuals without noise are large enough for a test of chi-squared to find them. Of these, the table counts the sizes
+told that are within a factor of two of what is left, and of the size at equal parameters; of the others, those that
+are told to be fitted to the noise, or within a factor of two all the same. Intervals count that hold the true value;
+their width is in parts of the range.
+
+With `--causes` the measurements are altered, with and without an error of the model, and the cause that is named first
+is counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from random_structures import JOINTS, NOISES, draw_axis, draw_theta, measure, random_structure
+from wrong_structures import ALTERATIONS, KINDS, SCALED, Poles, altered, dampers, pole_errors, wrong_structure
+
+import dovetail
+from dovetail.identification.adequacy.assess import assess
+from dovetail.identification.fitting import refine
+from dovetail.identification.posterior import TYPICAL, laplace_posterior, sample_posterior
+
+STRUCTURES = 25
+MOST_LINES = 5000
+SIZES = 5e-4, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2
+WITH_CAUSES = 0.0, 3e-3, 1e-2
+"""Errors of the model with which altered measurements are judged."""
+SIGNIFICANT = 5.0
+"""Standard deviations of chi-squared by which residuals exceed noise, if they are seen."""
+RIGHT = {"unaltered": ("",), "unit": ("unit", "gain"), "overhang": ("overhang", "part"), "point": ("point", "overhang")}
+"""Kinds of causes that are right for an alteration, where they are others than its name."""
+POSTERIORS = {"posterior": sample_posterior, "laplace": laplace_posterior}
+
+
+@dataclass(frozen=True)
+class Case:
+    """What became of one measurement of a structure that differs from the model.
+
+    Parameters
+    ----------
+    number : int
+    kind : str
+    wanted : float
+        Size of the error, 0 for a kind that is not scaled.
+    known, left, told : float
+        Relative errors of natural frequencies: at equal parameters, at the best fit, and as the program says.
+    known_damping, left_damping, told_damping : float
+        The same of damping ratios.
+    seen : bool
+        Whether residuals exceed the noise.
+    word : str
+    chi_squared : float
+    lines, unknowns, resonances : int
+    held : tuple of bool
+        Whether each interval holds the true value.
+    widths : tuple of float
+        Of the intervals, in parts of the ranges.
+    seconds : float
+    """
+
+    number: int
+    kind: str
+    wanted: float
+    known: float
+    left: float
+    told: float
+    known_damping: float
+    left_damping: float
+    told_damping: float
+    seen: bool
+    word: str
+    chi_squared: float
+    lines: int
+    unknowns: int
+    resonances: int
+    held: tuple[bool, ...]
+    widths: tuple[float, ...]
+    seconds: float
+
+    def near(self, size: float) -> bool:
+        """Whether what is told is within a factor of two, or nothing where nothing is seen."""
+        return bool(size / 2.0 <= self.told <= 2.0 * size) or (not self.seen and self.told == 0.0)
+
+    def describe(self) -> str:
+        """Return a line with all figures."""
+        sizes = " ".join(f"{1e2 * size:.3g}" for size in (self.known, self.left, self.told))
+        damping = " ".join(f"{size:.2g}" for size in (self.known_damping, self.left_damping, self.told_damping))
+        return (
+            f"{self.number:5d} {self.kind:8s} known, left, told {sizes} %; damping {damping}; "
+            f"{'seen' if self.seen else 'not seen'}, '{self.word}', chi-squared {self.chi_squared:.3g}; "
+            f"{self.unknowns} unknowns, {self.resonances} resonances, {self.lines} lines; "
+            f"{sum(self.held)} of {len(self.held)} held; {self.seconds:.1f} s"
+        )
+
+
+@lru_cache(maxsize=STRUCTURES)
+def structure(number: int, seed: int) -> dovetail.Assembly:
+    """Return one of the structures; the joints take turns in coming first."""
+    return dovetail.load(random_structure(np.random.default_rng([seed, number]), JOINTS[number % len(JOINTS)]))
+
+
+def drawn(number: int, seed: int, rng: np.random.Generator) -> tuple[dovetail.Assembly, np.ndarray]:
+    """Return the model of a case on the measurement's lines, and the true parameters."""
+    assembly = structure(number % STRUCTURES, seed)
+    theta = draw_theta(assembly, rng)
+    axis = draw_axis(assembly, rng)
+    return assembly.on(axis[:: 1 + len(axis) // MOST_LINES]), theta
+
+
+def judged(work: tuple[int, str, float], seed: int, method: str) -> Case | None:
+    """Draw a case of a kind and size, and judge it; None if the structure cannot be wrong in this way."""
+    number, kind, wanted = work
+    rng = np.random.default_rng([seed, STRUCTURES, number])
+    assembly, theta = drawn(number, seed, rng)
+    truth = wrong_structure(assembly, theta, kind, wanted, rng)
+    if truth is None:
+        return None
+    noise, stated = NOISES[number // 2 % len(NOISES)], number % 2 == 0
+    measured = measure(truth, theta, noise, rng, stated=stated)
+    assembly.frf_jacobian(theta)
+    began = time.perf_counter()
+    fit = refine(assembly, measured)
+    adequacy, refitted = assess(assembly, [measured], fit, explain=False)
+    held, widths = _intervals(assembly, measured, refitted, adequacy, theta, kind, method)
+    seconds = time.perf_counter() - began
+    poles = Poles.of(truth, theta)
+    exact = replace(measured, values=truth.frf(theta), variance=fit.variance, coherence=None, averages=None)
+    best = refine(assembly, exact, [theta, refitted.theta])
+    known, left = (pole_errors(poles, Poles.of(assembly, point)) for point in (theta, best.theta))
+    told = adequacy.size
+    return Case(
+        number=number,
+        kind=kind,
+        wanted=wanted if kind in SCALED else 0.0,
+        known=known[0],
+        left=left[0],
+        told=0.0 if told is None else told.natural_frequency,
+        known_damping=known[1],
+        left_damping=left[1],
+        told_damping=0.0 if told is None else told.damping,
+        seen=best.chi_squared > SIGNIFICANT * np.sqrt(2.0 / best.degrees_of_freedom),
+        word=adequacy.word,
+        chi_squared=fit.chi_squared,
+        lines=len(measured.frequency),
+        unknowns=len(theta),
+        resonances=len(poles.values),
+        held=held,
+        widths=widths,
+        seconds=seconds,
+    )
+
+
+def _intervals(
+    assembly: dovetail.Assembly,
+    measured: dovetail.Frf,
+    fit: dovetail.Fit,
+    adequacy: dovetail.Adequacy,
+    theta: np.ndarray,
+    kind: str,
+    method: str,
+) -> tuple[tuple[bool, ...], tuple[float, ...]]:
+    """Return which intervals of the parameters that structure and model share hold the truth, and their widths."""
+    if method == "refined":
+        return (), ()
+    allowed = TYPICAL if adequacy.size is None else adequacy.size.at_least(TYPICAL)
+    posterior = POSTERIORS[method](assembly, measured, fit, model_error=allowed)
+    low, high = np.array(list(posterior.interval().values())).T
+    widths = assembly.to_unit(high) - assembly.to_unit(low)
+    shared = ~dampers(assembly) if kind == "law" else np.ones(len(theta), dtype=bool)
+    held = (low <= theta) & (theta <= high)
+    return tuple(held[shared].tolist()), tuple(widths[shared].tolist())
+
+
+def works(cases: int, sizes: Iterable[float], kinds: Sequence[str], first: int = 0) -> list[tuple[int, str, float]]:
+    """Return the cases, more than are wanted of each size since not all can be made: number, kind and size."""
+    scaled, others = [k for k in kinds if k in SCALED], [k for k in kinds if k not in SCALED]
+    works = []
+    for index, size in enumerate(sizes if scaled else ()):
+        numbers = (first + 1000 * index + case for case in range(cases))
+        works += [(number, scaled[(number + number // len(scaled)) % len(scaled)], size) for number in numbers]
+    for index, kind in enumerate(others):
+        works += [(first + 100_000 + 1000 * index + case, kind, 0.0) for case in range(cases)]
+    return works
+
+
+HEADER = (
+    "| error | cases | seen | told as left | told as at equal parameters | of those not seen | intervals that hold "
+    "| median width | words | median time |\n|---|---|---|---|---|---|---|---|---|---|"
+)
+
+
+def row(name: str, cases: Sequence[Case]) -> str:
+    """Return one line of the table."""
+    seen = [case for case in cases if case.seen]
+    hidden = [case for case in cases if not case.seen]
+    held = [flag for case in cases for flag in case.held]
+    words = {word: sum(case.word == word for case in cases) for word in sorted({case.word for case in cases})}
+    cells = [
+        name,
+        str(len(cases)),
+        str(len(seen)),
+        f"{sum(case.near(case.left) for case in seen)} of {len(seen)}",
+        f"{sum(case.near(case.known) for case in seen)} of {len(seen)}",
+        f"{sum(case.near(case.left) for case in hidden)} of {len(hidden)}",
+        f"{sum(held)} of {len(held)} ({np.mean(held):.0%})" if held else "-",
+        f"{np.median([width for case in cases for width in case.widths]):.3f}" if held else "-",
+        ", ".join(f"{count} {word}" for word, count in words.items()),
+        f"{np.median([case.seconds for case in cases]):.1f} s",
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def study(
+    works: Sequence[tuple[int, str, float]],
+    seed: int,
+    method: str,
+    processes: int,
+    report: Callable[[str], object] = print,
+) -> list[Case]:
+    """Judge the cases, and print them and the tables by size and by kind."""
+    cases = []
+    for case in _each(partial(judged, seed=seed, method=method), works, processes):
+        if case is not None:
+            cases.append(case)
+            report(case.describe())
+    report(HEADER)
+    for size in sorted({case.wanted for case in cases if case.wanted}):
+        report(row(f"{size:.2%}", [case for case in cases if case.wanted == size]))
+    for kind in KINDS:
+        chosen = [case for case in cases if case.kind == kind]
+        if chosen:
+            report(row(kind, chosen))
+    report(row("all", cases))
+    return cases
+
+
+def _each(function: Callable[[tuple[int, str, float]], Any], works: Sequence[Any], processes: int) -> Iterator[Any]:
+    if processes == 1:
+        yield from map(function, works)
+        return
+    with ProcessPoolExecutor(processes) as pool:
+        yield from pool.map(function, works)
+
+
+# -- causes ----------------------------------------------------------------------------------------------------------
+
+
+def caused(work: tuple[int, str, float], seed: int) -> tuple[str, float, str, str, float] | None:
+    """Return alteration, error of the model, kind and words of the first cause, and seconds; None if it is none."""
+    number, alteration, size = work
+    rng = np.random.default_rng([seed, STRUCTURES, number])
+    assembly, theta = drawn(number, seed, rng)
+    truth: dovetail.Assembly | None = assembly
+    if size:
+        kinds = list(SCALED)
+        tries = (wrong_structure(assembly, theta, kinds[(number + i) % len(kinds)], size, rng) for i in range(4))
+        truth = next((made for made in tries if made is not None), None)
+    changed = None if truth is None else altered(truth, theta, alteration, rng)
+    if changed is None:
+        return None
+    measured = measure(changed, theta, NOISES[number // 2 % len(NOISES)], rng, stated=number % 2 == 0)
+    began = time.perf_counter()
+    causes = dovetail.identify(assembly, measured).adequacy.causes
+    name, words = (causes[0].name, causes[0].words) if causes else ("", "-")
+    return alteration, size, name, words, time.perf_counter() - began
+
+
+def study_causes(
+    cases: int, sizes: Sequence[float], seed: int, processes: int, report: Callable[[str], object] = print
+) -> None:
+    """Alter measurements, and count which cause is named first."""
+    works = [(case, alteration, size) for size in sizes for alteration in ALTERATIONS for case in range(cases)]
+    found = []
+    for outcome in _each(partial(caused, seed=seed), works, processes):
+        if outcome is not None:
+            found.append(outcome)
+            report(f"{outcome[0]:10s} {outcome[1]:.2%}: {outcome[2] or 'none'}: {outcome[3]}; {outcome[4]:.1f} s")
+    report("| alteration | " + " | ".join(f"model error {size:.1%}" for size in sizes) + " | otherwise named |")
+    report("|---|" + "---|" * (len(sizes) + 1))
+    for alteration in ALTERATIONS:
+        cells, wrong = [], []
+        for size in sizes:
+            names = [name for one, of, name, _, _ in found if (one, of) == (alteration, size)]
+            right = [name in RIGHT.get(alteration, (alteration,)) for name in names]
+            wrong += [name or "none" for name, hit in zip(names, right, strict=True) if not hit]
+            cells.append(f"{sum(right)} of {len(right)}")
+        others = ", ".join(f"{wrong.count(name)} {name}" for name in sorted(set(wrong)))
+        report(f"| {alteration} | {' | '.join(cells)} | {others or '-'} |")
+    report(f"Median time {np.median([seconds for *_, seconds in found]):.1f} s.")
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=10, help="of each size and kind; some cannot be made")
+    parser.add_argument("--seed", type=int, default=0, help="of structures, parameters, axes, errors and noise")
+    parser.add_argument("--sizes", default=None, help="in per cent, with commas between")
+    parser.add_argument("--kinds", default=",".join(KINDS), help="with commas between")
+    parser.add_argument("--method", choices=("posterior", "laplace", "refined"), default="posterior")
+    parser.add_argument("--causes", action="store_true", help="alter the measurements, and name the causes")
+    parser.add_argument("--processes", type=int, default=1)
+    options = parser.parse_args()
+    given = None if options.sizes is None else [float(size) / 100.0 for size in options.sizes.split(",")]
+    report = partial(print, flush=True)
+    if options.causes:
+        study_causes(options.cases, given or WITH_CAUSES, options.seed, options.processes, report)
+        return
+    chosen = works(options.cases, given or SIZES, options.kinds.split(","))
+    study(chosen, options.seed, options.method, options.processes, report)
+
+
+if __name__ == "__main__":
+    main()
