@@ -36,13 +36,15 @@ class Settings:
     """At least."""
     more_starts: int = 8
     """In each further batch."""
+    first_carried: int = 2
+    """Searches of the first batch, those with the most similar FRFs, whose minima are fitted before the others'."""
     carried: int = 4
-    """Searches of each batch, those with the most similar FRFs, whose minima are fitted."""
+    """The same of each further batch."""
     more_batches: int = 4
     """At most. Where the model does not fit, more starts only confirm it."""
-    enough_agreeing: int = 3
+    enough_agreeing: int = 6
     """Searches that must end in the same minimum before it counts as the best one, where the model does not fit."""
-    least_batches: int = 2
+    least_batches: int = 3
     """Before a model is said not to fit."""
     fit_lines: int = 1500
     """Of each response, about, on which minima are told apart; the best is fitted on all lines."""
@@ -145,10 +147,10 @@ class _Refinement:
     def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
         began = time.perf_counter()
         ends = self._searched(self._first_batch(starts))
-        found = self._told_apart(ends[:1])
+        found = self._told_apart(ends[: _SETTINGS.first_carried])
         best = self._reweighted(self._fitted(found.position[:1]))
         if not self._is_noise(best):
-            found, best = self._further(_Ranked.of(found, self._told_apart(ends[1:])))
+            found, best = self._further(_Ranked.of(found, self._told_apart(ends[_SETTINGS.first_carried :])))
         chi_squared = self._chi_squared(best)
         discrepancy = 0.0
         if not self._is_noise(best):
