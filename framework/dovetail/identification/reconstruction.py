@@ -15,7 +15,7 @@ from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.fitting import Fit, one_per_response
-from dovetail.identification.resonance_peaks import paired_modes, resonance_peaks
+from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
 from dovetail.units import format_quantity
 
@@ -139,7 +139,35 @@ def _modes(
     if not inside.any():
         return (), "The identified model has no natural frequency within the assembly's frequencies."
     peaks, measured_peaks = resonance_peaks(at_point.frf), resonance_peaks(at_point.measured)
-    return paired_modes(natural[inside], peaks, measured_peaks), ""
+    return _paired_modes(natural[inside], peaks, measured_peaks), ""
+
+
+def _paired_modes(
+    natural: NDArray[np.float64], reconstructed: NDArray[np.float64], measured: NDArray[np.float64]
+) -> tuple[Mode, ...]:
+    """Pair each natural frequency with its peak in the reconstructed FRF, and that with its peak in the measured one.
+
+    Parameters
+    ----------
+    natural : (n_modes,) array
+        Natural frequencies of the identified model, Hz.
+    reconstructed, measured : (n_peaks,) arrays
+        Resonance peaks of the two FRFs, Hz.
+
+    Returns
+    -------
+    tuple of Mode
+
+    Notes
+    -----
+    Two frequencies are counterparts if each is the other's nearest and they are close.
+    """
+    modes = []
+    for frequency in natural:
+        peak = counterpart(frequency, natural, reconstructed)
+        measured_peak = None if peak is None else counterpart(peak, reconstructed, measured)
+        modes.append(Mode(float(frequency), peak, measured_peak))
+    return tuple(modes)
 
 
 def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:

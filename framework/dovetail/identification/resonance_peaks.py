@@ -1,4 +1,4 @@
-"""Resonance peaks of an FRF, and the natural frequencies they belong to."""
+"""Resonance peaks of FRFs, and which of two FRFs belong together."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from dovetail.frf import Frf
-from dovetail.identification.result import Mode
 
-__all__ = ["counterpart", "paired_modes", "resonance_peaks"]
+__all__ = ["counterpart", "resonance_peaks"]
 
 
 @dataclass(frozen=True)
@@ -65,34 +64,6 @@ def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArr
     tops, properties = find_peaks(level, prominence=prominence)
     peaks = zip(tops.tolist(), properties["prominences"].tolist(), strict=True)
     return np.array([_peak_frequency(accelerance, top, height) for top, height in peaks])
-
-
-def paired_modes(
-    natural: NDArray[np.float64], reconstructed: NDArray[np.float64], measured: NDArray[np.float64]
-) -> tuple[Mode, ...]:
-    """Pair each natural frequency with its peak in the reconstructed FRF, and that with its peak in the measured one.
-
-    Parameters
-    ----------
-    natural : (n_modes,) array
-        Natural frequencies of the identified model, Hz.
-    reconstructed, measured : (n_peaks,) arrays
-        Resonance peaks of the two FRFs, Hz.
-
-    Returns
-    -------
-    tuple of Mode
-
-    Notes
-    -----
-    Two frequencies are counterparts if each is the other's nearest and they are close.
-    """
-    modes = []
-    for frequency in natural:
-        peak = counterpart(frequency, natural, reconstructed)
-        measured_peak = None if peak is None else counterpart(peak, reconstructed, measured)
-        modes.append(Mode(float(frequency), peak, measured_peak))
-    return tuple(modes)
 
 
 def counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:

@@ -2,12 +2,13 @@
 
 The sizes are unknowns with a prior: errors of each kind are normally distributed, and their standard deviation is what
 makes the residuals most probable once parameters and errors are marginalised (empirical Bayes). It is found by the EM
-algorithm around the best fit, which is then fitted anew with these errors allowed, until nothing changes.
+algorithm around the best fit. Natural frequencies are allowed large errors first, then smaller ones, as long as the
+residuals need no more: so resonances that are far apart find each other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +28,7 @@ from dovetail.identification.posterior.model_error import (
     typical_model_error,
 )
 from dovetail.identification.posterior.prior import PRIOR_PRECISION
+from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 
 __all__ = ["FitWithError", "estimate_model_error", "fit_with_error"]
 
@@ -35,18 +37,22 @@ __all__ = ["FitWithError", "estimate_model_error", "fit_with_error"]
 class Settings:
     """How the sizes are estimated."""
 
-    start: float = 2e-3
-    """Relative error of natural frequencies from which the estimate starts."""
-    rounds: int = 10
-    """Of fits and estimates, at most; two or three suffice mostly."""
+    narrowest: float = 5e-4
+    """Relative error of natural frequencies for which residuals are averaged first, and `wider` times more after."""
+    wider: float = 2.0
+    widest: float = 0.15
+    consistent: float = 2.0
+    """Times this error, or part of it, that an estimate may tell; one that tells more needs wider averages."""
+    unexplained: float = 0.1
+    """Other errors up to which averages are wide enough."""
     settled: float = 0.1
-    """Relative change of the error of natural frequencies at which it has settled."""
+    """Relative change of all sizes at which they have settled."""
     em_steps: int = 100
     em_settled: float = 0.02
     """Relative change of all sizes in a step of EM at which it ends."""
     pseudo_count: float = 2.0
     """Errors of the typical size that the prior adds to those of a kind: a few resonances tell little."""
-    least: float = 1e-5
+    least: float = 1e-4
     """Relative errors of natural frequencies, and other errors, below which they do not matter."""
     most: float = 10.0
     """Other errors above which the FRF says nothing."""
@@ -108,16 +114,28 @@ class _Problem:
         """Return what errors of the model add to its FRFs."""
         return error_shapes(self.axes, self.target.split(values), size)
 
-    def fit(self, fraction: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
-        """Return the fractions (p,) that fit best with errors of this size, from a start."""
+    def misplaced(self, fraction: NDArray[np.float64]) -> float:
+        """Return the relative distance (rms) of peaks of measurement and model that belong together, beyond a line."""
         values = self.model.frf(self.model.assemblies[0].from_unit(fraction[np.newaxis]))[0]
+        differences = []
+        for frf, fitted in zip(self.target.frfs, self.target.split(values), strict=True):
+            measured, modelled = resonance_peaks(frf), resonance_peaks(replace(frf, values=fitted))
+            step = float(np.median(np.diff(frf.frequency))) if len(frf.frequency) > 1 else 0.0
+            pairs = [(peak, counterpart(peak, measured, modelled)) for peak in measured.tolist()]
+            apart = [(abs(other - peak) - step) / peak for peak, other in pairs if other is not None]
+            differences += [max(0.0, distance) for distance in apart]
+        return float(np.sqrt(np.mean(np.square(differences)))) if differences else 0.0
+
+    def fit(self, starts: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
+        """Return the fractions (p,) that fit best with errors of this size, from starts (n, p), the last the surest."""
+        values = self.model.frf(self.model.assemblies[0].from_unit(starts[-1:]))[0]
         lines, residual = self.residual(values, size)
         shapes = np.concatenate(list(self.shapes(values, size).values()))
         errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
         model = self.model if len(lines) == len(values) else self.model.at(lines)
         problem = MarginalisedResiduals(FrfResiduals(model, residual), errors)
-        minimum = minimise(problem, fraction[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
-        return np.asarray(minimum.position[0])
+        minima = minimise(problem, starts, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+        return np.asarray(minima.position[np.argmin(minima.cost)])
 
 
 def fit_with_error(
@@ -130,7 +148,7 @@ def fit_with_error(
 ) -> FitWithError:
     """Fit the parameters with errors of the model of a given size allowed."""
     problem = _Problem(model, target, variance, used)
-    fraction = problem.fit(fraction, size)
+    fraction = problem.fit(fraction[np.newaxis], size)
     return _Linearised(problem, fraction, size).result(size)
 
 
@@ -155,21 +173,37 @@ def estimate_model_error(
         Of the ranges, from which the search starts: the best fit without errors.
     """
     problem = _Problem(model, target, variance, used)
-    size = typical_model_error(_SETTINGS.start)
-    for _ in range(_SETTINGS.rounds):
-        fraction = problem.fit(fraction, size)
-        linearised, before = _Linearised(problem, fraction, size), size.natural_frequency
-        size = linearised.estimate()
-        if abs(np.log(size.natural_frequency / before)) < _SETTINGS.settled:
-            break
-    return linearised.result(size)
+    size = _most_plausible(_estimates(problem, fraction))
+    refitted = problem.fit(fraction[np.newaxis], size)
+    if problem.misplaced(refitted) > max(problem.misplaced(fraction), size.natural_frequency):
+        refitted = fraction
+    return _Linearised(problem, refitted, size).result(size)
+
+
+def _estimates(problem: _Problem, fraction: NDArray[np.float64]) -> Iterator[tuple[float, ModelError]]:
+    """Yield the sizes that are told with residuals averaged for natural frequencies that are off by less or more."""
+    width = max(_SETTINGS.narrowest, problem.misplaced(fraction))
+    while width <= _SETTINGS.widest:
+        size = _Linearised(problem, fraction, typical_model_error(width)).estimate()
+        yield width, replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
+        width *= _SETTINGS.wider
+
+
+def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError:
+    """Return the estimate from the narrowest averages that leaves no more unexplained than wider ones."""
+    told = list(estimates)
+    plausible = [size for width, size in told if size.natural_frequency <= _SETTINGS.consistent * width]
+    if not plausible:
+        return told[-1][1]
+    limit = max(_SETTINGS.unexplained, _SETTINGS.consistent * min(size.other for size in plausible))
+    return next(size for size in plausible if size.other <= limit)
 
 
 class _Linearised:
     """A fit, around which residuals are linear in the parameters and in the errors of the model."""
 
     def __init__(self, problem: _Problem, fraction: NDArray[np.float64], size: ModelError) -> None:
-        self._problem, self._fraction, self._size = problem, fraction, size
+        self._problem, self.fraction, self._size = problem, fraction, size
         model = problem.model
         frf, jacobian = linearise_frf(model, model.assemblies[0].from_unit(fraction[np.newaxis]))
         self._frf, self._jacobian = frf, jacobian
@@ -189,15 +223,14 @@ class _Linearised:
         size = self._size
         for _ in range(_SETTINGS.alternations):
             before = size
-            size = self._estimate_shaped(size)
-            size = self._estimate_other(size)
+            size = self._estimate_shaped(self._estimate_other(size))
             if _change(size, before) < _SETTINGS.settled:
                 break
         return size
 
     def _factors(self, size: ModelError) -> dict[str, float]:
         """Return sizes over those of the shapes."""
-        return {kind: getattr(size, kind) / getattr(self._size, kind) for kind in KINDS}
+        return {kind: getattr(size, kind) / (getattr(self._size, kind) or 1.0) for kind in KINDS}
 
     def _estimate_shaped(self, size: ModelError) -> ModelError:
         """Return the sizes of the errors that have a shape, by EM."""
@@ -220,7 +253,8 @@ class _Linearised:
 
     def _em_step(self, size: ModelError, second: Mapping[str, NDArray[np.float64]]) -> ModelError:
         """Return the sizes from the second moments of the errors, in units of the sizes before."""
-        frequency = size.natural_frequency * float(np.sqrt(second["natural_frequency"].mean()))
+        of_frequency = second["natural_frequency"]
+        frequency = size.natural_frequency * float(np.sqrt(of_frequency.mean()) if len(of_frequency) else 1.0)
         typical = typical_model_error(max(frequency, _SETTINGS.least))
         sizes = {}
         for kind in KINDS[1:]:
@@ -257,7 +291,7 @@ class _Linearised:
         along = parameters @ errors.T
         inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T)
         information = PRIOR_PRECISION * (parameters @ parameters.T - along @ inner)
-        return FitWithError(self._fraction, self._frf[0], size, information, _mean_square(residuals, columns))
+        return FitWithError(self.fraction, self._frf[0], size, information, _mean_square(residuals, columns))
 
 
 def _mean_square(residuals: NDArray[np.float64], changes: NDArray[np.float64]) -> float:

@@ -286,7 +286,7 @@ def error_shapes(
 
     Notes
     -----
-    Neighbouring resonances err alike for the most part: the FRF is stretched, and its magnitude and phase change,
+    Neighbouring resonances err alike for the most part: natural frequencies, and the FRF's magnitude and phase, change
     smoothly over the frequency axis, by six hat functions. Beside this each resonance errs alone, which moves the
     antiresonances too.
     """
@@ -295,15 +295,14 @@ def error_shapes(
         return {kind: np.zeros((0, sum(counts)), dtype=np.complex128) for kind in KINDS}
     band = float(min(axis[0] for axis in axes)), float(max(axis[-1] for axis in axes))
     resonances, hats = fit_resonances(axes, values), [hat_functions(frequency, band) for frequency in axes]
-    responses = zip(hats, axes, values, strict=True)
-    stretched = np.concatenate([hat * _stretched(frequency, frf) for hat, frequency, frf in responses], axis=1)
     level, alone = size.natural_frequency, _SETTINGS.individual * size.natural_frequency
+    displaced, together = resonances.displaced(level, 1), hat_functions(resonances.poles.real, band)
     of_response = zip(hats, values, resonances.terms, strict=True)
     shapes = [np.concatenate([hat * frf, _SETTINGS.individual * terms]) for hat, frf, terms in of_response]
     scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
     higher = np.concatenate([resonances.displaced(level, order) for order in _SETTINGS.orders])
     return {
-        "natural_frequency": np.concatenate([level * stretched, resonances.displaced(alone, 1)]),
+        "natural_frequency": np.concatenate([together @ displaced, resonances.displaced(alone, 1)]),
         "damping": size.damping * _damped(resonances),
         "magnitude": size.magnitude * scaled,
         "phase": 1j * size.phase * scaled,
@@ -316,13 +315,6 @@ def _damped(resonances: Resonances) -> NDArray[np.complex128]:
     ratio = resonances.poles.imag / resonances.poles.real
     pairs = zip(resonances.near, resonances.relative, strict=True)
     return np.concatenate([1j * ratio[:, np.newaxis] * near * relative for near, relative in pairs], axis=1)
-
-
-def _stretched(frequency: NDArray[np.float64], values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return the derivative (n_freq,) of an FRF by the logarithm of the frequency; 0 for a single line."""
-    if len(frequency) < 2:
-        return np.zeros_like(values)
-    return np.asarray(frequency * np.gradient(values, frequency))
 
 
 def _in_response(errors: NDArray[np.complex128], index: int, counts: Sequence[int]) -> NDArray[np.complex128]:
