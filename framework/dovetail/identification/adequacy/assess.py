@@ -73,6 +73,8 @@ def assess(
     noise = is_noise(assembly, target, fit)
     if noise and not model_error:
         return Adequacy("to the noise", allowed=model_error), fit
+    if not noise and max(target.counts) < 2:
+        return Adequacy("not judged", allowed=model_error), fit
     start = assembly.to_unit(fit.theta)
     estimated = None if noise else estimate_model_error(model, target, fit.variance, fit.used, start)
     used = estimated

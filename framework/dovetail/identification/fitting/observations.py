@@ -121,7 +121,9 @@ class Observations:
             [_estimated(frf, values) if variance is None else variance for frf, variance, values in responses]
         )
 
-    def residual_variance(self, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def residual_variance(
+        self, model: NDArray[np.complex128], used: NDArray[np.bool_], share: float = 1.0
+    ) -> NDArray[np.float64]:
         """Return E|error|^2 (n_lines,) of each line: known, or estimated from all that a model leaves.
 
         Parameters
@@ -130,11 +132,13 @@ class Observations:
             Values that leave nothing but noise.
         used : (n_lines,) bool array
             Lines that were not left out.
+        share : float
+            Part of the random error that a fit with as many parameters leaves.
         """
         responses = zip(self.frfs, self._known_variances, self.split(model), self.split(used), strict=True)
         return np.concatenate(
             [
-                known if known is not None else _from_residuals(frf, values, lines)
+                known if known is not None else _from_residuals(frf, values, lines) / share
                 for frf, known, values, lines in responses
             ]
         )

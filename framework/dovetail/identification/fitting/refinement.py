@@ -249,7 +249,7 @@ class _Refinement:
             return best
         from_scatter = self._variance
         share = self._freedom / self._target.residual_count(self._used)
-        self._variance = self._target.residual_variance(self._values(best), self._used) / share
+        self._variance = self._target.residual_variance(self._values(best), self._used, share)
         refitted = self._fitted(best.position)
         if self._is_noise(refitted):
             return refitted

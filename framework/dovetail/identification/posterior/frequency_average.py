@@ -146,6 +146,7 @@ class AveragedResiduals:
         values = measured.values if measured.has_phase else measured.amplitude
         self._measured = weights @ values[used]
         of_error = (weights @ deviation[used]) ** 2
+        self._count = len(averages) * (2 if measured.has_phase else 1)
         self._factor = _cholesky(weights, variance[used] / 2.0, of_error / 2.0)
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -163,13 +164,13 @@ class AveragedResiduals:
     def _averaged(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return averages (..., n_averages) of values (..., f)."""
         columns = np.ascontiguousarray(values.reshape(-1, values.shape[-1]).T)
-        return np.asarray((self._weights @ columns).T.reshape(*values.shape[:-1], -1))
+        return np.asarray((self._weights @ columns).T.reshape(*values.shape[:-1], self._weights.shape[0]))
 
     def _scaled(self, averages: NDArray[Any]) -> NDArray[np.float64]:
         """Return averages (..., n_averages) scaled to covariance 1; real parts beside imaginary ones."""
         columns = averages.reshape(-1, averages.shape[-1]).T
         white = np.ascontiguousarray(solve_banded((len(self._factor) - 1, 0), self._factor, columns).T)
-        return np.asarray(white.view(np.float64).reshape(*averages.shape[:-1], -1))
+        return np.asarray(white.view(np.float64).reshape(*averages.shape[:-1], self._count))
 
 
 Average = tuple[float, float]

@@ -225,8 +225,9 @@ def _on_few_lines(likelihood: Likelihood, basis: NDArray[np.float64]) -> tuple[M
 
 
 def _inverse_square_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return it for 1 and a positive matrix; eigenvalues below 1 are errors of rounding."""
     values, vectors = np.linalg.eigh(matrix)
-    return np.asarray((vectors / np.sqrt(values)) @ vectors.T)
+    return np.asarray((vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T)
 
 
 def _basis(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
