@@ -1,6 +1,6 @@
 """A result that is not to be believed says so in every file and table that a command makes of it; others say nothing.
 
-The measurement of another structure is that of a mass on a spring with 100 g that the description lacks.
+The measurement that does not fit is that of the described structure with the sign reversed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import dovetail
 from dovetail.cli.result_files import write_results
 from dovetail.identification.result_file import read_identification
 
-CAVEAT = "The model cannot have made the measurement: do not believe the numbers."
+CAVEAT = "The model does not fit the measurement: do not believe the numbers."
 HEAVIER = "extends: sdof.yaml\nname: heavier\nsubstructures: {mass: {masses: [{mass: 2 kg}]}}\n"
 JOINT = "{assembly: sdof.yaml, measured: measured.uff}"
 CASES = f"""\
@@ -31,16 +31,15 @@ cases:
 COMPARED = f"dovetail_cases: 1\ncases: {{same: {{assembly: sdof.yaml, measured: measured.uff, joint: {JOINT}}}}}\n"
 
 
-def make_bench(folder, assemblies, added_mass):
-    """Write descriptions, cases and measurements, with noise, of an SDOF with so many kg more than described."""
+def make_bench(folder, assemblies, sign):
+    """Write descriptions, cases and measurements, with noise, of an SDOF."""
     (folder / "sdof.yaml").write_bytes((assemblies / "sdof.yaml").read_bytes())
     for name, text in (("heavier.yaml", HEAVIER), ("cases.yaml", CASES), ("compared.yaml", COMPARED)):
         (folder / name).write_text(text)
     random = np.random.default_rng(0)
     for description, file in (("sdof", "measured.uff"), ("heavier", "heavier.csv")):
         assembly = dovetail.load(folder / f"{description}.yaml")
-        values = assembly.frf({"k": 3e6, "c": 40.0})
-        values = values / (1 + added_mass * values)
+        values = sign * assembly.frf({"k": 3e6, "c": 40.0})
         noise = 1e-3 * values.std() * random.standard_normal((2, values.size))
         frf = dovetail.Frf(assembly.frequency, values + noise[0] + 1j * noise[1], "accelerance")
         dovetail.write_frf(frf, folder / file)
@@ -63,11 +62,11 @@ def run_all(run, folder, code):
     return SimpleNamespace(folder=folder, tables=tables, plain=plain)
 
 
-@pytest.fixture(scope="module", params=[(0.1, 3), (0.0, 0)], ids=["another structure", "genuine"])
+@pytest.fixture(scope="module", params=[(-1.0, 3), (1.0, 0)], ids=["another sign", "genuine"])
 def made(request, run, assemblies, tmp_path_factory):
-    added_mass, code = request.param
+    sign, code = request.param
     folder = tmp_path_factory.mktemp("made")
-    make_bench(folder, assemblies, added_mass)
+    make_bench(folder, assemblies, sign)
     before = set(folder.rglob("*"))
     done = run_all(run, folder, code)
     result = read_identification(folder / "results")
@@ -188,10 +187,12 @@ def test_a_prediction_in_python_warns(made, predict):
     assert (CAVEAT in repr(done)) != made.believable
 
 
-def test_a_file_of_an_earlier_version_is_judged_by_its_verdict(made, tmp_path):
+@pytest.mark.parametrize("key", ["misspecification", "foreign"])
+def test_a_file_of_an_earlier_version_is_judged_by_its_verdict(made, tmp_path, key):
     stored = made.result.to_dict()
     del stored["believable"], stored["caveat"], stored["posterior"]["caveat"]
-    stored["foreign"] = stored.pop("misspecification")
+    del stored["adequacy"]
+    stored[key] = {"flagged": not made.believable, "statistic": 2.0, "looks_like": "", "reasons": [], "bands_Hz": []}
     for parameter in stored["posterior"]["parameters"].values():
         parameter["verdict"] = "identified"
     (tmp_path / "result.json").write_text(json.dumps(stored))
@@ -201,7 +202,7 @@ def test_a_file_of_an_earlier_version_is_judged_by_its_verdict(made, tmp_path):
 
 
 def test_what_is_handed_on_follows_the_result(made):
-    genuine = replace(made.result, misspecification=None)
+    genuine = replace(made.result, adequacy=None)
     assert genuine.frf.note == genuine.posterior.caveat == ""
     assert "not believed" not in {verdict.word for verdict in genuine.posterior.verdicts.values()}
 

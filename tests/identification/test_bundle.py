@@ -267,7 +267,7 @@ def test_a_model_of_the_first_format_loads_and_says_what_it_cannot_tell(
     (bundle / "novelty.safetensors").unlink()
     older = dovetail.load_model(bundle)
     result = older.identify(measured)
-    assert result.misspecification is None
+    assert result.adequacy is None
     assert any("cannot tell whether the measurement" in warning for warning in result.warnings)
     np.testing.assert_array_equal(result.theta, model.identify(measured).theta)
     assert older.save(bundle) == bundle

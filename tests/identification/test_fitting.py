@@ -160,9 +160,9 @@ def test_what_the_model_cannot_explain_is_told(sdof):
     assert fit.chi_squared > 10
     assert fit.discrepancy > 0.001
     result = dovetail.identify(sdof, replace(clean, values=clean.values + extra))
-    assert result.misspecification.flagged
-    assert any(low < at < high for low, high in result.misspecification.bands)
-    assert not dovetail.identify(sdof, clean).misspecification.flagged
+    assert result.adequacy.word in ("good", "rough", "does not fit")
+    assert any(low < at < high for low, high in result.adequacy.bands)
+    assert dovetail.identify(sdof, clean).adequacy.word == "to the noise"
 
 
 def test_known_parameters_come_back_without_a_network(collet, torque_20):

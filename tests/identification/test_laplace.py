@@ -17,7 +17,13 @@ from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.least_squares import Linearisation
-from dovetail.identification.posterior import Posterior, laplace_posterior, sample_posterior
+from dovetail.identification.posterior import (
+    ModelError,
+    Posterior,
+    laplace_posterior,
+    sample_posterior,
+    typical_model_error,
+)
 from dovetail.identification.posterior.laplace import LaplaceApproximation
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals, marginalised_squares
 from dovetail.identification.posterior.mode_search import maximise_posterior
@@ -48,8 +54,8 @@ class Banana:
 def test_where_the_posterior_is_straight_both_forms_agree(sdof, model_error):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.02, 1)
     fit = refine(sdof, frf)
-    sampled = sample_posterior(sdof, frf, fit, samples=2000, model_error=model_error)
-    found = laplace_posterior(sdof, frf, fit, samples=2000, model_error=model_error)
+    sampled = sample_posterior(sdof, frf, fit, samples=2000, model_error=typical_model_error(model_error))
+    found = laplace_posterior(sdof, frf, fit, samples=2000, model_error=typical_model_error(model_error))
     assert found.form == "laplace"
     assert found.unreliable == ()
     for name, (low, high) in sampled.interval().items():
@@ -86,7 +92,7 @@ def test_errors_of_the_model_are_integrated_out_as_by_the_formula():
 def test_doubtful_parameters_are_named_everywhere(sdof, tmp_path):
     fraction = np.random.default_rng(0).random((300, 2))
     weight = np.full(300, 1 / 300)
-    options = {"model_error": 0.0, "searches": 300, "lines": 9, "seconds": 0.1}
+    options = {"model_error": ModelError(0.0), "searches": 300, "lines": 9, "seconds": 0.1}
     name = sdof.parameters[1].name
     sampled = Posterior.from_fractions(sdof, fraction, weight, **options)
     posterior = replace(sampled, form="laplace", unreliable=(name,))
@@ -158,7 +164,7 @@ def test_halves_that_disagree_are_told():
 
 def test_few_effective_samples_are_warned_of(sdof):
     random = np.random.default_rng(0)
-    options = {"model_error": 0.0, "searches": 400, "lines": 9, "seconds": 0.1}
+    options = {"model_error": ModelError(0.0), "searches": 400, "lines": 9, "seconds": 0.1}
     fraction = random.random((400, 2))
     even = Posterior.from_fractions(sdof, fraction, np.full(400, 1 / 400), **options)
     assert even.warnings == ()

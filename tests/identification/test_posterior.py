@@ -15,16 +15,24 @@ from dovetail.cli import app
 from dovetail.errors import ParameterError
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import FrfResiduals, Weighted
-from dovetail.identification.posterior import Posterior, model_errors, quantiles, sample_posterior, sampling
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Weighted
+from dovetail.identification.posterior import (
+    ModelError,
+    Posterior,
+    error_shapes,
+    quantiles,
+    sample_posterior,
+    sampling,
+    typical_model_error,
+)
 from dovetail.identification.posterior.likelihood import (
     Likelihood,
     MarginalisedResiduals,
     ReducedResiduals,
+    build_likelihood,
     marginalised_squares,
 )
 from dovetail.identification.posterior.mode_search import search_modes
-from dovetail.identification.posterior.model_error import correlation_length
 from dovetail.identification.posterior.prior import PosteriorResiduals, normal_from_unit
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
 from dovetail.identification.result_file import read_identification
@@ -32,18 +40,26 @@ from dovetail.identification.result_file import read_identification
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 
 
-def on_a_grid(assembly, frf, errors=None, widening=1.0, points=200):
-    """Mean and standard deviation of two parameters, in fractions of their ranges, by brute force."""
+EXACT = ModelError(0.0)
+
+
+def exact_likelihood(assembly, frf):
+    """The likelihood of a measurement with known noise and of a model without errors."""
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
-    misfit = FrfResiduals(assembly, residual)
+    none = np.zeros((0, residual.components * len(frf.frequency)))
+    target = Observations.of(assembly, frf)
+    return Likelihood(target, frf.variance, ModelFrfs.of(assembly), residual, residual, none)
+
+
+def on_a_grid(assembly, frf, model_error=EXACT, widening=1.0, points=200):
+    """Mean and standard deviation of two parameters, in fractions of their ranges, by brute force."""
     fit = refine(assembly, frf)
+    likelihood = build_likelihood(assembly, frf, fit, model_error)
+    misfit, errors = likelihood.misfit, likelihood.errors
     centre, reach = assembly.to_unit(fit.theta), widening * 6 / np.sqrt(np.diag(fit.information))
     low, high = np.clip(centre - reach, 0, 1), np.clip(centre + reach, 0, 1)
     axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    errors = (
-        np.zeros((0, 2 * len(frf.frequency) if frf.has_phase else len(frf.frequency))) if errors is None else errors
-    )
     squares = np.concatenate(
         [marginalised_squares(misfit.residuals(part), errors) for part in np.array_split(places, 60)]
     )
@@ -57,7 +73,7 @@ def on_a_grid(assembly, frf, errors=None, widening=1.0, points=200):
 def test_the_samples_are_those_of_the_posterior_on_a_grid(sdof, has_phase):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.2, 1, has_phase=has_phase)
     mean, deviation = on_a_grid(sdof, frf)
-    found = sample_posterior(sdof, frf, refine(sdof, frf), samples=2000, model_error=0.0)
+    found = sample_posterior(sdof, frf, refine(sdof, frf), samples=2000, model_error=EXACT)
     ours = found.weight @ found.fraction
     assert found.converged_fraction > 0.99
     np.testing.assert_allclose(ours, mean, atol=0.12 * deviation.max())
@@ -68,7 +84,7 @@ def test_where_no_search_arrives_moves_from_the_peak_find_the_same_posterior(sdo
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.2, 1)
     mean, deviation = on_a_grid(sdof, frf)
     monkeypatch.setattr(sampling._Sampler, "search", lambda *_: (np.empty((0, 2)), np.empty(0)))
-    found = sample_posterior(sdof, frf, refine(sdof, frf), samples=1000, model_error=0.0)
+    found = sample_posterior(sdof, frf, refine(sdof, frf), samples=1000, model_error=EXACT)
     ours = found.weight @ found.fraction
     assert found.converged_fraction < 0.01
     np.testing.assert_allclose(ours, mean, atol=0.12 * deviation.max())
@@ -79,12 +95,9 @@ def test_where_no_search_arrives_moves_from_the_peak_find_the_same_posterior(sdo
 def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level, wider):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.05, 1)
     fit = refine(sdof, frf)
-    residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
-    values = sdof.frf(fit.theta)
-    errors = residual.jacobian(values[None], model_errors([sdof.frequency], [values], level)[None])[0]
-    _, deviation = on_a_grid(sdof, frf, errors, widening=30.0)
-    without = sample_posterior(sdof, frf, fit, samples=2000, model_error=0.0)
-    found = sample_posterior(sdof, frf, fit, samples=2000, model_error=level)
+    _, deviation = on_a_grid(sdof, frf, typical_model_error(level), widening=30.0)
+    without = sample_posterior(sdof, frf, fit, samples=2000, model_error=EXACT)
+    found = sample_posterior(sdof, frf, fit, samples=2000, model_error=typical_model_error(level))
     spread = [np.sqrt(p.weight @ (p.fraction - p.weight @ p.fraction) ** 2) for p in (without, found)]
     assert spread[1][0] > wider * spread[0][0]  # the stiffness, which the natural frequency tells
     np.testing.assert_allclose(spread[1], deviation, rtol=0.05)
@@ -96,7 +109,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(sdof):
     for seed in range(60):
         fraction = rng.random(2)
         frf = noisy(sdof, sdof.frf(sdof.from_unit(fraction)), 0.1, seed)
-        found = sample_posterior(sdof, frf, refine(sdof, frf), samples=200, model_error=0.0, seed=seed)
+        found = sample_posterior(sdof, frf, refine(sdof, frf), samples=200, model_error=EXACT, seed=seed)
         low, high = quantiles(found.fraction, found.weight, [0.05, 0.95])
         inside.append((low < fraction) & (fraction < high))
     assert 0.82 <= np.mean(inside) <= 0.97  # 120 draws at 0.9: three standard deviations
@@ -104,14 +117,13 @@ def test_intervals_hold_the_truth_as_often_as_they_say(sdof):
 
 def test_a_few_lines_stand_for_all(collet, torque_100):
     frf = noisy(collet, collet.frf(torque_100), 0.01, 2)
-    residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
-    exact = FrfResiduals(collet, residual)
+    likelihood = exact_likelihood(collet, frf)
+    exact = likelihood.misfit
     centre = collet.to_unit(torque_100)
     near = np.clip(centre + 0.01 * np.random.default_rng(1).standard_normal((300, 12)), 0.01, 0.99)
     vectors = exact.residuals(near)
-    none = np.zeros((0, vectors.shape[1]))
-    reduced = ReducedResiduals(collet, residual, vectors[:250], vectors[0], none)
-    assert len(reduced.lines) < 150
+    reduced = ReducedResiduals(likelihood, vectors[:250], vectors[0])
+    assert reduced.lines < 150
     inside = reduced.residuals(near[250:])
     whole = np.einsum("nm,nm->n", vectors[250:], vectors[250:])
     np.testing.assert_allclose(np.einsum("nk,nk->n", inside, inside) + reduced.outside, whole, rtol=1e-5)
@@ -171,12 +183,9 @@ def test_the_highest_peak_is_found_where_the_best_fit_is_another(collet):
     shown = values + deviation * (real + 1j * imaginary) / np.sqrt(2)
     frf = dovetail.Frf(collet.frequency, shown, "accelerance", variance=variance)
     fit = refine(collet, frf, seed=11)
-    residual = Weighted.against(frf, variance, np.ones(len(values), dtype=bool))
-    none = np.zeros((0, 2 * len(values)))
-    best, measured = collet.to_unit(fit.theta), Observations.of(collet, frf)
-    likelihood = Likelihood(measured, variance, residual, len(values), none)
+    best, likelihood = collet.to_unit(fit.theta), exact_likelihood(collet, frf)
     modes = search_modes(collet, likelihood, best, np.random.default_rng(0))
-    problem = PosteriorResiduals(FrfResiduals(collet, residual))
+    problem = PosteriorResiduals(likelihood.misfit)
     places = np.concatenate([modes, normal_from_unit(np.stack([np.clip(best, 0.02, 0.98), fraction]))])
     squares = np.sum(problem.residuals(places) ** 2, axis=1)
     assert squares[0] == squares.min()
@@ -187,7 +196,8 @@ def test_errors_of_the_model_scale_residuals_to_their_sum_of_squares(sdof):
     frf = noisy(sdof, sdof.frf(), 0.05, 1)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     misfit, values = FrfResiduals(sdof, residual), sdof.frf()
-    errors = residual.jacobian(values[None], model_errors([sdof.frequency], [values], 2e-3)[None])[0]
+    shapes = np.concatenate(list(error_shapes([sdof.frequency], [values], typical_model_error(2e-3)).values()))
+    errors = residual.jacobian(values[None], shapes[None])[0]
     places = np.random.default_rng(0).random((5, 2))
     scaled = MarginalisedResiduals(misfit, errors).linearise(places)
     np.testing.assert_allclose(scaled.cost, marginalised_squares(misfit.residuals(places), errors), rtol=1e-9)
@@ -230,7 +240,7 @@ def test_a_parameter_at_the_end_of_its_range_says_so():
         fraction=columns,
         weight=np.full(4000, 1 / 4000),
         estimate=columns.mean(axis=0),
-        model_error=0.0,
+        model_error=EXACT,
         searches=4000,
         lines=10,
         seconds=0.0,
@@ -241,14 +251,6 @@ def test_a_parameter_at_the_end_of_its_range_says_so():
     assert posterior.verdicts["even"].reason == "The FRF hardly depends on it."
     assert posterior.verdicts["inside"].reason == "The measurement fixes it."
     assert posterior.effective_sample_size == pytest.approx(4000)
-
-
-def test_neighbours_that_are_off_alike_count_as_one():
-    rng = np.random.default_rng(0)
-    noise = rng.standard_normal(20000) + 1j * rng.standard_normal(20000)
-    assert correlation_length(noise) == pytest.approx(1.0, abs=0.2)
-    smooth = np.convolve(noise, np.ones(20) / 20, mode="same")
-    assert correlation_length(smooth) == pytest.approx(20.0, rel=0.1)
 
 
 def test_at_five_torques_the_intervals_hold_what_a_finer_mesh_hides(collet, assemblies):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dovetail.identification.posterior import Posterior, model_errors
+from dovetail.identification.posterior import ModelError, Posterior, error_shapes, typical_model_error
 from dovetail.identification.posterior import randomize_then_optimize as rto
 from dovetail.identification.posterior.laplace import LaplaceApproximation
 from dovetail.identification.posterior.model_error import fit_resonances
@@ -17,12 +17,13 @@ HATS = np.stack([np.interp(FREQUENCY, np.linspace(100.0, 200.0, 6), height) for 
 
 
 def test_the_errors_of_a_flat_frf_have_the_stated_sizes():
-    """Of docs/uncertainty.md, over the error of natural frequencies: magnitude 20, phase 2; no slope, no stretching."""
+    """Of docs/uncertainty.md, over the error of natural frequencies: magnitude 20, phase 2; nothing else errs."""
     flat = np.full(501, 3.0 + 4.0j)
-    errors = model_errors([FREQUENCY], [flat], 1e-3)
-    none = np.zeros((12, 501))  # stretched, and the same with another damping
-    expected = np.concatenate([none, 20e-3 * HATS * flat, 2e-3 * 1j * HATS * flat])
-    np.testing.assert_allclose(errors, expected, rtol=1e-9, atol=1e-12)
+    shapes = error_shapes([FREQUENCY], [flat], typical_model_error(1e-3))
+    assert not shapes["natural_frequency"].any()
+    assert shapes["damping"].shape == shapes["higher"].shape == (0, 501)
+    np.testing.assert_allclose(shapes["magnitude"], 20e-3 * HATS * flat, rtol=1e-9)
+    np.testing.assert_allclose(shapes["phase"], 2e-3j * HATS * flat, rtol=1e-9)
 
 
 def test_the_errors_at_a_resonance_have_the_stated_sizes():
@@ -30,15 +31,27 @@ def test_the_errors_at_a_resonance_have_the_stated_sizes():
     level, pole = 1e-3, 150.0 * (1.0 + 0.01j)
     near, mirrored = 1.0 / (FREQUENCY - pole), 1.0 / (FREQUENCY + np.conj(pole))
     frf = near - mirrored
-    stretched = level * HATS * FREQUENCY * np.gradient(frf, FREQUENCY)
     relative = level * pole / (FREQUENCY - pole)  # at most 0.1: the series converges
-    alone = 0.3 * near * relative
-    linear = np.concatenate([stretched, alone[np.newaxis]])
+    linear = near * relative
+    halves = np.array([0.0, 0.0, 0.5, 0.5, 0.0, 0.0])  # of the hat functions at 140 and 160 Hz
     higher = np.stack([near * relative**2, near * relative**3])
     sizes = level * np.concatenate([HATS * frf, 0.3 * frf[np.newaxis]])
-    expected = [linear, 0.3j * linear, higher, 1j * higher, 20.0 * sizes, 2.0j * sizes]
-    errors = model_errors([FREQUENCY], [frf], level)
-    np.testing.assert_allclose(errors, np.concatenate(expected), rtol=1e-5, atol=1e-7)
+    expected = {
+        "natural_frequency": np.concatenate([halves[:, np.newaxis] * linear, 0.3 * linear[np.newaxis]]),
+        "damping": 100.0 * level * 1j * 0.01 * (near * pole / (FREQUENCY - pole))[np.newaxis],
+        "magnitude": 20.0 * sizes,
+        "phase": 2.0j * sizes,
+        "higher": np.concatenate([higher, 1j * higher]),
+    }
+    shapes = error_shapes([FREQUENCY], [frf], typical_model_error(level))
+    assert shapes.keys() == expected.keys()
+    for kind, errors in shapes.items():
+        np.testing.assert_allclose(errors, expected[kind], rtol=1e-5, atol=1e-7)
+
+
+def test_errors_that_go_with_a_very_wrong_natural_frequency_are_bounded():
+    assert typical_model_error(5e-4) == ModelError(5e-4, damping=0.05, magnitude=0.01, phase=1e-3)
+    assert typical_model_error(0.1) == ModelError(0.1, damping=0.3, magnitude=0.3, phase=0.2)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +84,7 @@ def posterior_of(*columns, weight=None):
         fraction=fraction,
         weight=np.full(count, 1.0 / count) if weight is None else weight,
         estimate=fraction.mean(axis=0),
-        model_error=0.0,
+        model_error=ModelError(0.0),
         searches=count,
         lines=10,
         seconds=0.0,

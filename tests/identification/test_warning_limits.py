@@ -38,14 +38,6 @@ def test_a_network_that_hardly_tells_a_parameter_is_warned_of(sdof):
     assert "Do not rely on k: on FRFs" in told
 
 
-@pytest.mark.parametrize(("agreeing", "warned"), [(1, True), (2, False)])
-def test_a_minimum_that_one_search_found_is_warned_of(sdof, fit, agreeing, warned):
-    missed = replace(fit, discrepancy=0.001, agreeing=agreeing)
-    told = warnings_of(sdof, method="refined", fit=missed)
-    assert "the model is off by about 0.1 % of the FRF" in told
-    assert ("No two searches ended in the same place" in told) is warned
-
-
 @pytest.mark.parametrize(("count", "shown"), [(8, "101, 102, 103, 104, 105, 106, 107, 108 Hz"),
                                               (9, "101, 102, 103, 104, 105, 106, 107, 108, ... Hz")])  # fmt: skip
 def test_eight_lines_that_were_left_out_are_listed(sdof, fit, count, shown):

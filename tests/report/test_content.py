@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from dovetail.identification import Identification, Misspecification, Mode
+from dovetail.identification import Adequacy, Cause, Identification, Mode, ModelError
 from dovetail.report.content import (
+    adequacy_sentences,
     evaluation_rows,
     is_synthetic,
-    misspecification_sentences,
     mode_rows,
     parameter_rows,
     warnings_of,
@@ -94,20 +94,34 @@ def test_a_warning_that_already_says_synthetic_is_not_doubled(result: Identifica
     assert warnings_of(warned, Truth(synthetic=True)) == ["This measurement is synthetic."]
 
 
-def test_misspecification_is_reported_before_any_number(result, tmp_path):
-    misspecification = Misspecification(
-        True, 12.0, "It looks as if a mass was left in.", ("It is off.",), ((100.0, 250.0),)
-    )
-    flagged = replace(result, misspecification=misspecification)
-    sentences = misspecification_sentences(flagged)
-    assert sentences[0] == "The model cannot have made the measurement: do not believe the numbers."
-    assert sentences[1:] == ["It looks as if a mass was left in.", "It is off.", "It is off at 100 to 250 Hz."]
-    page = write_report(flagged, tmp_path / "report.html").read_text(encoding="utf-8")
-    assert 0 < page.index(sentences[0]) < page.index("It looks as if") < page.index("Identified parameters")
-    nameless = replace(result, misspecification=replace(misspecification, looks_like=""))
-    assert misspecification_sentences(nameless)[1] == "It looks like another structure or response point."
+SIZE = ModelError(0.012, damping=0.2, magnitude=0.15, phase=0.1)
+CAUSE = Cause("sign", "the sign reversed", (0.504, 0.991), 12.3)
 
 
-def test_nothing_is_said_of_a_genuine_measurement(result):
-    for misspecification in (None, Misspecification(False, 0.4)):
-        assert misspecification_sentences(replace(result, misspecification=misspecification)) == []
+def test_a_model_that_does_not_fit_is_reported_before_any_number(result, tmp_path):
+    misfit = Adequacy("does not fit", replace(SIZE, phase=3.0), None, (CAUSE,), ("It is off.",), ((100.0, 250.0),))
+    sentences = adequacy_sentences(replace(result, adequacy=misfit))
+    assert sentences[0] == "The model does not fit the measurement: do not believe the numbers."
+    assert sentences[1].startswith("The model does not fit: natural frequencies are off by 1.2 %, damping by 20 %")
+    assert sentences[2:] == ["It is off.", CAUSE.sentence, "It is off at 100 to 250 Hz."]
+    page = write_report(replace(result, adequacy=misfit), tmp_path / "report.html").read_text(encoding="utf-8")
+    places = [page.index(text) for text in (sentences[0], "sign reversed", "Identified parameters")]
+    assert 0 < places[0] < places[1] < places[2]
+    assert 'class="warnings misfit" role="alert"' in page
+
+
+def test_a_good_model_is_reported_with_its_errors_and_what_they_mean(result, tmp_path):
+    good = replace(result, adequacy=Adequacy("good", SIZE, None, (CAUSE,), bands=((100.0, 250.0),)))
+    sentences = adequacy_sentences(good)
+    assert sentences == [good.adequacy.sentence, good.adequacy.meaning, CAUSE.sentence]
+    assert sentences[0].startswith("The model fits well: natural frequencies are off by 1.2 %")
+    assert "amplitudes by 15 %, phases by 5.7 degrees" in sentences[0]
+    page = write_report(good, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "The model fits well" in page
+    assert 'role="alert"' not in page
+
+
+def test_what_was_not_judged_is_not_reported(result):
+    assert adequacy_sentences(replace(result, adequacy=None)) == []
+    assert adequacy_sentences(replace(result, adequacy=Adequacy("not judged"))) == []
+    assert adequacy_sentences(replace(result, adequacy=Adequacy("to the noise")))[0] == "The model fits to the noise."
