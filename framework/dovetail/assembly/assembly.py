@@ -91,7 +91,7 @@ class Assembly:
     @cached_property
     def engine(self) -> Engine:
         """The synthesis engine of the first response."""
-        return self._engine([self.drive_point], self._interpolation)
+        return self.engine_of([self.drive_point], self._interpolation)
 
     @cached_property
     def _further(self) -> tuple[Assembly, ...]:
@@ -125,7 +125,8 @@ class Assembly:
         """(n_freq,) factor from receptance to the response's quantity."""
         return conversion(self.frequency, "receptance", self.description.response.quantity)
 
-    def _engine(self, points: Sequence[Point], interpolation: float | None = None) -> Engine:
+    def engine_of(self, points: Sequence[Point], interpolation: float | None = None) -> Engine:
+        """Return a synthesis engine that gives FRFs between some points."""
         inside = np.random.default_rng(0).random((_STRUCTURE_SAMPLES, len(self.parameters)))
         ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
         probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
@@ -275,7 +276,7 @@ class Assembly:
         """
         vector = self.vector(theta)
         rows, columns = [self.point(*p) for p in outputs], [self.point(*p) for p in inputs]
-        engine = self._engine(list(dict.fromkeys([*rows, *columns])))
+        engine = self.engine_of(list(dict.fromkeys([*rows, *columns])))
         return engine.receptance(self._space.by_joint(vector[None, :]), rows, columns)
 
     def point(self, substructure: str, position: float, direction: str = "x") -> Point:

@@ -17,11 +17,12 @@ from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
 from dovetail.identification.adequacy.adequacy import Cause
+from dovetail.identification.adequacy.other_points import nearest_points
 from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
 from dovetail.identification.adequacy.trials import Trial, Trials, values_of
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import minimise
-from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
+from dovetail.identification.fitting.residuals import linearise_frf
 from dovetail.interfaces import Parameter, Progress, silent
 from dovetail.units import format_quantity
 
@@ -38,30 +39,36 @@ class Settings:
     """Time after which nothing new is tried."""
     noise: float = 0.6
     """Misfit of noise: mean of log(1 + x) for an x that is distributed exponentially."""
-    improvement: float = 1.0
-    """Decrease of the misfit from which a cause is named: typical residuals fall by a factor of 1.6."""
-    share: float = 0.5
-    """Part of what separates a misfit from noise that is enough, where it is less than that."""
+    of_measurement: float = 0.3
+    """Decrease of the misfit from which a cause in the measurement is named: typical residuals fall by 14 %."""
+    of_model: float = 0.6
+    """The same for a change of the model, which fits better with anything that it is free to change: by 26 %."""
+    of_part: float = 0.7
+    """Part of what separates the misfit from noise that another quantity of a part must take away."""
+    share: float = 0.4
+    """Part of what separates a misfit from noise that is enough, where it is less than the decreases above."""
     least: float = 0.1
     """Decrease of the misfit below which no cause is named."""
+    least_share: float = 0.1
+    """Part of what separates a misfit from noise below which no cause is named."""
+    tie: float = 0.05
+    """Decreases that differ by less are alike; then the cause that is tried first is named first."""
     beside_best: float = 0.5
     """Part of the best improvement that a further cause has at least."""
     explained: float = 0.2
     """Misfit beyond noise from which on down nothing else is tried: the cause is found."""
     gain: float = 0.05
     """Relative error of the gain that is worth naming."""
-    phase: float = 0.05
+    phase: float = 0.02
     """Error of the phase [rad] at the highest frequency that is worth naming."""
     unit: float = 0.03
     """Logarithm by which a gain may differ from the factor of a usual mistake of units."""
+    gross_unit: float = 0.25
+    """The same for factors of 2 and more: of a model that is rough, the gain is not known better."""
     delays: int = 400
     """Delays that are compared, up to two periods of the highest frequency either way."""
-    samples: int = 64
-    """Random joints by which other response points are compared."""
-    most_difference: float = 1.0
-    """Difference of logarithms of amplitudes at which it is cut off: a resonance elsewhere makes larger ones."""
     points: int = 2
-    """Other points at which the joint is fitted: those that come nearest."""
+    """Other points of response, and of force and response, at which the joint is fitted: those that come nearest."""
     parts: int = 3
     """Quantities of parts that are fitted: those that the residuals point to."""
     overhangs: tuple[float, ...] = (-0.1, 0.1)
@@ -109,8 +116,9 @@ def find_causes(
     Notes
     -----
     The misfit is the mean of log(1 + |residual|^2 / variance) over few lines, among them those around each resonance.
-    A cause is named if the misfit falls by 1 with it, or by half of what separates it from noise, and at least half
-    as far as with the best one.
+    A cause in the measurement is named if the misfit falls by 0.3 with it, one in the model if it falls by 0.6, or
+    either by 0.4 of what separates it from noise; a quantity of a part if it takes away 0.7 of that. Each must
+    take away at least half as much as the best one.
     """
     deadline = time.monotonic() + _SETTINGS.seconds
     trials = Trials(assembly, measured, fit)
@@ -128,18 +136,24 @@ def find_causes(
 
 def _named(found: list[tuple[float, Cause]], excess: float) -> tuple[Cause, ...]:
     """Return the causes that improve the fit enough, each kind once, the best first."""
-    if not found:
-        return ()
-    found.sort(key=lambda item: -item[0])
-    enough = max(_SETTINGS.least, min(_SETTINGS.improvement, _SETTINGS.share * excess))
-    enough = max(enough, _SETTINGS.beside_best * found[0][0])
+    enough = [(improvement, cause) for improvement, cause in found if improvement >= _needed(cause.name, excess)]
+    enough.sort(key=lambda item: -round(item[0] / _SETTINGS.tie))
     named: dict[str, Cause] = {}
-    for improvement, cause in found:
-        if improvement >= enough:
+    for improvement, cause in enough:
+        if improvement >= _SETTINGS.beside_best * enough[0][0]:
             named.setdefault(cause.name, cause)
     return tuple(list(named.values())[: _SETTINGS.most])
 
 
+def _needed(name: str, excess: float) -> float:
+    """Return the decrease of the misfit from which a cause is named."""
+    if name == "part":
+        return max(_SETTINGS.least, _SETTINGS.of_part * excess)
+    improvement = _SETTINGS.of_measurement if name in _OF_MEASUREMENT else _SETTINGS.of_model
+    return max(_SETTINGS.least, _SETTINGS.least_share * excess, min(improvement, _SETTINGS.share * excess))
+
+
+_OF_MEASUREMENT = {"sign", "conjugate", "gain", "unit", "quantity", "delay"}
 _STAGES = 8
 
 
@@ -198,7 +212,12 @@ def _factors(gain: float) -> list[tuple[float, str]]:
     """Return the factor of a usual mistake of units if the logarithm of a gain is near it, else the gain itself."""
     usual = [(known**sign, words) for known, words in _UNITS for sign in (1, -1)]
     near = [(factor, words) for factor, words in usual if abs(np.log(factor) - gain) < _SETTINGS.unit]
-    return near or [(float(np.exp(gain)), "")]
+    gross = [
+        (factor, words)
+        for factor, words in usual
+        if abs(np.log(factor) - gain) < _SETTINGS.gross_unit and abs(np.log(factor)) > np.log(3.0)
+    ]
+    return near or gross or [(float(np.exp(gain)), "")]
 
 
 def _quantities(trials: Trials) -> Iterator[Candidate]:
@@ -323,38 +342,13 @@ def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float,
 
 
 def _points(trials: Trials) -> Iterator[Candidate]:
-    """Try other points of response and force: those at which random joints come nearest."""
+    """Try other points of response and force: those at which joints come nearest."""
     if len(trials.target.frfs) > 1:
         return
-    nearest = sorted(_other_points(trials.assembly), key=lambda point: _distance(trials, point[0]))
-    for other, words in nearest[: _SETTINGS.points]:
-        yield "point", words, trials.fit(other, trials.target.frfs, [trials.best, trials.shape])
-
-
-def _distance(trials: Trials, other: Assembly) -> float:
-    """Return the mean difference of logarithms of amplitudes to the nearest of random joints."""
-    points = np.random.default_rng(0).random((_SETTINGS.samples, len(trials.best)))
-    logarithms = np.log(np.abs(ModelFrfs.of(other).frf(other.from_unit(points))))
-    differences = np.abs(logarithms - np.log(np.abs(values_of(trials.target.frfs))))
-    return float(np.minimum(differences, _SETTINGS.most_difference).mean(axis=1).min())
-
-
-def _other_points(assembly: Assembly) -> Iterator[tuple[Assembly, str]]:
-    """Yield the assembly with force and response at each point outside the joints but its own, and where that is."""
-    description = assembly.description
-    response = description.response
-    excluded = {(response.substructure, response.node)} | {
-        (attachment.substructure, node)
-        for joint in description.joints.values()
-        for attachment in joint.connection.attachments
-        for node in attachment.nodes
-    }
-    for name, model in description.substructures.items():
-        for index, node in enumerate(model.nodes):
-            if (name, index) not in excluded:
-                elsewhere = replace(response, substructure=name, node=index)
-                words = f"force and response on the {name} at {1e3 * node.position:.4g} mm"
-                yield Assembly(replace(description, responses=(elsewhere,))), words
+    amplitude = np.abs(values_of(trials.target.frfs))
+    likely = np.stack([trials.best, trials.shape])
+    for other, words, start in nearest_points(trials.assembly, amplitude, likely, _SETTINGS.points):
+        yield "point", words, trials.fit(other, trials.target.frfs, [trials.best, trials.shape, start])
 
 
 def _times(frfs: Sequence[Frf], factor: Callable[[NDArray[np.float64]], Any]) -> list[Frf]:

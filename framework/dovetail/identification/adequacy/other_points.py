@@ -1,0 +1,170 @@
+"""The same assembly with response, or force and response, at another point than the description says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.assembly.parameters import Theta
+from dovetail.frf import conversion
+from dovetail.interfaces import DIRECTIONS
+from dovetail.synthesis import Point
+
+__all__ = ["TransferAssembly", "nearest_points"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Which points are compared, and how."""
+
+    most_nodes: int = 24
+    """Nodes that are compared, evenly chosen."""
+    lines: int = 120
+    """Of the FRF, evenly chosen."""
+    samples: int = 16
+    """Random joints whose FRFs are compared."""
+    most_difference: float = 1.0
+    """Difference of logarithms of amplitudes at which it is cut off: a resonance elsewhere makes larger ones."""
+    step: float = 1e-5
+    """Part of a parameter by which it is changed for a derivative."""
+
+
+_SETTINGS = Settings()
+
+Place = tuple[str, int]
+"""Substructure and number of a node."""
+
+
+def nearest_points(
+    assembly: Assembly, amplitude: NDArray[np.float64], likely: NDArray[np.float64], count: int
+) -> Iterator[tuple[Assembly, str, NDArray[np.float64]]]:
+    """Yield the assembly with other points of response, and of force and response.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With one response.
+    amplitude : (n_freq,) array
+        Measured. Those points are yielded where joints have the most similar amplitudes.
+    likely : (n, n_params) array
+        Joints that are compared besides random ones [SI].
+    count : int
+        Points of each kind.
+
+    Yields
+    ------
+    Assembly
+    str
+        Where the points are, in words.
+    (n_params,) array
+        The joint whose amplitudes are the most similar.
+    """
+    places = _places(assembly)
+    if not places:
+        return
+    drawn = assembly.from_unit(np.random.default_rng(0).random((_SETTINGS.samples, len(assembly.parameters))))
+    joints = np.concatenate([likely, drawn])
+    transfer, driven = _distances(assembly, amplitude, joints, places)
+    for index in np.argsort(transfer.min(axis=0), kind="stable")[:count].tolist():
+        start = joints[np.argmin(transfer[:, index])]
+        yield TransferAssembly(assembly, places[index]), f"the response {_words(assembly, places[index])}", start
+    for index in np.argsort(driven.min(axis=0), kind="stable")[:count].tolist():
+        response = replace(assembly.description.response, substructure=places[index][0], node=places[index][1])
+        elsewhere = Assembly(replace(assembly.description, responses=(response,)))
+        start = joints[np.argmin(driven[:, index])]
+        yield elsewhere, f"force and response {_words(assembly, places[index])}", start
+
+
+def _places(assembly: Assembly) -> list[Place]:
+    """Return nodes of all substructures but the response's, at most as many as can be compared."""
+    response = assembly.description.response
+    substructures = assembly.description.substructures.items()
+    places = [(name, node) for name, model in substructures for node in range(len(model.nodes))]
+    places.remove((response.substructure, response.node))
+    places = [place for place in places if _moves(assembly, place)]
+    return places[:: max(1, -(-len(places) // _SETTINGS.most_nodes))]
+
+
+def _distances(
+    assembly: Assembly, amplitude: NDArray[np.float64], joints: NDArray[np.float64], places: list[Place]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return how far joints are from the measured amplitude at places (n, n_places), with the force here and there."""
+    lines = np.unique(np.linspace(0, len(amplitude) - 1, _SETTINGS.lines).round().astype(np.intp))
+    few = assembly.on(assembly.frequency[lines])
+    points = [_point(few, place) for place in places]
+    engine = few.engine_of([*dict.fromkeys([*points, few.drive_point])])
+    measured = np.log(np.maximum(amplitude[lines], np.finfo(float).tiny))
+    power = np.log(np.abs(conversion(few.frequency, "receptance", few.description.response.quantity)))
+    transfer: list[NDArray[np.float64]] = []
+    driven: list[NDArray[np.float64]] = []
+    for vector in joints:
+        receptance = engine.receptance(few.by_joint(vector[np.newaxis]), points, [few.drive_point, *points])
+        for receptances, distances in (
+            (receptance[:, :, 0], transfer),
+            (np.einsum("fpp->fp", receptance[:, :, 1:]), driven),
+        ):
+            logarithms = np.log(np.maximum(np.abs(receptances), np.finfo(float).tiny)) + power[:, np.newaxis]
+            differences = np.minimum(np.abs(logarithms - measured[:, np.newaxis]), _SETTINGS.most_difference)
+            distances.append(differences.mean(axis=0))
+    return np.stack(transfer), np.stack(driven)
+
+
+def _point(assembly: Assembly, place: Place) -> Point:
+    """Return the DOF of a node in the direction of the response."""
+    direction = assembly.description.response.direction
+    return place[0], len(DIRECTIONS) * place[1] + DIRECTIONS.index(direction)
+
+
+def _moves(assembly: Assembly, place: Place) -> bool:
+    substructure, dof = _point(assembly, place)
+    return bool(assembly.graph.substructure_dofs(substructure)[dof] >= 0)
+
+
+def _words(assembly: Assembly, place: Place) -> str:
+    node = assembly.description.substructures[place[0]].nodes[place[1]]
+    return f"on the {place[0]} at {1e3 * node.position:.4g} mm"
+
+
+class TransferAssembly(Assembly):
+    """An assembly whose FRF is the response at another node to the force at the description's.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With one response.
+    place : (str, int)
+        Substructure and number of the node.
+    """
+
+    def __init__(self, assembly: Assembly, place: Place) -> None:
+        super().__init__(assembly.description)
+        self._force, self._response = assembly.drive_point, _point(assembly, place)
+        self._transfer = assembly.engine_of([self._response, self._force])
+        self._factor = conversion(assembly.frequency, "receptance", assembly.description.response.quantity)
+
+    def frf(self, theta: Theta = None) -> NDArray[np.complex128]:
+        """Return the transfer FRFs, (n_freq,) or (n, n_freq)."""
+        vectors = np.asarray(theta, dtype=np.float64)
+        return self._frf(vectors) if vectors.ndim == 1 else np.stack([self._frf(vector) for vector in vectors])
+
+    def frf_jacobian(self, theta: Theta = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return the transfer FRFs and their derivatives by differences, with a last axis n_params."""
+        vectors = np.asarray(theta, dtype=np.float64)
+        if vectors.ndim == 1:
+            return self._linearised(vectors)
+        frfs, jacobians = zip(*(self._linearised(vector) for vector in vectors), strict=True)
+        return np.stack(frfs), np.stack(jacobians)
+
+    def _frf(self, vector: NDArray[np.float64]) -> NDArray[np.complex128]:
+        receptance = self._transfer.receptance(self.by_joint(vector[np.newaxis]), [self._response], [self._force])
+        return np.asarray(receptance[:, 0, 0] * self._factor)
+
+    def _linearised(self, vector: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        steps = _SETTINGS.step * np.where(vector != 0.0, vector, 1.0)
+        here = self._frf(vector)
+        ahead = np.stack([self._frf(changed) for changed in vector + np.diag(steps)], axis=1)
+        return here, (ahead - here[:, np.newaxis]) / steps
