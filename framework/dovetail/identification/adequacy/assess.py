@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,13 +13,14 @@ from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import Adequacy, word_for
 from dovetail.identification.adequacy.causes import find_causes
 from dovetail.identification.adequacy.frequency_bands import find_deviating_bands
-from dovetail.identification.adequacy.model_error_size import estimate_model_error, fit_with_error
+from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.fit import bounds_reached
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
+from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import is_white
-from dovetail.identification.posterior.model_error import ModelError, typical_model_error
+from dovetail.identification.posterior.model_error import typical_model_error
 from dovetail.interfaces import Progress, silent
 
 __all__ = ["assess"]
@@ -31,6 +32,8 @@ class Settings:
 
     chi_squared: float = 1.25
     """Chi-squared above which a fit that was not refined is not to the noise; its random error is estimated, mostly."""
+    most_missed: int = 5
+    """Resonances of the measurement that are listed where the model lacks them."""
     exceeds: float = 2.0
     """Times the allowed error of natural frequencies from which the measurement is said to need more."""
 
@@ -44,7 +47,6 @@ def assess(
     fit: Fit,
     model_error: float | None = None,
     *,
-    explain: bool = True,
     progress: Progress = silent,
 ) -> tuple[Adequacy, Fit]:
     """Judge how well a fit explains a measurement, and fit anew with the errors that the model turns out to have.
@@ -59,9 +61,8 @@ def assess(
         Of the same measurement.
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed; by default what the measurement shows.
-    explain : bool
-        Whether to search for causes where the model does not fit to the noise.
     progress : Progress
+        Called while causes are searched.
 
     Returns
     -------
@@ -89,21 +90,30 @@ def assess(
     )
     if estimated is None:
         return Adequacy("to the noise", allowed=model_error), refitted
-    judged = Adequacy(word_for(estimated.size), estimated.size, model_error)
-    judged = replace(
-        judged,
+    adequacy = Adequacy(
+        word_for(estimated.size),
+        estimated.size,
+        model_error,
+        causes=find_causes(assembly, measured, refitted, progress=progress),
+        reasons=tuple(_reasons(target, fit, estimated, model_error)),
         bands=_bands(target, fit, estimated.values),
-        reasons=_reasons(estimated.size, model_error),
-        causes=find_causes(assembly, measured, refitted, progress=progress) if explain else (),
     )
-    return judged, refitted
+    return adequacy, refitted
 
 
-def _reasons(size: ModelError, allowed: float | None) -> tuple[str, ...]:
-    if allowed is None or size.natural_frequency <= _SETTINGS.exceeds * allowed:
-        return ()
-    needed, given = 100.0 * size.natural_frequency, 100.0 * allowed
-    return (f"It shows errors of natural frequencies of {needed:.2g} %, more than the {given:.2g} % that are allowed.",)
+def _reasons(target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None) -> Iterator[str]:
+    """Yield what else there is to say of a fit that is not to the noise."""
+    needed = estimated.size.natural_frequency
+    if allowed is not None and needed > _SETTINGS.exceeds * allowed:
+        yield (
+            f"The measurement shows errors of natural frequencies of {100.0 * needed:.2g} %, more than the "
+            f"{100.0 * allowed:.2g} % that are allowed."
+        )
+    missed = missed_resonances(target, fit.variance, estimated.values)
+    if len(missed):
+        listed = ", ".join(f"{frequency:.4g}" for frequency in missed[: _SETTINGS.most_missed])
+        yield f"The measurement has resonances that the model lacks: {listed} Hz."
+    yield f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
 
 
 def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:

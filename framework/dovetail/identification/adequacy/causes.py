@@ -19,6 +19,7 @@ from dovetail.frf import QUANTITIES, Frf
 from dovetail.identification.adequacy.adequacy import Cause
 from dovetail.identification.adequacy.other_points import nearest_points
 from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
+from dovetail.identification.adequacy.resonance_causes import try_missing_resonances, try_window
 from dovetail.identification.adequacy.trials import Trial, Trials, values_of
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import minimise
@@ -153,8 +154,8 @@ def _needed(name: str, excess: float) -> float:
     return max(_SETTINGS.least, _SETTINGS.least_share * excess, min(improvement, _SETTINGS.share * excess))
 
 
-_OF_MEASUREMENT = {"sign", "conjugate", "gain", "unit", "quantity", "delay"}
-_STAGES = 8
+_OF_MEASUREMENT = {"sign", "conjugate", "gain", "unit", "quantity", "delay", "window"}
+_STAGES = 10
 
 
 def _candidates(trials: Trials, progress: Progress) -> Iterator[Candidate]:
@@ -164,7 +165,9 @@ def _candidates(trials: Trials, progress: Progress) -> Iterator[Candidate]:
         ("gain and units", _gains),
         ("quantity", _quantities),
         ("delay", _delays),
+        ("window", try_window),
         ("ranges", _ranges),
+        ("resonances", try_missing_resonances),
         ("mass and overhang", _masses_and_overhangs),
         ("response point", _points),
         ("parts", _parts),

@@ -159,6 +159,10 @@ class Trials:
         left = residual.of(model.frf(theta[np.newaxis]))[0]
         return theta, float(left @ direction[0] / (direction[0] @ direction[0]))
 
+    def judged(self, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
+        """Return how well values (n_lines,) agree with the measurement as it is."""
+        return self._judged(self.target, theta, values)
+
     def residual(self) -> LogRatio:
         """Return the logarithmic residuals of the measurement as it is."""
         return self._logarithms(self.target)
@@ -184,7 +188,10 @@ class Trials:
         return np.asarray(excess * size)
 
     def _trial(self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]) -> Trial:
-        values, measured = model.frf(theta[np.newaxis])[0], values_of(target.frfs)
+        return self._judged(target, theta, model.frf(theta[np.newaxis])[0])
+
+    def _judged(self, target: Observations, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
+        measured = values_of(target.frfs)
         misfit = float(np.mean(np.log1p(target.squares(values) / self._variance(target))))
         if not all(frf.has_phase for frf in target.frfs):
             values, measured = np.abs(values).astype(complex), np.abs(measured).astype(complex)
