@@ -23,7 +23,6 @@ exclude_patterns = [
     "examples",
     "identification/*.md",
     "joints/*.md",
-    "misspecification/*.md",
     "speed/*.md",
     "uncertainty/*.md",
     "uncertainty/*/*.md",
