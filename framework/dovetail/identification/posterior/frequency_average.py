@@ -29,8 +29,11 @@ class Settings:
 
     averaged_from: float = 1e-3
     """Relative error of natural frequencies from which lines are averaged: below, its effect is nearly linear."""
+    width: float = 2.0
+    """Standard deviation of the Gaussian by which lines are weighted, over the error of natural frequencies: averaged
+    so far, resonances that are misplaced by several times this error differ by what displacements of them span."""
     spacing: float = 1.5
-    """Distance of averages, in standard deviations of the Gaussian by which lines are weighted."""
+    """Distance of averages, in standard deviations of the Gaussian."""
     reach: float = 4.0
     """Standard deviations beyond which lines have no weight."""
     narrow: float = 0.7
@@ -76,8 +79,8 @@ def average(
     poles : (n,) complex array
         Of these FRFs [Hz], as `Resonances.poles`.
     size : ModelError
-        Its error of natural frequencies is the standard deviation of the Gaussian that weights the lines, over the
-        frequency in its middle. Its other errors are part of the random error of each average.
+        The standard deviation of the Gaussian that weights the lines, over the frequency in its middle, is twice its
+        error of natural frequencies. Its other errors are part of the random error of each average.
 
     Returns
     -------
@@ -89,9 +92,10 @@ def average(
     deviations = target.split(size.other * np.abs(values))
     responses = zip(target.frfs, target.split(variance), target.split(used), deviations, strict=True)
     lines, averaged = [], []
+    width = _SETTINGS.width * size.natural_frequency
     for frf, of_response, counted, deviation in responses:
-        needed = _needed_lines(frf.frequency, poles, size.natural_frequency)
-        averaged.append(AveragedResiduals(frf, of_response, counted, needed, size.natural_frequency, deviation))
+        needed = _needed_lines(frf.frequency, poles, width)
+        averaged.append(AveragedResiduals(frf, of_response, counted, needed, width, deviation))
         lines.append(needed)
     firsts = np.cumsum((0, *model.counts))[:-1].tolist()
     numbers = np.concatenate([first + needed for first, needed in zip(firsts, lines, strict=True)])

@@ -46,10 +46,12 @@ class ModelErrorSettings:
     """Typical error of phases [rad], over that of natural frequencies."""
     largest: float = 0.3
     """Error of damping, magnitude and phase that is typical at most, however wrong natural frequencies are."""
-    individual: float = 0.3
-    """Error of each resonance alone, over the one that it shares with its neighbours."""
-    orders: tuple[int, ...] = (2, 3)
-    """Of the Taylor series beyond the linear term: a misplaced peak far above the noise shows them."""
+    individual: float = 0.6
+    """Error of each resonance alone, over the one that it shares with its neighbours. With hat functions, whose squares
+    are 2/3 on average, the root of the mean square over all resonances is the size of the error."""
+    moved: tuple[float, ...] = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
+    """Sizes of the error by which resonances are moved, for what that adds beyond the linear term: a misplaced peak far
+    above the noise shows it."""
     hat_functions: int = 6
     """Over the frequency axis: resonances nearer than a fifth of it err alike."""
     tolerance: float = 1e-6
@@ -160,25 +162,29 @@ class Resonances:
     relative: tuple[NDArray[np.complex128], ...]
     background: tuple[NDArray[np.complex128], ...]
 
-    def displaced(self, change: float, order: int) -> NDArray[np.complex128]:
-        """Return one term of the FRFs' Taylor series in a relative change of each pole.
+    def displaced(self, change: float) -> NDArray[np.complex128]:
+        """Return what a relative change of each pole adds to the FRFs, to first order.
 
         Parameters
         ----------
         change : float
             Relative change of the poles.
-        order : int
-            1 for the linear term.
 
         Returns
         -------
         (n, n_lines) complex array
             The lines of each response behind those of the one before. Where the pole moves by more than its distance,
-            and the series diverges, no term is larger than the resonance itself.
+            it is no larger than the resonance itself.
         """
         steps = [change * relative for relative in self.relative]
         pairs = zip(self.near, steps, strict=True)
-        return np.concatenate([near * (step / np.maximum(1.0, np.abs(step))) ** order for near, step in pairs], axis=1)
+        return np.concatenate([near * step / np.maximum(1.0, np.abs(step)) for near, step in pairs], axis=1)
+
+    def displaced_beyond(self, change: float) -> NDArray[np.complex128]:
+        """Return what a relative change of each pole adds to the FRFs beyond `displaced`, (n, n_lines)."""
+        steps = [change * relative for relative in self.relative]
+        pairs = zip(self.near, steps, strict=True)
+        return np.concatenate([near * step / (1.0 - step) for near, step in pairs], axis=1) - self.displaced(change)
 
 
 def fit_resonances(axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]]) -> Resonances:
@@ -296,18 +302,30 @@ def error_shapes(
     band = float(min(axis[0] for axis in axes)), float(max(axis[-1] for axis in axes))
     resonances, hats = fit_resonances(axes, values), [hat_functions(frequency, band) for frequency in axes]
     level, alone = size.natural_frequency, _SETTINGS.individual * size.natural_frequency
-    displaced, together = resonances.displaced(level, 1), hat_functions(resonances.poles.real, band)
+    displaced, together = resonances.displaced(level), hat_functions(resonances.poles.real, band)
     of_response = zip(hats, values, resonances.terms, strict=True)
     shapes = [np.concatenate([hat * frf, _SETTINGS.individual * terms]) for hat, frf, terms in of_response]
     scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
-    higher = np.concatenate([resonances.displaced(level, order) for order in _SETTINGS.orders])
+    higher = _higher(resonances, level)
     return {
-        "natural_frequency": np.concatenate([together @ displaced, resonances.displaced(alone, 1)]),
+        "natural_frequency": np.concatenate([together @ displaced, resonances.displaced(alone)]),
         "damping": size.damping * _damped(resonances),
         "magnitude": size.magnitude * scaled,
         "phase": 1j * size.phase * scaled,
         "higher": np.concatenate([higher, 1j * higher]),
     }
+
+
+def _higher(resonances: Resonances, level: float) -> NDArray[np.complex128]:
+    """Return what resonances that are displaced by about a level add beyond the linear term (n, n_lines).
+
+    Its covariance under a normal distribution of the displacement, by quadrature.
+    """
+    moved = np.array(_SETTINGS.moved)
+    density = np.exp(-(moved**2) / 2.0)
+    weight = np.sqrt(density / (1.0 + density.sum()))  # 1 for those that are not displaced
+    pairs = zip(weight.tolist(), moved.tolist(), strict=True)
+    return np.concatenate([part * resonances.displaced_beyond(sizes * level) for part, sizes in pairs])
 
 
 def _damped(resonances: Resonances) -> NDArray[np.complex128]:
