@@ -126,7 +126,7 @@ class Assembly:
         return conversion(self.frequency, "receptance", self.description.response.quantity)
 
     def engine_of(self, points: Sequence[Point], interpolation: float | None = None) -> Engine:
-        """Return a synthesis engine that gives FRFs between some points."""
+        """Return a synthesis engine for some points."""
         inside = np.random.default_rng(0).random((_STRUCTURE_SAMPLES, len(self.parameters)))
         ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
         probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
@@ -277,7 +277,7 @@ class Assembly:
         vector = self.vector(theta)
         rows, columns = [self.point(*p) for p in outputs], [self.point(*p) for p in inputs]
         engine = self.engine_of(list(dict.fromkeys([*rows, *columns])))
-        return engine.receptance(self._space.by_joint(vector[None, :]), rows, columns)
+        return engine.receptance(self.by_joint(vector[None]), rows, columns)
 
     def point(self, substructure: str, position: float, direction: str = "x") -> Point:
         """Return the DOF of a substructure at a node's position.
@@ -297,8 +297,7 @@ class Assembly:
         nearest = min(range(len(nodes)), key=lambda index: abs(nodes[index].position - position))
         if not is_at(nodes[nearest].position, position):
             problem = f"'{substructure}' has no node at {position * 1e3:g} mm."
-            remedy = f"The nearest is at {nodes[nearest].position * 1e3:g} mm."
-            raise ParameterError(Fault("point", problem, remedy=remedy))
+            raise ParameterError(Fault("point", problem, f"the nearest is at {nodes[nearest].position * 1e3:g} mm"))
         return substructure, len(DIRECTIONS) * nearest + DIRECTIONS.index(direction)
 
     def natural_frequencies(self, theta: Theta = None, count: int = 3) -> NDArray[np.float64]:

@@ -176,7 +176,7 @@ def _check(
 ) -> None:
     """Look at everything that could be wrong before any work."""
     from dovetail.cli.result_files import prepare_folder
-    from dovetail.identification.measured_lines import MeasuredLines
+    from dovetail.identification.fitting.observations import MeasuredLines
     from dovetail.report.truth import read_truth
 
     _check_accelerometer(assembly, accelerometer_mass)

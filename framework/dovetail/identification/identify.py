@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
-from dovetail.identification.measured_lines import MeasuredLines
+from dovetail.identification.fitting.observations import MeasuredLines
 from dovetail.identification.methods import METHODS
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.result import Identification

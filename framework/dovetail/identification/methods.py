@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.identification.adequacy import Adequacy, assess
 from dovetail.identification.fitting import Objective, multistart, refine
-from dovetail.identification.measured_lines import MeasuredLines
+from dovetail.identification.fitting.observations import MeasuredLines
 from dovetail.identification.network.preprocessing import accelerance_amplitudes
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.posterior import (

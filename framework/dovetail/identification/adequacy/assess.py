@@ -12,14 +12,13 @@ from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import Adequacy, word_for
 from dovetail.identification.adequacy.causes import find_causes
-from dovetail.identification.adequacy.frequency_bands import find_deviating_bands
 from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.fit import bounds_reached
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
 from dovetail.identification.fitting.search_lines import missed_resonances
-from dovetail.identification.fitting.whiteness import is_white
+from dovetail.identification.fitting.whiteness import find_deviating_bands, is_white
 from dovetail.identification.posterior.model_error import typical_model_error
 from dovetail.interfaces import Progress, silent
 

@@ -17,9 +17,8 @@ from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
 from dovetail.identification.adequacy.adequacy import Cause
-from dovetail.identification.adequacy.other_points import nearest_points
+from dovetail.identification.adequacy.model_causes import nearest_points, try_missing_resonances, try_window
 from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
-from dovetail.identification.adequacy.resonance_causes import try_missing_resonances, try_window
 from dovetail.identification.adequacy.trials import Trial, Trials, values_of
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import minimise
@@ -70,7 +69,7 @@ class Settings:
     """Delays that are compared, up to two periods of the highest frequency either way."""
     points: int = 2
     """Other points of response, and of force and response, at which the joint is fitted: those that come nearest."""
-    parts: int = 3
+    quantities: int = 3
     """Quantities of parts that are fitted: those that the residuals point to."""
     overhangs: tuple[float, ...] = (-0.1, 0.1)
     """Logarithms of ratios from which an overhang is fitted."""
@@ -124,15 +123,15 @@ def find_causes(
     deadline = time.monotonic() + _SETTINGS.seconds
     trials = Trials(assembly, measured, fit)
     before = trials.unchanged
-    found: list[tuple[float, Cause]] = []
+    improvements: list[tuple[float, Cause]] = []
     for name, words, trial in _candidates(trials, progress):
         improvement = before.misfit - trial.misfit
         factor = float(np.exp(improvement / 2.0))
-        found.append((improvement, Cause(name, words, (before.coherence, trial.coherence), factor)))
+        improvements.append((improvement, Cause(name, words, (before.coherence, trial.coherence), factor)))
         if time.monotonic() > deadline or trial.misfit < _SETTINGS.noise + _SETTINGS.explained:
             break
     progress("causes", _STAGES, _STAGES)
-    return _named(found, before.misfit - _SETTINGS.noise)
+    return _named(improvements, before.misfit - _SETTINGS.noise)
 
 
 def _named(found: list[tuple[float, Cause]], excess: float) -> tuple[Cause, ...]:
@@ -310,7 +309,7 @@ def _parts(trials: Trials) -> Iterator[Candidate]:
         return
     parts = [p for p in list_perturbations(trials.assembly) if p.kind == "part"]
     parts.sort(key=lambda p: -_alignment(trials, p))
-    for perturbation in parts[: _SETTINGS.parts]:
+    for perturbation in parts[: _SETTINGS.quantities]:
         yield from _perturbed(trials, perturbation, (0.0,))
 
 

@@ -12,7 +12,6 @@ from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf, coherence_spectrum
-from dovetail.identification.adequacy.log_residuals import LogRatio
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import SumOfSquares, minimise
 from dovetail.identification.fitting.observations import Observations
@@ -20,7 +19,7 @@ from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
 from dovetail.identification.fitting.search_lines import search_lines
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals
 
-__all__ = ["Trial", "Trials"]
+__all__ = ["LogRatio", "Trial", "Trials", "values_of"]
 
 
 @dataclass(frozen=True)
@@ -37,6 +36,8 @@ class Settings:
     candidates: int = 256
     """Random joints, of which the most similar are starts of the search by shape."""
     starts: int = 3
+    error: float = 0.1
+    """Relative error that every line is allowed, so that none dominates."""
     free: float = 100.0
     """Standard deviation of an unknown gain, or power of the frequency, in logarithms: as good as free."""
 
@@ -211,3 +212,43 @@ def _lowest(problem: SumOfSquares, starts: NDArray[np.float64]) -> NDArray[np.fl
 
 def _amplitude(frf: Frf) -> Frf:
     return Frf(frf.frequency, np.abs(frf.values), frf.quantity, has_phase=False, rotation=frf.rotation)
+
+
+@dataclass(frozen=True, eq=False)
+class LogRatio:
+    """Logarithms of the ratio of FRFs to measured ones: their real parts, then the phases where there are any.
+
+    Parameters
+    ----------
+    measured : (f,) complex array
+    weight : (f,) array
+    has_phase : bool
+    """
+
+    measured: NDArray[np.complex128]
+    weight: NDArray[np.float64]
+    has_phase: bool
+
+    @staticmethod
+    def against(values: NDArray[np.complex128], relative: NDArray[np.float64], has_phase: bool) -> LogRatio:
+        """Return the residuals against measured values (f,) with a relative variance (f,), 1 where all is noise."""
+        floor = np.maximum(np.abs(values), np.finfo(float).tiny)
+        return LogRatio(
+            np.where(np.abs(values) > 0.0, values, floor),
+            1.0 / np.hypot(_SETTINGS.error, np.sqrt(relative / 2.0)),
+            has_phase,
+        )
+
+    def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals (n, m) of FRFs (n, f)."""
+        return self.weighted(np.log(frf / self.measured))
+
+    def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
+        return self.weighted(frf_jacobian / frf[:, np.newaxis])
+
+    def weighted(self, logarithms: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals (..., m) that logarithms (..., f) are."""
+        if not self.has_phase:
+            return np.asarray(logarithms.real * self.weight)
+        return np.concatenate([logarithms.real * self.weight, logarithms.imag * self.weight], axis=-1)

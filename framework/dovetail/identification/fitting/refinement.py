@@ -147,14 +147,14 @@ class _Refinement:
     def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
         began = time.perf_counter()
         ends = self._searched(self._first_batch(starts))
-        found = self._told_apart(ends[: _SETTINGS.first_carried])
-        best = self._reweighted(self._fitted(found.position[:1]))
+        minima = self._told_apart(ends[: _SETTINGS.first_carried])
+        best = self._reweighted(self._fitted(minima.position[:1]))
         if not self._is_noise(best):
-            found, best = self._further(_Ranked.of(found, self._told_apart(ends[_SETTINGS.first_carried :])))
+            minima, best = self._further(_Ranked.of(minima, self._told_apart(ends[_SETTINGS.first_carried :])))
         chi_squared = self._chi_squared(best)
         discrepancy = 0.0
         if not self._is_noise(best):
-            best, discrepancy = self._with_discrepancy(best, found)
+            best, discrepancy = self._with_discrepancy(best, minima)
         return Fit(
             theta=self._assembly.from_unit(best.position[0]),
             information=best.curvature[0],
@@ -167,24 +167,24 @@ class _Refinement:
             used=self._used,
             at_bounds=bounds_reached(self._assembly, best.position[0]),
             starts=self._starts,
-            agreeing=count_agreeing(found.cost),
+            agreeing=count_agreeing(minima.cost),
             steps=self._steps,
             seconds=time.perf_counter() - began,
         )
 
-    def _further(self, found: _Ranked) -> tuple[_Ranked, _Ranked]:
+    def _further(self, minima: _Ranked) -> tuple[_Ranked, _Ranked]:
         """Search on, until a fit is noise, or enough searches agree that none is; return all minima and the best."""
         for batch in range(1, _SETTINGS.more_batches + 2):
-            found = self._told_apart(found.position)  # the weights have changed
-            best = self._reweighted(self._fitted(found.position[:1]))
+            minima = self._told_apart(minima.position)  # the weights have changed
+            best = self._reweighted(self._fitted(minima.position[:1]))
             if self._is_noise(best) or batch > _SETTINGS.more_batches:
                 break
-            enough = count_agreeing(found.cost) >= _SETTINGS.enough_agreeing
+            enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
             if enough and batch >= _SETTINGS.least_batches and not self._missed(best).size:
                 break
             ends = self._searched(self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates))
-            found = _Ranked.of(found, self._told_apart(ends[: _SETTINGS.carried]))
-        return found, best
+            minima = _Ranked.of(minima, self._told_apart(ends[: _SETTINGS.carried]))
+        return minima, best
 
     def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         middle = np.full(len(self._assembly.parameters), 0.5)
@@ -259,9 +259,9 @@ class _Refinement:
     def _missed(self, best: _Ranked) -> NDArray[np.float64]:
         return missed_resonances(self._target, self._variance, self._values(best))
 
-    def _with_discrepancy(self, best: _Ranked, found: _Ranked) -> tuple[_Ranked, float]:
+    def _with_discrepancy(self, best: _Ranked, minima: _Ranked) -> tuple[_Ranked, float]:
         """Estimate the relative error of the model, and fit with it: another of the minima may then be the best."""
-        discrepancy, starts = 0.0, np.concatenate([best.position, found.position[1 : _SETTINGS.refitted]])
+        discrepancy, starts = 0.0, np.concatenate([best.position, minima.position[1 : _SETTINGS.refitted]])
         for _ in range(_SETTINGS.most_discrepancies):
             before = discrepancy
             values = self._values(best)

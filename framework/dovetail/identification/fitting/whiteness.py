@@ -1,4 +1,4 @@
-"""Whether residuals are noise: a misfit is alike on neighbouring lines, and stands in one place."""
+"""Whether residuals are noise, and where not: a misfit is alike on neighbouring lines, and stands in one place."""
 
 from __future__ import annotations
 
@@ -8,17 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-__all__ = ["assess_runs", "is_white", "log_improbability"]
+__all__ = ["assess_runs", "find_deviating_bands", "is_white", "log_improbability"]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """From where residuals are not noise."""
+    """From where residuals are not noise, and what counts as a band of them."""
 
     false_alarm: float = 1e-6
     """Probability that noise has a run, anywhere, that is not taken for noise."""
     shortest_run: int = 8
     """Lines; fewer may be an interference line."""
+    windows: tuple[int, ...] = (16, 64, 256)
+    """Lines over which squared residuals are averaged, so that narrow and wide bands are detected."""
+    deviations: float = 6.0
+    """Standard deviations by which such an average must exceed that of noise."""
+    share: float = 0.9
+    """Share of the whole excess that the bands together hold."""
+    clear_excess: float = 3.0
+    """Excess of a single line that noise hardly has; the ends of a band are placed by such lines."""
+    tail: float = 0.02
+    """Share of a segment's excess that may lie outside its band at either end."""
+    most_bands: int = 5
+    """More are not readable in a sentence."""
 
 
 _SETTINGS = Settings()
@@ -56,3 +68,56 @@ def log_improbability(squares: float, degrees_of_freedom: int) -> float:
     """Return -log10 of the probability that noise gives so large a sum of squares."""
     negative_log = -float(chi2.logsf(squares, degrees_of_freedom))
     return (negative_log if np.isfinite(negative_log) else squares / 2.0) / float(np.log(10.0))
+
+
+def find_deviating_bands(
+    frequency: NDArray[np.float64], residuals: NDArray[np.float64]
+) -> tuple[tuple[float, float], ...]:
+    """Return the bands [Hz] in which residuals exceed noise, those with the largest excess first.
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array
+    residuals : (n_freq, n) array
+        White if the model explains the measurement.
+
+    Returns
+    -------
+    tuple of (float, float)
+        At most five, which together hold nine tenths of the excess; none if no run of lines stands out.
+    """
+    excess = np.mean(residuals**2, axis=1) - 1.0
+    bands = []
+    for first, last in _segments(_deviates(excess, residuals.shape[1])):
+        low, high = first + _ends(excess[first:last])
+        bands.append((float(np.sum(excess[first:last])), float(frequency[low]), float(frequency[high])))
+    bands.sort(reverse=True)
+    sizes = np.array([size for size, _, _ in bands])
+    needed = int(np.sum(np.cumsum(sizes) < _SETTINGS.share * sizes.sum())) + 1
+    return tuple((low, high) for _, low, high in bands[: min(needed, _SETTINGS.most_bands)])
+
+
+def _ends(excess: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the first and the last line of a segment between which nearly all of its clear excess lies."""
+    total = np.cumsum(np.maximum(excess - _SETTINGS.clear_excess, 0.0))
+    ends = np.searchsorted(total, total[-1] * np.array([_SETTINGS.tail, 1.0 - _SETTINGS.tail]))
+    return np.asarray(np.minimum(ends, len(total) - 1))
+
+
+def _deviates(excess: NDArray[np.float64], residuals_per_line: int) -> NDArray[np.bool_]:
+    """Return which lines (n_freq,) lie in a window whose mean excess is not noise."""
+    deviates = np.zeros(len(excess), dtype=np.bool_)
+    for length in _SETTINGS.windows:
+        if length > len(excess):
+            break
+        means = np.convolve(excess, np.ones(length) / length, mode="valid")
+        limit = _SETTINGS.deviations * np.sqrt(2.0 / (residuals_per_line * length))
+        for start in np.flatnonzero(means > limit).tolist():
+            deviates[start : start + length] = True
+    return deviates
+
+
+def _segments(deviates: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first line of each run of True, and the line after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], deviates.astype(np.int8), [0]])))
+    return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))

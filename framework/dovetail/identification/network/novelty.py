@@ -17,8 +17,8 @@ from scipy.ndimage import uniform_filter1d
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.adequacy import Adequacy
-from dovetail.identification.adequacy.frequency_bands import find_deviating_bands
 from dovetail.identification.fitting.random_error import random_error_variance
+from dovetail.identification.fitting.whiteness import find_deviating_bands
 from dovetail.identification.network.network import Network
 from dovetail.identification.network.preprocessing import log10p1
 from dovetail.measurement import noisy_frf
