@@ -31,7 +31,6 @@ from measured_data import cases, convert, measured
 
 import dovetail
 
-KINDS = ("sign", "gain", "unit", "delay", "conjugate", "mass", "point", "overhang")
 SAME = {
     "unaltered": ("",),
     "unit": ("unit", "gain"),
@@ -86,22 +85,14 @@ def table_of_alterations(data: Path, method: str, only: str) -> None:
 
 
 def verdict(result: dovetail.Identification) -> str:
-    """Say in a word how well the model fits, or whether it was flagged as one that cannot fit."""
-    adequacy = getattr(result, "adequacy", None)
-    if adequacy is not None:
-        return str(adequacy.word)
-    return "believed" if result.believable else "not believed"
+    """Return the word for how well the model fits."""
+    return "not judged" if result.adequacy is None else result.adequacy.word
 
 
 def first_cause(result: dovetail.Identification) -> tuple[str, str]:
     """Return the kind of the cause that is named first and what is said of it; an empty kind and a dash for none."""
-    adequacy = getattr(result, "adequacy", None)
-    if adequacy is not None:
-        return (adequacy.causes[0].name, adequacy.causes[0].words) if adequacy.causes else ("", "-")
-    found = result.misspecification
-    words = found.looks_like if found is not None else ""
-    kind = next((kind for kind in KINDS if kind in words.lower()), "other")
-    return (kind, words) if words else ("", "-")
+    causes = () if result.adequacy is None else result.adequacy.causes
+    return (causes[0].name, causes[0].words) if causes else ("", "-")
 
 
 def main() -> None:

@@ -20,8 +20,7 @@ from scipy.interpolate import AAA
 import dovetail
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.identification.fitting.residuals import FrfResiduals, Weighted
-from dovetail.identification.misspecification.whitened_residuals import Whitening
-from dovetail.identification.posterior.model_error import MODEL_ERROR, model_errors
+from dovetail.identification.posterior import TYPICAL, error_shapes
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 NAMES = ("bt40_er32", "bolted_lap_beam", "shaft_hub", "spindle_bt40_er32")
@@ -66,6 +65,12 @@ def root_mean_square(sizes: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.minimum(sizes, np.quantile(sizes, 0.95)) ** 2)))
 
 
+def marginalised(rows: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Return rows (n, m) scaled so that noise and errors (k, m) together have covariance 1."""
+    _, sizes, directions = np.linalg.svd(errors, full_matrices=False)
+    return rows - rows @ directions.T * (1.0 - 1.0 / np.sqrt(1.0 + sizes**2)) @ directions
+
+
 def displacement(assembly: dovetail.Assembly, factor: int, joints: int) -> float:
     """Return the root of the mean square, over joints and parameters, of displacements over standard deviations."""
     fractions = np.random.default_rng(1).random((joints, len(assembly.parameters)))
@@ -73,11 +78,12 @@ def displacement(assembly: dovetail.Assembly, factor: int, joints: int) -> float
     for fraction, coarse, fine in zip(fractions, assembly.frf(theta), finer(assembly, factor).frf(theta), strict=True):
         variance = np.full(len(coarse), (NOISE * coarse.std()) ** 2)
         plain = Weighted(coarse, variance, np.sqrt(2.0 / variance), True)
-        allowed = model_errors([assembly.frequency], [coarse], MODEL_ERROR)
-        residual = Whitening.against(plain, plain.jacobian(coarse[np.newaxis], allowed[np.newaxis])[0])
-        jacobian = FrfResiduals(assembly, residual).linearise(fraction[np.newaxis]).jacobian[0]
+        shapes = np.concatenate(list(error_shapes([assembly.frequency], [coarse], TYPICAL).values()))
+        errors = plain.jacobian(coarse[np.newaxis], shapes[np.newaxis])[0]
+        jacobian = FrfResiduals(assembly, plain).linearise(fraction[np.newaxis]).jacobian[0]
+        jacobian, residuals = marginalised(jacobian, errors), marginalised(plain.of(fine[np.newaxis]), errors)[0]
         precision = jacobian @ jacobian.T + PRIOR * np.eye(len(fraction))
-        moved = np.linalg.solve(precision, jacobian @ residual.of(fine[np.newaxis])[0])
+        moved = np.linalg.solve(precision, jacobian @ residuals)
         found.append(moved / np.sqrt(np.diag(np.linalg.inv(precision))))
     return float(np.sqrt(np.mean(np.square(found))))
 

@@ -101,26 +101,6 @@ def test_the_study_of_verdicts_counts_every_parameter_by_each_route(tmp_path):
     assert told["kr_tc"]["posterior"] == told["kr_tc"]["fisher"] == told["kr_tc"]["profile"] == "identified"
 
 
-def test_the_study_of_misspecified_measurements_tells_a_mass_from_none():
-    (mass,) = cells(run("misspecified_measurements.py", "--only", "mass", "--misspecified", 1, "--reach", "--name"))[
-        2:3
-    ]
-    assert mass[1:] == [*["1 of 1"] * 6, "-", "-"]
-    genuine, finer = cells(
-        run("misspecified_measurements.py", "--only", "gen", "--genuine", 1, "--finer", 1, "--reach")
-    )[2:]
-    assert genuine[1:5] == ["0 of 1", "0 of 1", "0 of 1", "0 of 1"]
-    assert finer[1:3] == ["0 of 1", "0 of 1"]
-
-
-@pytest.mark.slow
-def test_the_study_of_misspecified_measurements_over_all_kinds():
-    rows = cells(run("misspecified_measurements.py", "--misspecified", 4, "--genuine", 100, "--finer", 20))[2:]
-    flagged = {row[0]: int(row[1].split()[0]) for row in rows}
-    assert sum(count for kind, count in flagged.items() if "genuine" not in kind and kind != "all of these") >= 28
-    assert flagged["genuine"] <= 5
-
-
 def test_planning_anew_is_timed_and_right():
     rows = dict(cells(run("replanning.py", "--rounds", 1))[2:])
     assert {*rows} == {

@@ -8,8 +8,43 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.identification.posterior import ModelError, error_shapes, typical_model_error
 from dovetail.identification.posterior.likelihood import marginalised_squares
-from dovetail.identification.posterior.model_error import fit_resonances, model_errors
+from dovetail.identification.posterior.model_error import ModelErrorSettings, fit_resonances
+
+FREQUENCY = np.linspace(100.0, 200.0, 2001)
+POLES = np.array([130.0 * (1.0 + 0.01j), 170.0 * (1.0 + 0.005j)])
+RESIDUES = np.array([2.0 + 0.3j, -1.0 + 0.1j])
+STEP = 1e-6
+ALONE = ModelErrorSettings().individual
+
+
+def near(poles, residues):
+    """What resonances add to an FRF beside them; the rest of it changes by a hundredth of that."""
+    return residues[:, np.newaxis] / (FREQUENCY - poles[:, np.newaxis])
+
+
+def frf_of(poles, residues):
+    mirrored = np.conj(residues)[:, np.newaxis] / (FREQUENCY + np.conj(poles)[:, np.newaxis])
+    return np.sum(near(poles, residues) - mirrored, axis=0)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+@pytest.mark.parametrize("kind", ["natural_frequency", "damping", "magnitude", "phase"])
+def test_each_error_is_the_derivative_of_a_pole_residue_frf(kind, index):
+    """Of each resonance alone; the first six errors of a kind are those that neighbours share."""
+    one = np.eye(2)[index] * STEP
+    changed = {
+        "natural_frequency": (POLES * (1.0 + 0.6 * one), RESIDUES),
+        "damping": (POLES.real + 1j * POLES.imag * (1.0 + one), RESIDUES),
+        "magnitude": (POLES, RESIDUES * (1.0 + 0.6 * one)),
+        "phase": (POLES, RESIDUES * np.exp(0.6j * one)),
+    }[kind]
+    difference = np.sum(near(*changed) - near(POLES, RESIDUES), axis=0) / STEP
+    size = ModelError(1e-3, damping=0.01, magnitude=0.02, phase=0.003)
+    shape = error_shapes([FREQUENCY], [frf_of(POLES, RESIDUES)], size)[kind][-2 + index]
+    error = np.abs(shape - getattr(size, kind) * difference)
+    assert error.max() < 0.02 * np.abs(shape).max()
 
 
 @pytest.mark.parametrize("lines", [2, 5, 40])
@@ -18,17 +53,24 @@ def test_frfs_without_a_resonance_err_smoothly(lines):
     flat, none = np.ones(lines, dtype=np.complex128), np.zeros(lines, dtype=np.complex128)
     for values in ([flat], [flat, none], [none]):
         assert not len(fit_resonances([frequency] * len(values), values).poles)
-        errors = model_errors([frequency] * len(values), values, 1e-3)
-        assert errors.shape == (2 * 6 + len(values) * 2 * 6, len(values) * lines)
-        assert np.isfinite(errors).all()
+        shapes = error_shapes([frequency] * len(values), values, typical_model_error(1e-3))
+        assert len(shapes["magnitude"]) == len(shapes["phase"]) == 6 * len(values)
+        for errors in shapes.values():
+            assert errors.shape[1] == len(values) * lines
+            assert np.isfinite(errors).all()
+
+
+def test_a_model_without_errors_and_a_single_line_have_none():
+    for frequency, size in ((FREQUENCY, ModelError(0.0)), (FREQUENCY[:1], typical_model_error(1e-3))):
+        shapes = error_shapes([frequency], [np.ones(len(frequency), complex)], size)
+        assert {errors.shape for errors in shapes.values()} == {(0, len(frequency))}
 
 
 def test_no_error_is_larger_than_a_peak_however_narrow_it_is():
-    frequency = np.linspace(100.0, 200.0, 2001)
     pole = 150.0 * (1.0 + 0.5j * 3e-4)
-    values = 1.0 / (frequency - pole) - 1.0 / (frequency + np.conj(pole))
-    errors = model_errors([frequency], [values], 5e-4)
-    assert np.abs(errors).max() < 3.0 * np.abs(values).max()
+    values = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
+    for errors in error_shapes([FREQUENCY], [values], typical_model_error(5e-4)).values():
+        assert np.abs(errors).max(initial=0.0) < 3.0 * np.abs(values).max()
 
 
 def test_a_natural_frequency_that_is_off_is_within_the_errors(sdof):
@@ -39,8 +81,20 @@ def test_a_natural_frequency_that_is_off_is_within_the_errors(sdof):
     assert changed != description
     difference = dovetail.load(changed).frf() - values
     noise = 1e-2 * values.std()
-    errors = model_errors([sdof.frequency], [values], 1e-3) / noise
+    shapes = error_shapes([sdof.frequency], [values], typical_model_error(1e-3))
+    errors = np.concatenate(list(shapes.values())) / noise
     rows = np.concatenate([errors.real, errors.imag], axis=1)
     off = np.concatenate([difference.real, difference.imag])[np.newaxis] / noise
     assert np.sum(off**2) > 100
-    assert marginalised_squares(off, rows)[0] < 10.0  # 4.0; without what is not linear in it 21
+    assert marginalised_squares(off, rows)[0] < 10.0
+
+
+def test_sizes_are_compared_and_said_in_words():
+    size, limit = ModelError(0.012, 0.2, 1.5, 0.1, 0.03), ModelError(0.02, 0.3, 0.3, 0.3, 0.3)
+    assert not size.within(limit)
+    assert ModelError(0.012, 0.2, 0.2, 0.1, 0.03).within(limit)
+    assert size.at_least(limit) == ModelError(0.02, 0.3, 1.5, 0.3, 0.3)
+    assert size.describe() == (
+        "natural frequencies are off by 1.2 %, damping by 20 %, amplitudes by a factor of 4.5, phases by 5.7 degrees, "
+        "and what none of these explains is 3 % of the FRF"
+    )

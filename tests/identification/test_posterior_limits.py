@@ -8,11 +8,12 @@ import pytest
 from dovetail.identification.posterior import ModelError, Posterior, error_shapes, typical_model_error
 from dovetail.identification.posterior import randomize_then_optimize as rto
 from dovetail.identification.posterior.laplace import LaplaceApproximation
-from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.identification.posterior.model_error import ModelErrorSettings, fit_resonances
 from dovetail.identification.posterior.prior import CubeResiduals, normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
 
 FREQUENCY = np.linspace(100.0, 200.0, 501)
+ALONE = ModelErrorSettings().individual
 HATS = np.stack([np.interp(FREQUENCY, np.linspace(100.0, 200.0, 6), height) for height in np.eye(6)])
 
 
@@ -34,19 +35,21 @@ def test_the_errors_at_a_resonance_have_the_stated_sizes():
     relative = level * pole / (FREQUENCY - pole)  # at most 0.1: the series converges
     linear = near * relative
     halves = np.array([0.0, 0.0, 0.5, 0.5, 0.0, 0.0])  # of the hat functions at 140 and 160 Hz
-    higher = np.stack([near * relative**2, near * relative**3])
-    sizes = level * np.concatenate([HATS * frf, 0.3 * frf[np.newaxis]])
+    sizes = level * np.concatenate([HATS * frf, ALONE * frf[np.newaxis]])
     expected = {
-        "natural_frequency": np.concatenate([halves[:, np.newaxis] * linear, 0.3 * linear[np.newaxis]]),
+        "natural_frequency": np.concatenate([halves[:, np.newaxis] * linear, ALONE * linear[np.newaxis]]),
         "damping": 100.0 * level * 1j * 0.01 * (near * pole / (FREQUENCY - pole))[np.newaxis],
         "magnitude": 20.0 * sizes,
         "phase": 2.0j * sizes,
-        "higher": np.concatenate([higher, 1j * higher]),
     }
     shapes = error_shapes([FREQUENCY], [frf], typical_model_error(level))
+    higher = shapes.pop("higher")
     assert shapes.keys() == expected.keys()
     for kind, errors in shapes.items():
         np.testing.assert_allclose(errors, expected[kind], rtol=1e-5, atol=1e-7)
+    beyond = 1.0 / (FREQUENCY - pole * (1.0 + 2.0 * level)) - near - 2.0 * linear  # moved by twice the level
+    left = beyond - higher.T @ np.linalg.lstsq(higher.T, beyond, rcond=None)[0]
+    assert np.linalg.norm(left) < 0.1 * np.linalg.norm(beyond)
 
 
 def test_errors_that_go_with_a_very_wrong_natural_frequency_are_bounded():

@@ -84,7 +84,7 @@ PACKAGES = {
     ),
     "posterior": Package(
         ("dovetail/identification/posterior/*",),
-        _in("identification", "posterior", "laplace", "model_errors"),
+        _in("identification", "posterior", "laplace", "model_errors", "frequency_average"),
         SLOW,
     ),
 }

@@ -1,0 +1,243 @@
+"""How well a model fits is said everywhere; perturbations, overhangs and bands are what they say they are."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from html import unescape
+
+import numpy as np
+import pytest
+from noisy_measurements import noisy
+from typer.testing import CliRunner
+
+import dovetail
+from dovetail.assembly import Assembly
+from dovetail.cli import app
+from dovetail.identification.adequacy.overhang import find_overhangs
+from dovetail.identification.adequacy.perturbations import (
+    PerturbedAssembly,
+    PerturbedResiduals,
+    add_mass,
+    list_perturbations,
+    list_quantities,
+)
+from dovetail.identification.adequacy.trials import LogRatio
+from dovetail.identification.fitting.residuals import Weighted
+from dovetail.identification.fitting.whiteness import find_deviating_bands
+from dovetail.identification.result_file import read_identification
+from dovetail.report.content import adequacy_sentences
+
+FREQUENCY = np.arange(1.0, 2049.0)
+
+
+def perturbation(assembly, name):
+    return next(entry for entry in list_perturbations(assembly) if entry.name == name)
+
+
+@pytest.fixture(scope="module")
+def with_gain(sdof):
+    return replace(noisy(sdof, 1.2 * sdof.frf(), 0.01, 1), variance=None)
+
+
+@pytest.fixture(scope="module")
+def good(sdof, with_gain):
+    return dovetail.identify(sdof, with_gain)
+
+
+def test_a_good_model_is_believed_with_its_errors_and_causes_in_every_output(good, with_gain, assemblies, tmp_path):
+    """The exit code is 3 for a model that does not fit only: tests/cli/test_not_believed.py."""
+    assert good.adequacy.word == "good"
+    assert good.believable
+    assert good.caveat == ""
+    assert good.adequacy.causes
+    dovetail.write_frf(with_gain, tmp_path / "measured.uff")
+    command = ["identify", assemblies / "sdof.yaml", tmp_path / "measured.uff", "--method", "refined"]
+    done = CliRunner().invoke(app, [str(word) for word in [*command, "-o", tmp_path / "results"]])
+    assert done.exit_code == 0, done.output
+    said = adequacy_sentences(good)
+    assert len(said) == 2 + len(good.adequacy.causes)
+    page = (tmp_path / "results" / "report.html").read_text(encoding="utf-8")
+    plain = json.loads((tmp_path / "results" / "result.json").read_text())
+    for text in (" ".join(done.stdout.split()), page):
+        assert [sentence for sentence in said if sentence not in unescape(text)] == []
+    assert plain["adequacy"]["word"] == "good"
+    assert [cause["sentence"] for cause in plain["adequacy"]["causes"]] == [
+        cause.sentence for cause in good.adequacy.causes
+    ]
+    assert plain["believable"]
+
+
+def test_it_is_kept_with_the_result(good, tmp_path):
+    file = tmp_path / "result.json"
+    file.write_text(json.dumps(good.to_dict(), allow_nan=False))
+    assert read_identification(file).adequacy == good.adequacy
+    without = {key: value for key, value in good.to_dict().items() if key != "adequacy"}
+    file.write_text(json.dumps(without))
+    assert read_identification(file).adequacy is None
+
+
+@pytest.mark.parametrize("key", ["misspecification", "foreign"])
+@pytest.mark.parametrize(("flagged", "word"), [(True, "does not fit"), (False, "not judged")])
+def test_a_file_of_an_earlier_version_says_yes_or_no(good, tmp_path, key, flagged, word):
+    stored = {name: value for name, value in good.to_dict().items() if name != "adequacy"}
+    stored[key] = {"flagged": flagged, "statistic": 3.0, "looks_like": "", "reasons": ["Why."], "bands_Hz": [[1, 2]]}
+    (tmp_path / "result.json").write_text(json.dumps(stored))
+    read = read_identification(tmp_path)
+    assert read.adequacy == dovetail.Adequacy(word, reasons=("Why.",), bands=((1.0, 2.0),))
+    assert read.believable is not flagged
+
+
+def test_a_network_tells_what_is_unlike_its_training_and_judges_nothing_else(model, measured):
+    result = model.identify(measured)
+    assert result.adequacy == dovetail.Adequacy("not judged")
+    assert result.believable
+    other = model.identify(replace(measured, values=9.81 * measured.values))
+    assert other.adequacy.word == "does not fit"
+    assert other.adequacy.reasons
+    assert not other.believable
+
+
+def test_a_mass_that_was_left_in_shifts_the_frf_as_it_says(sdof):
+    theta = sdof.from_unit(np.array([0.4, 0.6]))
+    perturbed = PerturbedAssembly(sdof, add_mass(0.2, np.ones(len(sdof.frequency), complex)))
+    values, jacobian = perturbed.frf_jacobian(theta)
+    np.testing.assert_allclose(values, sdof.frf(theta) / (1.0 + 0.2 * sdof.frf(theta)))
+    np.testing.assert_allclose(values, perturbed.frf(theta))
+    step = 1e-6 * theta[0] * np.array([1.0, 0.0])
+    difference = (perturbed.frf(theta + step) - perturbed.frf(theta - step)) / (2 * step[0])
+    np.testing.assert_allclose(jacobian[:, 0], difference, rtol=1e-5, atol=1e-9 * np.abs(difference).max())
+
+
+def test_each_number_of_a_part_can_be_changed(collet):
+    tool = collet.description.substructures["tool"]
+    quantities = {quantity.name: quantity for quantity in list_quantities(tool)}
+    assert {"material.young", "material.density", "sections[0].length", "sections[0].outer"} <= set(quantities)
+    longer = quantities["sections[0].length"].replace(tool, 0.11)
+    assert longer.nodes[-1].position == pytest.approx(0.11)
+    assert tool.nodes[-1].position == pytest.approx(0.1)
+
+
+def test_a_part_that_stands_out_further_is_one_with_a_longer_section_there(collet, assemblies):
+    overhang, *_ = find_overhangs(collet.description, 1000)
+    assert (overhang.substructure, overhang.joint, overhang.length) == ("tool", "collet", pytest.approx(0.08))
+    tool = overhang.lengthen(collet.description.substructures["tool"], 0.09)
+    positions = [1e3 * node.position for node in tool.nodes]
+    assert positions == pytest.approx([0, *np.linspace(10, 90, 8), 100, 110])
+    longer = perturbation(collet, "tool: overhang at 0 mm").apply(np.log(90 / 80))
+    description = json.loads(dovetail.load(assemblies / "bt40_er32.yaml").description.text)
+    (section,) = description["substructures"]["tool"]["sections"]
+    pieces = {"10 mm": 1, "80 mm": 7, "20 mm": 2}
+    description["substructures"]["tool"]["sections"] = [dict(section, length=k, elements=n) for k, n in pieces.items()]
+    description["joints"]["collet"]["connect"]["tool"]["at"] = ["90 mm", "100 mm", "110 mm"]
+    np.testing.assert_allclose(longer.frf(), dovetail.load(description).frf(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("node", range(8))
+def test_what_lies_between_the_end_and_the_response_stays_as_it_is(collet, node):
+    (response,) = collet.description.responses
+    description = replace(collet.description, responses=(replace(response, node=node),))
+    overhang, *_ = find_overhangs(description, 1000)
+    assert overhang.substructure == "tool"
+    assert overhang.unchanged == pytest.approx(0.01 * node)
+    tool = overhang.lengthen(description.substructures["tool"], 0.09)
+    positions = np.array([node.position for node in tool.nodes])
+    np.testing.assert_allclose(positions[: node + 1], 0.01 * np.arange(node + 1), atol=1e-12)
+    assert np.all(np.diff(positions) > 0)
+    shortest = perturbation(Assembly(description), "tool: overhang at 0 mm")
+    altered = shortest.apply(shortest.lower).description.substructures["tool"]
+    assert np.all(np.diff([node.position for node in altered.nodes]) > 0)
+
+
+@pytest.mark.parametrize(("node", "part"), [(0, None), (7, 0.05 + 0.95 * 70 / 80)])
+def test_overhangs_are_shortened_to_no_less_than_a_twentieth_beyond_the_response(collet, node, part):
+    """Of 80 mm that stand out of the collet, those up to the response stay; else the logarithm is -0.5 at least."""
+    (response,) = collet.description.responses
+    assembly = Assembly(replace(collet.description, responses=(replace(response, node=node),)))
+    lower = perturbation(assembly, "tool: overhang at 0 mm").lower
+    assert lower == pytest.approx(-0.5 if part is None else np.log(part))
+
+
+def test_a_section_that_tapers_is_not_divided(collet):
+    """The elements of the holder's taper are not what sections of their own would be, so it is lengthened as one."""
+    holder = collet.description.substructures["holder"]
+    _, overhang = find_overhangs(collet.description, 1000)
+    assert not list(find_overhangs(collet.description, 5))
+    longer = overhang.lengthen(holder, overhang.length + 0.02)
+    assert longer.config.sections[-1].elements == holder.config.sections[-1].elements == 10
+    assert longer.nodes[-1].position == pytest.approx(holder.nodes[-1].position + 0.02)
+    within = replace(overhang, first=12)
+    assert within.lengthen(holder, overhang.length).config.sections[-1].elements == 6
+
+
+@pytest.mark.parametrize("name", ["mass", "tool: overhang at 0 mm", "tool: material.young"])
+def test_derivatives_by_joint_and_amount(collet, torque_100, name):
+    """By a quantity of the tool, whose matrices are those of a joint of finite elements anew, to 1 %."""
+    entry = perturbation(collet, name)
+    values = collet.frf(torque_100)
+    residual = Weighted(values, np.ones(len(values)), np.ones(len(values)), True)
+    problem = PerturbedResiduals(entry, residual)
+    position = problem.position(collet.to_unit(torque_100), 0.1 * entry.upper)
+    assert problem.amount(position[0]) == pytest.approx(0.1 * entry.upper)
+    linear = problem.linearise(position)
+    for column in (0, 4, position.shape[1] - 1):
+        step = np.zeros_like(position)
+        step[0, column] = 1e-6
+        difference = (problem.residuals(position + step) - problem.residuals(position - step))[0] / 2e-6
+        assert np.linalg.norm(linear.jacobian[0, column] - difference) < 0.01 * np.linalg.norm(difference)
+
+
+@pytest.mark.parametrize("has_phase", [True, False])
+def test_derivatives_of_logarithms_are_their_differences(sdof, has_phase):
+    theta = sdof.from_unit(np.array([0.4, 0.6]))
+    residual = LogRatio.against(sdof.frf(), np.linspace(1e-4, 1.0, len(sdof.frequency)), has_phase)
+    values, jacobian = sdof.frf_jacobian(theta[np.newaxis])
+    found = residual.jacobian(values, np.moveaxis(jacobian, -1, 1))[0]
+    assert found.shape == (2, (2 if has_phase else 1) * len(sdof.frequency))
+    for index, step in enumerate(1e-6 * theta * np.eye(2)):
+        ahead, behind = (residual.of(sdof.frf((theta + sign * step)[np.newaxis]))[0] for sign in (1.0, -1.0))
+        difference = (ahead - behind) / (2.0 * step[index])
+        np.testing.assert_allclose(found[index], difference, atol=1e-5 * np.abs(difference).max())
+
+
+def even(*bands):
+    """Two residuals of 1 for each line, so that there is no excess, and of other squares over (first, last) lines."""
+    lines = np.ones((len(FREQUENCY), 2))
+    for first, last, square in bands:
+        lines[first:last] = np.sqrt(square)
+    return lines
+
+
+@pytest.mark.parametrize("length", [16, 64, 256])
+def test_a_band_stands_out_by_six_standard_deviations_of_a_window(length):
+    """The mean of n squares of two residuals scatters by 1 / sqrt(n): windows of 16, 64 and 256 lines."""
+    for factor, shown in ((0.95, False), (1.05, True)):
+        bands = find_deviating_bands(FREQUENCY, even((600, 600 + length, 1.0 + factor * 6.0 / np.sqrt(length))))
+        assert bool(bands) is shown
+
+
+def test_bands_hold_nine_tenths_of_the_excess_and_are_five_at_most():
+    large, small = (100, 200, 100.0), (1000, 1100, 8.0)  # 9900 and 700: the first has 93 %
+    assert len(find_deviating_bands(FREQUENCY, even(large, small))) == 1
+    assert len(find_deviating_bands(FREQUENCY, even(large, (1000, 1100, 15.0)))) == 2  # 88 %
+    many = [(first, first + 10, 5.0) for first in range(50, 2000, 280)]  # no two in one window of 256 lines
+    assert len(many) == 7
+    assert len(find_deviating_bands(FREQUENCY, even(*many))) == 5
+
+
+def test_the_ends_of_a_band_are_where_single_lines_are_clearly_off():
+    """Squares of 3.5 are no part of it; of flanks with squares of 8, 2 % of the clear excess, 50 lines, are none."""
+    ((low, high),) = find_deviating_bands(FREQUENCY, even((400, 460, 3.5), (460, 560, 100.0), (560, 620, 3.5)))
+    assert (low, high) == (pytest.approx(462.0, abs=1.5), pytest.approx(558.0, abs=1.5))
+    ((low, high),) = find_deviating_bands(FREQUENCY, even((400, 460, 8.0), (460, 560, 100.0), (560, 620, 8.0)))
+    assert (low, high) == (pytest.approx(451.0, abs=1.5), pytest.approx(570.0, abs=1.5))
+
+
+def test_bands_are_where_residuals_are_large():
+    lines = np.random.default_rng(0).standard_normal((1000, 2))
+    frequency = 10.0 * np.arange(1, 1001)
+    assert find_deviating_bands(frequency, lines) == ()
+    lines[400:450] *= 4
+    ((low, high),) = find_deviating_bands(frequency, lines)
+    assert low == pytest.approx(4010, abs=40)
+    assert high == pytest.approx(4500, abs=40)
