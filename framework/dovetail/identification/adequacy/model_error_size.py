@@ -55,7 +55,7 @@ class Settings:
     least: float = 1e-4
     """Relative errors of natural frequencies, and other errors, below which they do not matter."""
     most: float = 10.0
-    """Other errors above which the FRF says nothing."""
+    """Errors above which the FRF says nothing."""
     alternations: int = 6
     """Of the estimates of errors that have a shape, and of others."""
     tolerance: float = 0.05
@@ -241,7 +241,8 @@ class _Linearised:
         for _ in range(_SETTINGS.em_steps):
             factors = {"parameters": 1.0, "higher": 1.0, **self._factors(size)}
             scale = np.concatenate([np.full(count, factors[name]) for name, count in counts.items()])
-            covariance = np.linalg.inv(np.eye(len(scale)) + gram * np.outer(scale, scale))
+            squares, axes = np.linalg.eigh(gram * np.outer(scale, scale))
+            covariance = (axes / (1.0 + np.maximum(squares, 0.0))) @ axes.T  # no eigenvalue is negative but by rounding
             mean = covariance @ (scale * along)
             second = dict(
                 zip(counts, np.split(mean**2 + np.diag(covariance), np.cumsum(list(counts.values()))[:-1]), strict=True)
@@ -255,12 +256,13 @@ class _Linearised:
         """Return the sizes from the second moments of the errors, in units of the sizes before."""
         of_frequency = second["natural_frequency"]
         frequency = size.natural_frequency * float(np.sqrt(of_frequency.mean()) if len(of_frequency) else 1.0)
-        typical = typical_model_error(max(frequency, _SETTINGS.least))
+        typical = typical_model_error(min(max(frequency, _SETTINGS.least), _SETTINGS.most))
         sizes = {}
         for kind in KINDS[1:]:
             squares = getattr(size, kind) ** 2 * float(second[kind].sum())
             prior = _SETTINGS.pseudo_count * getattr(typical, kind) ** 2
-            sizes[kind] = float(np.sqrt((squares + prior) / (len(second[kind]) + _SETTINGS.pseudo_count)))
+            mean = (squares + prior) / (len(second[kind]) + _SETTINGS.pseudo_count)
+            sizes[kind] = min(float(np.sqrt(mean)), _SETTINGS.most)
         return replace(size, natural_frequency=typical.natural_frequency, **sizes)
 
     def _estimate_other(self, size: ModelError) -> ModelError:
