@@ -87,14 +87,19 @@ def test_a_mass_that_is_two_per_cent_off(chain, index):
 
 @pytest.mark.parametrize("modulus", [0.01, pytest.param(0.03, marks=pytest.mark.slow), 0.1])
 def test_a_modulus_that_is_off(collet, torque_100, modulus):
-    """Of the holder; 0.1 % of noise shows even an error of 1 %, which the joint follows for the most part."""
+    """Of the holder. The joint follows an error of 1 % to 0.1 % of noise, and most of a larger one."""
     model = collet.on(np.arange(100.0, 9001.0, 8.0))
     true = {entry.name: entry for entry in list_perturbations(model)}["holder: material.young"].apply(np.log1p(modulus))
     true = true.on(model.frequency)
     measured = noisy(model, true.frf(torque_100), 0.001, 3)
     result = dovetail.identify(collet, measured)
-    assert result.adequacy.word == "good"
-    check_size(result.adequacy.size.natural_frequency, error_left(model, result.theta, true, torque_100))
+    left = error_left(model, result.theta, true, torque_100)
+    if modulus == 0.01:
+        assert result.adequacy.word == "to the noise"
+        assert left < 3e-4
+    else:
+        assert result.adequacy.word == "good"
+        check_size(result.adequacy.size.natural_frequency, left)
 
 
 def test_noise_has_no_size_whatever_its_lines(sdof, collet, torque_100):
