@@ -1,0 +1,32 @@
+"""The study of model errors runs, and its structures are wrong by as much as is wanted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from model_errors import drawn, judged, row
+from wrong_structures import Poles, altered, pole_errors, wrong_structure
+
+
+@pytest.mark.parametrize(("kind", "wanted"), [("young", 2e-3), ("spring", 1e-2)])
+def test_a_structure_is_wrong_by_as_much_as_is_wanted(kind, wanted):
+    rng = np.random.default_rng(5)
+    assembly, theta = drawn(10, 1, rng)
+    truth = wrong_structure(assembly, theta, kind, wanted, rng)
+    size, _ = pole_errors(Poles.of(truth, theta), Poles.of(assembly, theta))
+    assert abs(size / wanted - 1.0) < 0.12
+    assert np.array_equal(truth.frequency, assembly.frequency)
+
+
+def test_a_delay_turns_the_phase_and_nothing_else():
+    rng = np.random.default_rng(5)
+    assembly, theta = drawn(10, 1, rng)
+    ratio = altered(assembly, theta, "delay", rng).frf(theta) / assembly.frf(theta)
+    assert np.allclose(ratio, np.exp(-2j * np.pi * 20e-6 * assembly.frequency))
+
+
+def test_a_case_has_a_row():
+    case = judged((10, "young", 2e-3), 1, "refined")
+    assert abs(case.known / 2e-3 - 1.0) < 0.12
+    assert case.resonances >= 2
+    assert row("all", [case]).startswith("| all | 1 |")
