@@ -96,14 +96,15 @@ def by_refined_fit(
     """
     assembly, frfs = measured.assembly, measured.frfs
     settings = assembly.description.identification
+    _check(model_error)
     fit = refine(assembly, frfs, _starts(measured, trained), seed=settings.seed if seed is None else seed)
-    adequacy, fit = assess(assembly, frfs, fit, _checked(model_error), progress=progress)
+    adequacy, fit = assess(assembly, frfs, fit, model_error, progress=progress)
     origin = provenance(measured.described, measured.whole, trained.evaluation if trained is not None else None)
     return _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
 
 
-def _checked(model_error: float | None) -> float | None:
-    """Return the error that a model is allowed, if it is one.
+def _check(model_error: float | None) -> None:
+    """Make sure that the error that a model is allowed is one.
 
     Raises
     ------
@@ -111,7 +112,6 @@ def _checked(model_error: float | None) -> float | None:
     """
     if model_error is not None and not (np.isfinite(model_error) and 0.0 <= model_error < 1.0):
         raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
-    return model_error
 
 
 def _starts(measured: MeasuredLines, trained: TrainedNetwork | None) -> list[NDArray[np.float64]]:
@@ -165,6 +165,7 @@ def by_multistart(
         Called while causes of a misfit are searched.
     """
     assembly, frfs = measured.assembly, measured.frfs
+    _check(model_error)
     fit = multistart(
         assembly,
         frfs,
@@ -174,7 +175,7 @@ def by_multistart(
         seed=assembly.description.identification.seed if seed is None else seed,
     )
     origin = provenance(measured.described, measured.whole, None) | {"objective": objective}
-    adequacy, _ = assess(assembly, frfs, fit, _checked(model_error), progress=progress)
+    adequacy, _ = assess(assembly, frfs, fit, model_error, progress=progress)
     return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, adequacy=adequacy)
 
 

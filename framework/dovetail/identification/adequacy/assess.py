@@ -89,15 +89,26 @@ def assess(
     )
     if estimated is None:
         return Adequacy("to the noise", allowed=model_error), refitted
+    size = replace(estimated.size, magnitude=max(estimated.size.magnitude, _typical_ratio(target, estimated.values)))
     adequacy = Adequacy(
-        word_for(estimated.size),
-        estimated.size,
+        word_for(size),
+        size,
         model_error,
         causes=find_causes(assembly, measured, refitted, progress=progress),
         reasons=tuple(_reasons(target, fit, estimated, model_error)),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
+
+
+def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> float:
+    """Return the median of the logarithms of measured over fitted amplitudes.
+
+    Errors of magnitude are relative to the fitted FRF: they grow no further than 1 if that is much too large.
+    """
+    measured = np.concatenate([frf.amplitude for frf in target.frfs])
+    clear = (measured > 0.0) & (values != 0.0)
+    return float(np.median(np.abs(np.log(measured[clear] / np.abs(values[clear]))))) if clear.any() else 0.0
 
 
 def _reasons(target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None) -> Iterator[str]:
