@@ -20,7 +20,13 @@ import dovetail
 from dovetail.dataset import latin_hypercube
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.identification.fitting import Fit, refine
-from dovetail.identification.posterior import Posterior, laplace_posterior, quantiles, sample_posterior
+from dovetail.identification.posterior import (
+    Posterior,
+    laplace_posterior,
+    quantiles,
+    sample_posterior,
+    typical_model_error,
+)
 from dovetail.measurement import noisy_frf
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
@@ -57,15 +63,16 @@ def study(count: int, sampled: int, mesh: int, model_error: float) -> None:
     assembly = dovetail.load(ASSEMBLY)
     names = [parameter.name for parameter in assembly.parameters]
     held, doubted, seconds, beside, same = [], [], [], [], []
+    allowed = typical_model_error(model_error)
     for case in cases(assembly, count, mesh):
         began = time.process_time()
-        found = laplace_posterior(assembly, case.measured, case.fit, model_error=model_error, seed=case.index)
+        found = laplace_posterior(assembly, case.measured, case.fit, model_error=allowed, seed=case.index)
         seconds.append(time.process_time() - began)
         low, high = ends(found)
         held.append((low < case.place) & (case.place < high))
         doubted.append([name in found.unreliable for name in names])
         if case.index < sampled:
-            other = sample_posterior(assembly, case.measured, case.fit, model_error=model_error, seed=case.index)
+            other = sample_posterior(assembly, case.measured, case.fit, model_error=allowed, seed=case.index)
             other_low, other_high = ends(other)
             beside.append([(high - low) / (other_high - other_low), apart(low, high, other_low, other_high)])
             same.append([found.verdicts[name].word == other.verdicts[name].word for name in names])

@@ -20,7 +20,7 @@ from dovetail.dataset import latin_hypercube
 from dovetail.evaluation import plan
 from dovetail.evaluation.experiment_design import NOISE
 from dovetail.identification.fitting import refine
-from dovetail.identification.posterior import Posterior, quantiles, sample_posterior
+from dovetail.identification.posterior import ModelError, Posterior, quantiles, sample_posterior
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"
 
@@ -85,7 +85,7 @@ def measure(
 
 def posterior(assembly: dovetail.Assembly, frfs: list[dovetail.Frf], seed: int) -> Posterior:
     """Return the posterior given the FRFs of all responses."""
-    return sample_posterior(assembly, frfs, refine(assembly, frfs), model_error=0.0, seed=seed)
+    return sample_posterior(assembly, frfs, refine(assembly, frfs), model_error=ModelError(0.0), seed=seed)
 
 
 if __name__ == "__main__":

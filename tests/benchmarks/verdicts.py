@@ -32,7 +32,7 @@ from dovetail.dataset import latin_hypercube
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.identification.fitting.residuals import FrfResiduals, Weighted
-from dovetail.identification.posterior import sample_posterior
+from dovetail.identification.posterior import ModelError, sample_posterior
 from dovetail.identification.posterior.prior import (
     CubeResiduals,
     PosteriorResiduals,
@@ -186,7 +186,7 @@ def one_case(index: int, count: int) -> dict[str, Any]:
     exact = dovetail.Frf(assembly.frequency, clean, "accelerance")
     measured = noisy_frf(exact, NOISE, np.random.default_rng([12, index]))
     fit = refine(assembly, measured)
-    posterior = sample_posterior(assembly, measured, fit, model_error=0.0, seed=index)
+    posterior = sample_posterior(assembly, measured, fit, model_error=ModelError(0.0), seed=index)
     misfit = FrfResiduals(assembly, Weighted.against(measured, measured.variance, np.ones(len(clean), dtype=np.bool_)))
     place = assembly.to_unit(truth)
     fisher = misfit.linearise(place[np.newaxis]).curvature[0]
