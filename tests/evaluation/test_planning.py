@@ -16,7 +16,7 @@ from dovetail.errors import ParameterError
 from dovetail.evaluation import plan
 from dovetail.evaluation.truncated_gaussian import remaining_uncertainty
 from dovetail.identification.fitting import refine
-from dovetail.identification.posterior import sample_posterior
+from dovetail.identification.posterior import ModelError, sample_posterior
 
 
 def test_the_best_point_of_the_collet_tells_more_than_the_described_one(collet):
@@ -49,7 +49,7 @@ def test_gains_are_those_that_a_measurement_achieves(sdof):
         normal = np.random.default_rng(seed).standard_normal((2, len(values)))
         noisy = values + deviation * (normal[0] + 1j * normal[1]) / np.sqrt(2)
         frf = dovetail.Frf(sdof.frequency, noisy, "accelerance", variance=np.full(len(values), deviation**2))
-        samples = sample_posterior(sdof, frf, refine(sdof, frf), model_error=0.0, seed=seed)
+        samples = sample_posterior(sdof, frf, refine(sdof, frf), model_error=ModelError(0.0), seed=seed)
         mean = samples.weight @ samples.fraction
         achieved.append(12 * samples.weight @ (samples.fraction - mean) ** 2)
     left = [1 - gain for gain in found.points[0].gain.values()]

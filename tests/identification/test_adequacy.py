@@ -56,7 +56,7 @@ def test_a_good_model_is_believed_with_its_errors_and_causes_in_every_output(goo
     done = CliRunner().invoke(app, [str(word) for word in [*command, "-o", tmp_path / "results"]])
     assert done.exit_code == 0, done.output
     said = adequacy_sentences(good)
-    assert len(said) == 2 + len(good.adequacy.causes)
+    assert len(said) == 2 + len(good.adequacy.reasons) + len(good.adequacy.causes)
     page = (tmp_path / "results" / "report.html").read_text(encoding="utf-8")
     plain = json.loads((tmp_path / "results" / "result.json").read_text())
     for text in (" ".join(done.stdout.split()), page):

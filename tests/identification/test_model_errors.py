@@ -37,8 +37,8 @@ def test_each_error_is_the_derivative_of_a_pole_residue_frf(kind, index):
     changed = {
         "natural_frequency": (POLES * (1.0 + 0.6 * one), RESIDUES),
         "damping": (POLES.real + 1j * POLES.imag * (1.0 + one), RESIDUES),
-        "magnitude": (POLES, RESIDUES * (1.0 + 0.6 * one)),
-        "phase": (POLES, RESIDUES * np.exp(0.6j * one)),
+        "magnitude": (POLES, RESIDUES * (1.0 + 0.3 * one)),
+        "phase": (POLES, RESIDUES * np.exp(0.3j * one)),
     }[kind]
     difference = np.sum(near(*changed) - near(POLES, RESIDUES), axis=0) / STEP
     size = ModelError(1e-3, damping=0.01, magnitude=0.02, phase=0.003)

@@ -14,6 +14,7 @@ from dovetail.identification.posterior.randomize_then_optimize import Linearised
 
 FREQUENCY = np.linspace(100.0, 200.0, 501)
 ALONE = ModelErrorSettings().individual
+ALONE_IN_HEIGHT = ModelErrorSettings().individual_magnitude
 HATS = np.stack([np.interp(FREQUENCY, np.linspace(100.0, 200.0, 6), height) for height in np.eye(6)])
 
 
@@ -35,7 +36,7 @@ def test_the_errors_at_a_resonance_have_the_stated_sizes():
     relative = level * pole / (FREQUENCY - pole)  # at most 0.1: the series converges
     linear = near * relative
     halves = np.array([0.0, 0.0, 0.5, 0.5, 0.0, 0.0])  # of the hat functions at 140 and 160 Hz
-    sizes = level * np.concatenate([HATS * frf, ALONE * frf[np.newaxis]])
+    sizes = level * np.concatenate([HATS * frf, ALONE_IN_HEIGHT * frf[np.newaxis]])
     expected = {
         "natural_frequency": np.concatenate([halves[:, np.newaxis] * linear, ALONE * linear[np.newaxis]]),
         "damping": 100.0 * level * 1j * 0.01 * (near * pole / (FREQUENCY - pole))[np.newaxis],

@@ -46,9 +46,11 @@ class ModelErrorSettings:
     """Typical error of phases [rad], over that of natural frequencies."""
     largest: float = 0.3
     """Error of damping, magnitude and phase that is typical at most, however wrong natural frequencies are."""
+    individual_magnitude: float = 0.3
+    """Error of magnitude and phase of each resonance alone, over the one that it shares with its neighbours."""
     individual: float = 0.6
-    """Error of each resonance alone, over the one that it shares with its neighbours. With hat functions, whose squares
-    are 2/3 on average, the root of the mean square over all resonances is the size of the error."""
+    """Error of each natural frequency alone, over the one that it shares with its neighbours. With hat functions, whose
+    squares are 2/3 on average, the root of the mean square over all resonances is the size of the error."""
     moved: tuple[float, ...] = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
     """Sizes of the error by which resonances are moved, for what that adds beyond the linear term: a misplaced peak far
     above the noise shows it."""
@@ -304,7 +306,7 @@ def error_shapes(
     level, alone = size.natural_frequency, _SETTINGS.individual * size.natural_frequency
     displaced, together = resonances.displaced(level), hat_functions(resonances.poles.real, band)
     of_response = zip(hats, values, resonances.terms, strict=True)
-    shapes = [np.concatenate([hat * frf, _SETTINGS.individual * terms]) for hat, frf, terms in of_response]
+    shapes = [np.concatenate([hat * frf, _SETTINGS.individual_magnitude * terms]) for hat, frf, terms in of_response]
     scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
     higher = _higher(resonances, level)
     return {
