@@ -22,7 +22,7 @@ from dovetail.identification.fitting.random_error import (
 from dovetail.identification.fitting.residuals import LogAmplitude, StackedResiduals, Weighted, split_by_response
 from dovetail.measurement import find_gaps, find_missing_ends, on_grid, within_band
 
-__all__ = ["MeasuredLines", "Observations", "difference", "one_per_response"]
+__all__ = ["MeasuredLines", "Observations", "one_per_response"]
 
 _MOST_GAPS = 5
 """Gaps of a measurement that a warning lists."""
@@ -167,7 +167,7 @@ class Observations:
         """Return |difference|^2 (n_lines,) from a model's values; twice that of amplitudes where there is no phase."""
         pairs = zip(self.frfs, self.split(model), strict=True)
         return np.concatenate(
-            [np.abs(difference(frf, values)) ** 2 * (1.0 if frf.has_phase else 2.0) for frf, values in pairs]
+            [np.abs(_difference(frf, values)) ** 2 * (1.0 if frf.has_phase else 2.0) for frf, values in pairs]
         )
 
     def isolated(self, size: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -180,7 +180,7 @@ class Observations:
         return sum((2 if frf.has_phase else 1) * int(np.count_nonzero(lines)) for frf, lines in pairs)
 
 
-def difference(frf: Frf, model: NDArray[np.complex128]) -> NDArray[Any]:
+def _difference(frf: Frf, model: NDArray[np.complex128]) -> NDArray[Any]:
     """Return a model's values (n_freq,) less the measured ones: complex, or amplitudes where there is no phase."""
     return model - frf.values if frf.has_phase else np.abs(model) - frf.amplitude
 

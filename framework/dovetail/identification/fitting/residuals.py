@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -224,10 +224,6 @@ class Weighted:
         """Return the residuals of some lines."""
         return Weighted(self.measured[lines], self.variance[lines], self.weight[lines], self.has_phase)
 
-    def scaled(self, factor: float) -> Weighted:
-        """Return the residuals multiplied by a factor."""
-        return replace(self, weight=factor * self.weight)
-
     def lines_of(self, residuals: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the lines to which residuals belong, increasing, each once; both by their numbers."""
         return np.unique(residuals // self.components)
@@ -297,10 +293,6 @@ class StackedResiduals(Generic[_Kind]):
         pairs = zip(self.responses, split_by_response(lines, self.counts), strict=True)
         kept = [(residual.at(rows), len(rows)) for residual, rows in pairs if len(rows)]
         return StackedResiduals(*zip(*kept, strict=True))
-
-    def scaled(self: StackedResiduals[Weighted], factor: float) -> StackedResiduals[Weighted]:
-        """Return the residuals multiplied by a factor."""
-        return StackedResiduals(tuple(residual.scaled(factor) for residual in self.responses), self.counts)
 
     def lines_of(self: StackedResiduals[Weighted], residuals: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the lines to which residuals belong, increasing, each once; both by their numbers."""
