@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from dovetail.assembly.parameters import Theta
 from dovetail.frf import conversion
 from dovetail.identification.adequacy.trials import Trial, Trials, values_of
 from dovetail.identification.fitting.search_lines import missed_resonances
-from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.identification.posterior.model_error import Resonances, fit_resonances
 from dovetail.interfaces import DIRECTIONS
 from dovetail.synthesis import Point
 
@@ -231,30 +231,29 @@ def _added_resonance(
 
 def try_window(trials: Trials) -> Iterator[Candidate]:
     """Yield the fit with the damping taken out that an exponential window adds to all resonances alike."""
-    poles = _poles(trials, trials.unchanged.theta)
-    if not len(poles):
+    values = trials.target.split(trials.values(trials.unchanged.theta))
+    resonances = fit_resonances([frf.frequency for frf in trials.target.frfs], values)
+    if not len(resonances.poles):
         return
-    least = float(poles.imag.min())
-    tried = [(added, _without_window(trials, added)) for added in (least * part for part in _SETTINGS.windows)]
+
+    def without(added: float) -> tuple[float, Trial]:
+        return added, _without_window(trials, values, resonances, added)
+
+    least = float(resonances.poles.imag.min())
+    tried = [without(least * part) for part in _SETTINGS.windows]
     for halving in range(1, _SETTINGS.narrowings + 1):
         best = min(tried, key=lambda pair: pair[1].misfit)[0]
         step = 3.0 ** (0.5**halving)
-        tried += [(added, _without_window(trials, added)) for added in (best / step, best * step)]
+        tried += [without(best / step), without(best * step)]
     added, trial = min(tried, key=lambda pair: pair[1].misfit)
     rate = 2.0 * np.pi * added
     yield "window", f"the damping of an exponential window, exp(-{rate:.3g} t/s), taken out", trial
 
 
-def _poles(trials: Trials, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-    axes = [frf.frequency for frf in trials.target.frfs]
-    return fit_resonances(axes, trials.target.split(trials.values(theta))).poles
-
-
-def _without_window(trials: Trials, added: float) -> Trial:
-    """Fit the joint to the measurement less a window's damping [Hz], which the model tells at the best fit."""
-    axes = [frf.frequency for frf in trials.target.frfs]
-    values = trials.target.split(trials.values(trials.unchanged.theta))
-    resonances = fit_resonances(axes, values)
+def _without_window(
+    trials: Trials, values: Sequence[NDArray[np.complex128]], resonances: Resonances, added: float
+) -> Trial:
+    """Fit the joint to the measurement less a window's damping [Hz], which the resonances of the best fit tell."""
     frfs = []
     for frf, plain, near in zip(trials.target.frfs, values, resonances.near, strict=True):
         distance = frf.frequency - resonances.poles[:, np.newaxis]

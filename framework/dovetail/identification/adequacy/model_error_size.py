@@ -2,8 +2,8 @@
 
 The sizes are unknowns with a prior: errors of each kind are normally distributed, and their standard deviation is what
 makes the residuals most probable once parameters and errors are marginalised (empirical Bayes). It is found by the EM
-algorithm around the best fit. Natural frequencies are allowed large errors first, then smaller ones, as long as the
-residuals need no more: so resonances that are far apart find each other.
+algorithm around the best fit, with residuals averaged ever more widely until that suffices. Then the fit is made anew
+with these errors allowed.
 """
 
 from __future__ import annotations
