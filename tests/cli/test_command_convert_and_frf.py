@@ -111,6 +111,18 @@ def test_faults_of_convert(run, analyser, tmp_path):
     assert (tmp_path / "a.uff").read_text() == "old"
 
 
+def test_a_table_without_a_header(run, tmp_path):
+    rows = "".join(f"{f:.2f};7;{v.real:.12e};{v.imag:.12e}\n" for f, v in zip(AXIS, accelerance(AXIS), strict=True))
+    (tmp_path / "a.txt").write_text(f"by hand\n{rows.replace('.', ',')}")
+    fault = run("convert", tmp_path / "a.txt", tmp_path / "a.uff", "--quantity", "accelerance", code=1).stderr
+    assert fault.count("\n") == 3
+    assert "the table has no header" in fault
+    assert "--columns frequency,real,imag" in fault
+    options = ("--columns", "frequency, skip,real,imag", "--quantity", "accelerance")
+    run("convert", tmp_path / "a.txt", tmp_path / "a.uff", *options)
+    np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.uff").values, accelerance(AXIS), rtol=1e-9)
+
+
 RATE, SAMPLES = 8192.0, 4096
 
 
@@ -161,6 +173,10 @@ def test_signals_in_a_table(run, tmp_path, hits):
     run("frf", tmp_path / "hits.tsv", "-o", tmp_path / "a.csv", "-o", tmp_path / "a.png")
     check(tmp_path / "a.csv", truth)
     assert (tmp_path / "a.png").stat().st_size > 1000
+    (tmp_path / "bare.txt").write_text("Logger 3\n0\n" + text.partition("\n")[2].replace(".", ","))
+    names = ",".join(["time", *4 * ["force", "response"]])
+    run("frf", tmp_path / "bare.txt", "-o", tmp_path / "b.csv", "--columns", names)
+    assert (tmp_path / "b.csv").read_text().split("\n")[3:] == (tmp_path / "a.csv").read_text().split("\n")[3:]
 
 
 def test_signals_in_a_universal_file(run, tmp_path, hits):
@@ -206,7 +222,10 @@ def test_faults_of_frf(run, tmp_path, hits):
     assert "the force is nan at impact 1, sample 4" in fault_of(
         run, tmp_path, "a.csv", table.replace("3,3,3", "3,nan,3")
     )
-    assert "below the header" in fault_of(run, tmp_path, "a.csv", table.replace("0.03,3", "0.03,x"))
+    assert "a.csv:5\n  'x' in column force is not a number." in fault_of(
+        run, tmp_path, "a.csv", table.replace("0.03,3", "0.03,x")
+    )
+    assert "is for tables, not for .npz files" in fault_of(run, tmp_path, "a.npz", b"PK", "--columns", "time,force")
     assert "0 columns of force" in fault_of(run, tmp_path, "a.csv", table.replace("force", "power"))
     assert "does not say the sampling rate" in fault_of(run, tmp_path, "a.csv", table.replace("time", "turns"))
     assert "the file is empty" in fault_of(run, tmp_path, "a.csv", "")

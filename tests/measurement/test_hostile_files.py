@@ -25,14 +25,14 @@ SUFFIXES = (".uff", ".unv", ".csv", ".tsv", ".npz", ".mat", ".h5", ".frf")
 FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
-def read_or_refuse(path: Path, content: bytes) -> None:
-    """Anything but an FRF and a MeasurementError is a failure."""
+def read_or_refuse(path: Path, content: bytes, **arguments: object) -> None:
+    """Anything but an FRF and a MeasurementError of one fault is a failure."""
     path.write_bytes(content)
     frf, message = None, ""
     try:
-        frf = read_frf(path, quantity="accelerance")
+        frf = read_frf(path, quantity="accelerance", **arguments)
     except MeasurementError as error:
-        message = str(error)
+        message = str(error) if len(error.faults) == 1 else "several faults"
     assert str(path) in message or (frf is not None and np.all(np.isfinite(frf.values)))
 
 
@@ -93,11 +93,15 @@ def intact(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     for name in ("a.h5", "a.mat", "b.mat"):
         contents[name] = (folder / name).read_bytes()
     contents["a.tsv"] = b"Freq\tReal\tImag\nHz\tg/N\tg/N\n1\t2\t3\n2\t-3e-005\t4\n"
+    contents["b.csv"] = (
+        "Analyser 7\n0 1600\nf;Signal 2 (Real);Signal 2 (Imag.);Kohärenz\nHz;g/N;g/N;-\n1;2,5;3;1\n2;-3e-005;4;1\n"
+    ).encode("latin-1")
+    contents["a.txt"] = b"by hand\n1,5 2 3 OK\n2,5 2,25 4 OK\n"
     contents["a.frf"] = b"1\t2E-005\t3\tFreq\tHz\tReal\tm/s^2/N\n2\t3\t4\n3\t4\t5\n"
     return contents
 
 
-FORMS = ["a.csv", "a.tsv", "a.frf", "a.npz", "a.uff", "b.uff", "c.uff"]
+FORMS = ["a.csv", "b.csv", "a.tsv", "a.txt", "a.frf", "a.npz", "a.uff", "b.uff", "c.uff"]
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -126,6 +130,8 @@ def damage_and_read(tmp_path: Path, intact: dict[str, bytes], name: str, data: s
             del content[position : position + data.draw(st.integers(1, 30))]
         if not content:
             return
+    columns = {"a.txt": ("frequency", "real", "imag", "skip"), "b.csv": ("frequency", "real", "imag", "skip")}
+    read_or_refuse(tmp_path / name, bytes(content), columns=columns.get(name, ()))
     read_or_refuse(tmp_path / name, bytes(content))
 
 
@@ -211,6 +217,10 @@ def test_the_worst_files_take_bounded_time_and_memory(tmp_path: Path) -> None:
         "lines.csv": b"frequency_Hz,amplitude\n" + b"\n" * size,
         "commas.csv": b"frequency_Hz,amplitude\n" + b"," * size,
         "one.csv": b"frequency_Hz,amplitude\n" + b"1" * size,
+        "above.txt": b"f 1\n" * 999_000,
+        "words.txt": b"f re im " * (size // 8),
+        "quotes.csv": b"f;re;im\n" + b'"' * size,
+        "blanks.txt": b"f re im\n" + b" 1" * (size // 2),
         "rows.csv": b"frequency_Hz,amplitude\n" + b"1,2\n" * 999_000,
         "units.tsv": b"f\tre\tim\n" + b"\t" * size,
         "rows.frf": b"1 2 3\n" * 999_000,

@@ -60,27 +60,27 @@ class Marker:
         (
             saved(times=AXIS),
             "a.npz\n  the frequency is not to be found by its name; the file holds:\n    times\n"
-            "  Say which it is: frequency=NAME.  "
+            "  Say which it is: --name frequency=NAME.  "
             "Accepted: frequency, frequency_hz, frequencies, freq, freq_hz, f, f_hz",
         ),
         (
             zipped(),
             "a.npz\n  the frequency is not to be found by its name; the file holds: nothing\n"
-            "  Say which it is: frequency=NAME.  "
+            "  Say which it is: --name frequency=NAME.  "
             "Accepted: frequency, frequency_hz, frequencies, freq, freq_hz, f, f_hz",
         ),
         (
             saved(frequency=AXIS),
             "a.npz\n  the values are not to be found by their name; the file holds:\n    frequency\n"
-            "  Say which they are, for example values=NAME.  "
-            "Accepted: values (complex) | real, imag | amplitude, phase_deg (or phase_rad) | amplitude",
+            "  Say which they are, for example --name values=NAME.  "
+            "Accepted: values (complex) | real, imag | amplitude (or db), phase_deg (or phase_rad) | amplitude",
         ),
         (
             saved(frequency=AXIS, values=1j * AXIS, amplitude=AXIS),
             "a.npz\n  the file gives the values in two ways; the file holds:\n"
             "    frequency\n    values\n    amplitude\n"
-            "  Say which they are, for example values=NAME.  "
-            "Accepted: values (complex) | real, imag | amplitude, phase_deg (or phase_rad) | amplitude",
+            "  Say which they are, for example --name values=NAME.  "
+            "Accepted: values (complex) | real, imag | amplitude (or db), phase_deg (or phase_rad) | amplitude",
         ),
         (
             saved(frequency=AXIS, values=AXIS),
@@ -129,7 +129,7 @@ class Marker:
         ),
         (
             saved(frequency=AXIS, amplitude=-AXIS, quantity="mobility"),
-            "a.npz  line 1 of the arrays\n  the amplitude -1 is negative (decibels are not read).\n"
+            "a.npz  line 1 of the arrays\n  the amplitude -1 is negative (decibels are called db).\n"
             "  Accepted: an amplitude of zero or more",
         ),
         (

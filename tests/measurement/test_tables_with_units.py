@@ -70,19 +70,27 @@ def test_a_unit_that_the_caller_gives(tmp_path: Path) -> None:
     assert frf.unit == "rad/(N m)"
 
 
-HEADERS = "  Accepted: frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
+SAY = "  Say what each column holds: --columns frequency,real,imag,skip (in Python columns=...)."
+HEADERS = f"{SAY}  Accepted: frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
 FAULTS = [
-    ("f,H1,H2\n1,2,3\n", "a.csv:1\n  the header 'f,H1,H2' is not understood.\n" + HEADERS),
+    (
+        "f,H1,H2\n1,2,3\n",
+        "a.csv:1\n  'H1', 'H2' may each be the values; the file holds:\n    f\n    H1\n    H2\n"
+        "  Say which, for example --name values='H1'.",
+    ),
     ("f,re,im,extra\n1,2,3,4\n", "a.csv:1\n  the header 'f,re,im,extra' is not understood.\n" + HEADERS),
-    ("f,amplitude,phase\n1,2,3\n", "a.csv:1\n  the header 'f,amplitude,phase' is not understood.\n" + HEADERS),
+    (
+        "f,amplitude,phase\n1,2,3\n",
+        "a.csv:1\n  'phase' may be in degrees or in radians; the file holds:\n    f\n    amplitude\n    phase\n"
+        "  Say --name phase_deg='phase' or --name phase_rad='phase'.",
+    ),
     ("f,re,re\n1,2,3\n", "a.csv:1\n  the header 'f,re,re' has a name twice.\n" + HEADERS),
     ("f [rpm],re,im\n1,2,3\n", "a.csv:1\n  the frequency is in 'rpm'.\n  Accepted: Hz, kHz, rad/s"),
-    ("f,re [um/N],im [mm/N]\n1,2,3\n", "a.csv:1\n  the values are in different units: mm/N and um/N.\n  Accepted: one"),
+    ("f,re [um/N],im [mm/N]\n1,2,3\n", "a.csv:1\n  the values are in different units: mm/N and um/N.\n" + SAY),
     ("f,re [kg],im [kg]\n1,2,3\n", "a.csv:1\n  the unit 'kg' is not understood.\n  Accepted: a motion per force"),
-    ("f,mag [dB re 1 m/N]\n1,2\n", "a.csv:1\n  the unit 'dB re 1 m/N' is in decibels, which are not read.\n"),
     ("# averages: many\nf,re,im\n1,2,3\n", "a.csv:1\n  'many' is no number of averages."),
     ("# quantity: mobility\nf,re [um/N],im\n1,2,3\n", "a.csv\n  the file contradicts itself: mobility and receptance."),
-    ("f\tre\tim\n1,5\t2\t3\n", "a.csv:2\n  '1,5' in column f is not a number."),
+    ("f\tre\tim\n1,5,5\t2\t3\n", "a.csv:2\n  '1,5,5' in column f is not a number."),
 ]
 
 

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.options import Overwrite, check_new_files, quantity_in
-from dovetail.cli.reading import ForceDof, Index, Names, QuantityOfFile, ResponseDof, UnitOfFile, names_of
+from dovetail.cli.reading import (
+    Columns,
+    ForceDof,
+    Index,
+    Names,
+    QuantityOfFile,
+    ResponseDof,
+    UnitOfFile,
+    columns_of,
+    names_of,
+)
 from dovetail.cli.terminal import note, say, title
 
 if TYPE_CHECKING:
@@ -32,6 +42,7 @@ def convert(
     response: ResponseDof = None,
     force: ForceDof = None,
     names: Names = None,
+    columns: Columns = None,
     to: Annotated[
         str | None,
         typer.Option("--to", metavar="QUANTITY_OR_UNIT", help="What is written, such as mobility or um/N."),
@@ -67,6 +78,7 @@ def convert(
         response=response,
         force=force,
         names=names_of(names or []),
+        columns=columns_of(columns),
         accelerometer_mass=0.0 if other_frfs else accelerometer_mass,
     )
     if other_frfs:

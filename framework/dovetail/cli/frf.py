@@ -10,7 +10,7 @@ import typer
 from dovetail.cli.convert import describe_frf
 from dovetail.cli.frf_files import check_frf_files, write_frf_files
 from dovetail.cli.options import Overwrite, quantity_in
-from dovetail.cli.reading import Names, names_of
+from dovetail.cli.reading import Columns, Names, columns_of, names_of
 from dovetail.cli.terminal import note, say, title
 
 __all__ = ["frf"]
@@ -50,6 +50,7 @@ def frf(
         bool, typer.Option("--leave-out-bad", help="Leave out impacts with overload or a second hit.")
     ] = False,
     names: Names = None,
+    columns: Columns = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Estimate an FRF with its coherence from hammer signals.
@@ -66,7 +67,12 @@ def frf(
         raise typer.BadParameter(f"'{estimator}' is not one of {', '.join(ESTIMATORS)}.", param_hint="--estimator")
     check_frf_files(output, overwrite)
     read = read_signals(
-        signals, force_unit=force_unit, response_unit=response_unit, rate=rate, names=names_of(names or [])
+        signals,
+        force_unit=force_unit,
+        response_unit=response_unit,
+        rate=rate,
+        names=names_of(names or []),
+        columns=columns_of(columns),
     )
     estimated = dovetail.frf_from_signals(
         read.force,

@@ -10,12 +10,14 @@ import typer
 from dovetail.cli.commands import exit_unless_believable
 from dovetail.cli.options import AsJson, PluginFiles, check_method, quantity_in
 from dovetail.cli.reading import (
+    Columns,
     ForceDofs,
     Indices,
     Names,
     QuantityOfFile,
     ResponseDofs,
     UnitOfFile,
+    columns_of,
     names_of,
     selections,
 )
@@ -76,6 +78,7 @@ def identify(
     response: ResponseDofs = None,
     force: ForceDofs = None,
     names: Names = None,
+    columns: Columns = None,
     accelerometer_mass: Annotated[
         float,
         typer.Option(
@@ -130,6 +133,7 @@ def identify(
             response=to,
             force=from_,
             names=names_of(names or []),
+            columns=columns_of(columns),
         )
         for file, number, to, from_ in selections(measured, index or [], response or [], force or [])
     ]

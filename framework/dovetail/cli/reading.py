@@ -9,6 +9,7 @@ from typing import Annotated, TypeVar
 import typer
 
 __all__ = [
+    "Columns",
     "ForceDof",
     "ForceDofs",
     "Index",
@@ -18,6 +19,7 @@ __all__ = [
     "ResponseDof",
     "ResponseDofs",
     "UnitOfFile",
+    "columns_of",
     "names_of",
     "selections",
 ]
@@ -58,6 +60,19 @@ Names = Annotated[
     list[str] | None,
     typer.Option("--name", metavar="PART=NAME", help="What the file calls a part, as in values=H1. May be repeated."),
 ]
+Columns = Annotated[
+    str | None,
+    typer.Option(
+        "--columns",
+        metavar="NAMES",
+        help="What each column of a table holds, such as frequency,real,imag,skip; in place of its header.",
+    ),
+]
+
+
+def columns_of(text: str | None) -> tuple[str, ...]:
+    """Return the columns that an option names, with commas between them."""
+    return tuple(name.strip() for name in text.split(",")) if text else ()
 
 
 def selections(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,15 +22,16 @@ class Format(NamedTuple):
 
     decode: Callable[[Path, bytes, ReadOptions], Recording]
     encode: Callable[[FrfToWrite, Path, bool | None], bytes] | None = None
+    has_columns: bool = False
 
 
 _UFF = Format(uff_reader.decode, uff_writer.encode)
-_TABLE = Format(tables.decode)
+_TABLE = Format(tables.decode, has_columns=True)
 _HDF5 = Format(hdf5.decode)
 _FORMATS = {
     ".uff": _UFF,
     ".unv": _UFF,
-    ".csv": Format(tables.decode, tables.encode),
+    ".csv": Format(tables.decode, tables.encode, has_columns=True),
     ".npz": Format(npz.decode, npz.encode),
     ".tsv": _TABLE,
     ".txt": _TABLE,
@@ -51,6 +52,7 @@ def read_frf(
     response: str | None = None,
     force: str | None = None,
     names: Mapping[str, str] | None = None,
+    columns: Sequence[str] = (),
 ) -> Frf:
     """Read one measured FRF.
 
@@ -61,8 +63,8 @@ def read_frf(
     Parameters
     ----------
     path : path
-        ``.uff`` or ``.unv`` (set 58, ASCII or binary), ``.csv``, ``.tsv`` or ``.txt`` (a header such as
-        ``frequency_Hz,real,imag``, ``Frequency [Hz],Magnitude [um/N],Phase [deg]``, or a row of units below it),
+        ``.uff`` or ``.unv`` (set 58, ASCII or binary), ``.csv``, ``.tsv`` or ``.txt`` (any lines, a header such
+        as ``frequency_Hz,real,imag``, ``Frequency [Hz],Magnitude [um/N],Phase [deg]``, or a row of units below it),
         ``.npz``, ``.mat`` (version 5 or 7.3), ``.h5`` or ``.hdf5`` (arrays ``frequency`` and ``values``, or others
         that `names` gives), ``.frf`` (CutPro).
     quantity : {"receptance", "mobility", "accelerance"}, optional
@@ -79,7 +81,11 @@ def read_frf(
         from 1 along the axes of an array.
     names : mapping of str to str, optional
         What the file calls the fields of the FRF, such as ``{"frequency": "f", "values": "data/H1"}``. Fields:
-        frequency, values, real, imag, amplitude, phase_deg, phase_rad, coherence, variance, averages, quantity, unit.
+        frequency, values, real, imag, amplitude, db, phase_deg, phase_rad, coherence, variance, averages, quantity,
+        unit.
+    columns : sequence of str, optional
+        What each column of a table holds, in place of its header: ``("frequency", "real", "imag", "skip")``, with a
+        unit if need be, ``"frequency [kHz]"``. `skip` leaves a column out.
 
     Returns
     -------
@@ -100,7 +106,10 @@ def read_frf(
     file_format = _format_of(source)
     if quantity is not None:
         parse_quantity(quantity, "the argument quantity")
-    options = ReadOptions(index, response, force, dict(names or {}))
+    if columns and not file_format.has_columns:
+        problem = f"columns={','.join(columns)} is for tables, not for {source.suffix} files."
+        raise MeasurementError(Fault(str(source), problem))
+    options = ReadOptions(index, response, force, dict(names or {}), tuple(columns))
     frf = file_format.decode(source, read_bounded(source), options).to_frf(quantity, unit)
     if accelerometer_mass:
         _check_drive_point(frf)

@@ -54,8 +54,8 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
         Not a unit of an FRF; the fault stands at `where`.
     """
     if _DECIBEL.search(label[:_SHOWN]):
-        problem = f"the unit '{label[:_SHOWN]}' is in decibels, which are not read."
-        raise MeasurementError(Fault(where, problem, remedy="Export the amplitude itself, not its logarithm."))
+        problem = f"the unit '{label[:_SHOWN]}' is in decibels."
+        raise MeasurementError(Fault(where, problem, remedy="Give the unit of the amplitude, and call its column db."))
     text = pint_spelling(label)
     kinds = [(quantity, rotation) for rotation in (False, True) for quantity in QUANTITIES]
     spelled_so = [kind for kind in kinds if unit_of(kind[0], rotation=kind[1]) == text]

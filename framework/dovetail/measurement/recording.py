@@ -253,12 +253,15 @@ class ReadOptions:
         Names of the DOFs.
     names : mapping of str to str
         From a field of the FRF (``frequency``, ``values``, ``coherence``, ...) to its name in the file.
+    columns : tuple of str
+        What each column of a table holds, in place of its header.
     """
 
     index: int | None = None
     response: str | None = None
     force: str | None = None
     names: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    columns: tuple[str, ...] = ()
 
     @property
     def chooses(self) -> str:

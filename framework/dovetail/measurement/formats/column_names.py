@@ -12,7 +12,18 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import Quantity
 
-__all__ = ["FIELD_NAMES", "NUMERIC_FIELDS", "assign_fields", "combine_values", "plain_name", "quantity_of_name"]
+__all__ = [
+    "FIELD_NAMES",
+    "NUMERIC_FIELDS",
+    "PHASES",
+    "VALUE_FIELDS",
+    "assign_fields",
+    "column_word",
+    "combine_values",
+    "plain_name",
+    "quantities_in",
+    "quantity_of_name",
+]
 
 _QUANTITY_NAMES: dict[str, Quantity] = {
     "receptance": "receptance",
@@ -21,13 +32,19 @@ _QUANTITY_NAMES: dict[str, Quantity] = {
     "accelerance": "accelerance",
     "inertance": "accelerance",
 }
+_MOTION_NAMES: dict[str, Quantity] = {
+    "displacement": "receptance",
+    "velocity": "mobility",
+    "acceleration": "accelerance",
+}
 FIELD_NAMES: dict[str, tuple[str, ...]] = {
     "frequency": ("frequency", "frequency_hz", "frequencies", "freq", "freq_hz", "f", "f_hz"),
     "values": ("values", "value", "frf", "h", "h1", "h2", "hv", *_QUANTITY_NAMES),
     "real": ("real", "re", "real_part"),
     "imag": ("imag", "im", "imaginary", "imag_part", "imaginary_part"),
     "amplitude": ("amplitude", "magnitude", "mag", "abs", "modulus"),
-    "phase_deg": ("phase_deg", "phase_degrees", "angle_deg"),
+    "db": ("db", "amplitude_db", "magnitude_db", "mag_db"),
+    "phase_deg": ("phase_deg", "phase_degrees", "phase_degree", "angle_deg"),
     "phase_rad": ("phase_rad", "phase_radians", "angle_rad"),
     "coherence": ("coherence", "coh", "gamma2"),
     "variance": ("variance", "var"),
@@ -39,11 +56,28 @@ FIELD_NAMES: dict[str, tuple[str, ...]] = {
     "force": ("force", "force_dof"),
 }
 """The fields of an FRF, and the names by which each is recognised; capitals do not matter."""
-NUMERIC_FIELDS = ("frequency", "values", "real", "imag", "amplitude", "phase_deg", "phase_rad", "coherence", "variance")
+VALUE_FIELDS = frozenset(("values", "real", "imag", "amplitude", "db", "phase_deg", "phase_rad"))
+"""The fields that together are the values."""
+NUMERIC_FIELDS = (
+    *("frequency", "values", "real", "imag", "amplitude", "db", "phase_deg", "phase_rad"),
+    *("coherence", "variance"),
+)
 """The fields that have a number for each line."""
-_VALUES = (("values",), ("real", "imag"), ("amplitude", "phase_deg"), ("amplitude", "phase_rad"), ("amplitude",))
-_PHASE = ("phase", "angle", "arg")
-_ACCEPTED = "values (complex) | real, imag | amplitude, phase_deg (or phase_rad) | amplitude"
+_VALUES = (
+    *(("values",), ("real", "imag"), ("amplitude", "phase_deg"), ("amplitude", "phase_rad"), ("amplitude",)),
+    *(("db", "phase_deg"), ("db", "phase_rad"), ("db",)),
+)
+PHASES = ("phase", "angle", "arg")
+"""Names of a phase that do not say whether it is in degrees or in radians."""
+_ANGLES = {
+    **dict.fromkeys(("deg", "deg.", "degree", "degrees", "°"), "phase_deg"),
+    **dict.fromkeys(("rad", "radian", "radians"), "phase_rad"),
+}
+_PARTS = ("real", "imag", "amplitude", "db", "phase_deg", "phase_rad", "coherence")
+"""Fields that a name may say in its last word, behind that of a signal."""
+_NO_FRF = frozenset(("force", "excitation", "hammer", "psd", "power", "autopower", "spectrum", "autospectrum", "time"))
+"""Words by which a signal is none of an FRF."""
+_ACCEPTED = "values (complex) | real, imag | amplitude (or db), phase_deg (or phase_rad) | amplitude"
 
 
 def plain_name(name: str) -> str:
@@ -51,12 +85,52 @@ def plain_name(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", re.split(r"[/.]", name)[-1].lower()).strip("_")
 
 
+def column_word(name: str, unit: str = "") -> str:
+    """Return the word by which a column of a table is known, such as ``imag`` for ``Signal 2 (Imag.)``.
+
+    Parameters
+    ----------
+    name : str
+        Of the column.
+    unit : str
+        Its unit: it makes ``Phase`` either ``phase_deg`` or ``phase_rad``, and an amplitude ``db``.
+    """
+    word = _plain_words(name)
+    spellings = [spelling for field in _PARTS for spelling in FIELD_NAMES[field]] + list(PHASES)
+    if not any(word in names for names in FIELD_NAMES.values()):
+        tails = [spelling for spelling in spellings if word.endswith(f"_{spelling}")]
+        tail = max(tails, key=len, default=word)
+        word = word if _NO_FRF & set(word.removesuffix(tail).split("_")) else tail
+    if word in PHASES:
+        return _ANGLES.get(unit.strip().lower(), word)
+    return "db" if word in FIELD_NAMES["amplitude"] and unit.strip().lower().startswith("db") else word
+
+
+def _plain_words(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", name.replace("°", " deg").lower()).strip("_")
+
+
+def quantities_in(name: str, *, motions: bool = False) -> list[Quantity]:
+    """Return the quantities that the words of a column's name say, such as ``Accelerance magnitude``.
+
+    Parameters
+    ----------
+    name : str
+    motions : bool
+        Look for ``acceleration``, ``velocity`` and ``displacement``, which do not say over what.
+    """
+    spellings = _MOTION_NAMES if motions else _QUANTITY_NAMES
+    return [spellings[word] for word in _plain_words(name).split("_") if word in spellings]
+
+
 def quantity_of_name(name: str) -> Quantity | None:
     """Return the quantity that the name of a variable says, such as ``compliance``."""
     return _QUANTITY_NAMES.get(plain_name(name))
 
 
-def assign_fields(where: str, contents: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+def assign_fields(
+    where: str, contents: Mapping[str, str], names: Mapping[str, str], words: Mapping[str, str] | None = None
+) -> dict[str, str]:
     """Decide which name of a file is which field of the FRF.
 
     Parameters
@@ -66,6 +140,8 @@ def assign_fields(where: str, contents: Mapping[str, str], names: Mapping[str, s
         The names in the file, and what each holds in words.
     names : mapping of str to str
         From fields to names, as the caller says.
+    words : mapping of str to str, optional
+        The word by which each name is known; by default its last part, in small letters.
 
     Returns
     -------
@@ -78,18 +154,21 @@ def assign_fields(where: str, contents: Mapping[str, str], names: Mapping[str, s
         A field or a name that does not exist, two names for one field, no frequency, no values or two kinds of them.
     """
     assigned = _check_names(where, contents, names)
+    words = {name: plain_name(name) for name in contents} if words is None else words
     taken = set(assigned.values())
     for field, spellings in FIELD_NAMES.items():
         if field in assigned or _is_overridden(field, names):
             continue
-        candidates = [name for name in contents if plain_name(name) in spellings and name not in taken]
+        candidates = [name for name in contents if words[name] in spellings and name not in taken]
         if len(candidates) > 1:
             shown = listing(repr(name) for name in candidates)
             problem = f"{shown} may each be the {field}; the file holds:{_inventory(contents)}"
-            raise MeasurementError(Fault(where, problem, remedy=f"Say which, for example {field}={candidates[0]}."))
+            raise MeasurementError(
+                Fault(where, problem, remedy=f"Say which, for example --name {field}='{candidates[0]}'.")
+            )
         if candidates:
             assigned[field] = candidates[0]
-    _check_phase(where, contents, assigned)
+    _check_phase(where, contents, assigned, words)
     _check_complete(where, contents, assigned)
     return assigned
 
@@ -114,12 +193,14 @@ def _is_overridden(field: str, names: Mapping[str, str]) -> bool:
     return field in value_fields and any(name in value_fields for name in names)
 
 
-def _check_phase(where: str, contents: Mapping[str, str], assigned: Mapping[str, str]) -> None:
+def _check_phase(
+    where: str, contents: Mapping[str, str], assigned: Mapping[str, str], words: Mapping[str, str]
+) -> None:
     """Refuse a phase that may be in degrees or in radians."""
-    unclear = [name for name in contents if plain_name(name) in _PHASE and name not in assigned.values()]
-    if "amplitude" in assigned and unclear and not {"phase_deg", "phase_rad"} & set(assigned):
+    unclear = [name for name in contents if words[name] in PHASES and name not in assigned.values()]
+    if {"amplitude", "db"} & set(assigned) and unclear and not {"phase_deg", "phase_rad"} & set(assigned):
         problem = f"'{unclear[0]}' may be in degrees or in radians; the file holds:{_inventory(contents)}"
-        remedy = f"Say phase_deg={unclear[0]} or phase_rad={unclear[0]}."
+        remedy = f"Say --name phase_deg='{unclear[0]}' or --name phase_rad='{unclear[0]}'."
         raise MeasurementError(Fault(where, problem, remedy=remedy))
 
 
@@ -127,7 +208,7 @@ def _check_complete(where: str, contents: Mapping[str, str], assigned: Mapping[s
     if "frequency" not in assigned:
         problem = f"the frequency is not to be found by its name; the file holds:{_inventory(contents)}"
         raise MeasurementError(
-            Fault(where, problem, ", ".join(FIELD_NAMES["frequency"]), "Say which it is: frequency=NAME.")
+            Fault(where, problem, ", ".join(FIELD_NAMES["frequency"]), "Say which it is: --name frequency=NAME.")
         )
     fields = {name for kind in _VALUES for name in kind if name in assigned}
     if fields in [set(kind) for kind in _VALUES]:
@@ -135,7 +216,7 @@ def _check_complete(where: str, contents: Mapping[str, str], assigned: Mapping[s
     several = len(fields) > 1
     reason = "the file gives the values in two ways" if several else "the values are not to be found by their name"
     problem = f"{reason}; the file holds:{_inventory(contents)}"
-    raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say which they are, for example values=NAME."))
+    raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say which they are, for example --name values=NAME."))
 
 
 def _inventory(contents: Mapping[str, str], limit: int = 20) -> str:
@@ -152,9 +233,12 @@ def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], s
     MeasurementError
         A negative amplitude; `locate` gives its place in the file.
     """
+    if "db" in fields:
+        with np.errstate(over="ignore"):  # the recording refuses what is infinite
+            fields = {**fields, "amplitude": 10.0 ** (fields["db"] / 20.0)}
     negative = np.flatnonzero(fields["amplitude"] < 0) if "amplitude" in fields else np.zeros(0, dtype=np.intp)
     if negative.size:
-        problem = f"the amplitude {fields['amplitude'][negative[0]]:.6g} is negative (decibels are not read)."
+        problem = f"the amplitude {fields['amplitude'][negative[0]]:.6g} is negative (decibels are called db)."
         raise MeasurementError(Fault(locate(int(negative[0])), problem, "an amplitude of zero or more"))
     if "values" in fields:
         return fields["values"], True

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.measurement.formats.tables import split_lines
+from dovetail.measurement.formats.text_tables import split_lines
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 from dovetail.measurement.recording import ReadOptions, Recording
 

@@ -1,46 +1,89 @@
-"""FRFs in tables of text, with comma, semicolon or tab between the columns.
+"""FRFs in tables of text, with comma, semicolon, tab or blanks between the columns.
 
-A table has comments (``# quantity: mobility``), a header with the names of the columns, perhaps a row of units, and the
-rows of numbers. `read_header` finds out which column holds which field of the FRF, `decode` reads the numbers, and
-`encode` writes CSV.
+A table has comments (``# quantity: mobility``) or any other lines, a header with the names of the columns, perhaps a
+row of units, and the rows of numbers. `read_header` finds out which column holds which field of the FRF, `decode` reads
+the numbers, and `encode` writes CSV.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, MeasurementError, did_you_mean
 from dovetail.frf import Quantity
 from dovetail.measurement.formats.column_names import (
+    FIELD_NAMES,
     NUMERIC_FIELDS,
+    PHASES,
+    VALUE_FIELDS,
     assign_fields,
+    column_word,
     combine_values,
-    plain_name,
-    quantity_of_name,
+    quantities_in,
 )
+from dovetail.measurement.formats.text_tables import TextTable, find_rows, find_table, read_rows, split_lines
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, Recording, parse_quantity
 
-__all__ = ["Header", "decode", "encode", "read_header", "split_cells", "split_lines"]
+__all__ = [
+    "HERTZ",
+    "SAY_COLUMNS",
+    "Header",
+    "check_columns",
+    "decode",
+    "encode",
+    "names_and_units",
+    "read_header",
+    "recording_of",
+]
 
-_MOST_COMMENTS = 1000
 _COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
 _BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
-_SEPARATORS = ("\t", ";", ",")
-_ANGLES = {"deg": "phase_deg", "degree": "phase_deg", "degrees": "phase_deg", "°": "phase_deg", "rad": "phase_rad"}
-_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
+_SLASH = re.compile(r"(.+?)\s+/\s+(\S.*)")
+"""A unit as DIN 1313 has it: ``Frequency / Hz``."""
+_DECIBEL = re.compile(r"db(?:\s*(?:re|ref)?\.?:?\s*(?:1(?:\.0*)?\s*)?(?=\D)(.*))?", re.IGNORECASE)
+HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
+"""Hz for each unit of a frequency."""
 _PURE = ("", "-", "1", "none")
 _HEADERS = (
     "frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
     "each with or without a last column coherence"
 )
+SAY_COLUMNS = "Say what each column holds: --columns frequency,real,imag,skip (in Python columns=...)."
+_SKIP = "skip"
 _LONGEST = 1000
+_FIELD_WORDS = frozenset(word for field in NUMERIC_FIELDS for word in FIELD_NAMES[field])
+_VALUE_WORDS = frozenset(word for field in VALUE_FIELDS for word in FIELD_NAMES[field]) | set(PHASES)
+
+
+class Header(NamedTuple):
+    """What the columns of a table are.
+
+    Parameters
+    ----------
+    columns : mapping of str to int
+        From the fields of the FRF to columns.
+    names : tuple of str
+        Of the columns, without their units.
+    hertz : float
+        Hz for each unit of the frequency.
+    unit : str
+        Of the values, empty where none is stated.
+    comments : mapping of str to str
+        What the lines above say: quantity, averages, note, response, force.
+    """
+
+    columns: Mapping[str, int]
+    names: tuple[str, ...]
+    hertz: float
+    unit: str
+    comments: Mapping[str, str]
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
@@ -55,19 +98,71 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
         problem = f"{options.chooses} chooses one of several FRFs; a {path.suffix} file holds one FRF."
         raise MeasurementError(Fault(str(path), problem))
     lines = split_lines(path, content)
-    header = read_header(str(path), lines, options.names)
-    numbers, table = _table(path, lines, header)
-    fields = {
-        field: table[column] if field == "values" else table[column].real for field, column in header.columns.items()
-    }
-    fields["frequency"] = fields["frequency"] * header.hertz
+    table = _table(str(path), lines, options)
+    where = "the argument columns" if options.columns else f"{path}:{table.line + 1}"
+    header = read_header(where, table.header, table.units, options.names, _comments_above(str(path), table))
+    wanted = sorted(header.columns.values())
+    numbers, rows = read_rows(table, header.names, wanted, header.columns.get("values"))
+    arrays = {field: rows[wanted.index(column)] for field, column in header.columns.items()}
 
     def locate(index: int) -> str:
         return f"{path}:{numbers[index]}"
 
+    return recording_of(path, header, arrays, locate)
+
+
+def _table(path: str, lines: Sequence[str], options: ReadOptions) -> TextTable:
+    """Return the table below a header, or the rows of the columns that the caller names."""
+    if not options.columns:
+        return find_table(path, lines, lambda cells: _is_header(cells, options.names), _HEADERS)
+    wanted = check_columns(options)
+    return find_rows(path, lines, options.columns, wanted)
+
+
+def check_columns(options: ReadOptions) -> list[int]:
+    """Return which columns of those that the caller names are read.
+
+    Raises
+    ------
+    MeasurementError
+        A name that is no field of an FRF, or names given in two ways.
+    """
+    if options.names:
+        raise MeasurementError(Fault("the argument names", "the argument columns names the columns already."))
+    names, units = names_and_units(options.columns)
+    for name, unit in zip(names, units, strict=True):
+        if name != _SKIP and column_word(name, unit) not in _FIELD_WORDS:
+            accepted = ", ".join((*NUMERIC_FIELDS, _SKIP))
+            hint = did_you_mean(name, (*NUMERIC_FIELDS, _SKIP))
+            raise MeasurementError(Fault("the argument columns", f"'{name}' is no part of an FRF.", accepted, hint))
+    _field_columns("the argument columns", ",".join(options.columns), names, units, {})
+    return [column for column, name in enumerate(names) if name != _SKIP]
+
+
+def recording_of(
+    path: Path, header: Header, arrays: Mapping[str, NDArray[Any]], locate: Callable[[int], str]
+) -> Recording:
+    """Return the recording of columns that have been read.
+
+    Parameters
+    ----------
+    path : Path
+    header : Header
+    arrays : mapping of str to (n_freq,) array
+        From the fields of the FRF to their numbers.
+    locate : callable
+        Returns the place of a line.
+
+    Raises
+    ------
+    MeasurementError
+        A negative amplitude, or statements of the file that contradict each other.
+    """
+    fields = {field: array if field == "values" else array.real for field, array in arrays.items()}
+    fields["frequency"] = fields["frequency"] * header.hertz
     values, has_phase = combine_values(fields, locate)
     meaning = meaning_of_unit(header.unit, str(path)) if header.unit else None
-    quantity = _quantity(path, header)
+    quantity, is_stated = _quantity(path, header, meaning)
     return Recording(
         where=str(path),
         label=path.name,
@@ -75,7 +170,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
         values=values,
         has_phase=has_phase,
         quantity=quantity,
-        is_stated=quantity is not None,
+        is_stated=is_stated,
         coherence=fields.get("coherence"),
         locate=locate,
         how_to_state_quantity="a line '# quantity: accelerance' before the header",
@@ -90,20 +185,25 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     )
 
 
-def _quantity(path: Path, header: Header) -> Quantity | None:
-    """Return what a comment, the unit or the name of the values says; all must agree."""
+def _quantity(path: Path, header: Header, meaning: UnitMeaning | None) -> tuple[Quantity | None, bool]:
+    """Return what comments, the unit and the names of the columns say, and whether they say it of an FRF.
+
+    A name such as ``Acceleration`` does not say over what. All statements must agree.
+    """
     word = header.comments.get("quantity", "")
-    meaning = meaning_of_unit(header.unit, str(path)) if header.unit else None
-    statements: tuple[Quantity | None, ...] = (
-        parse_quantity(word.lower(), header.comments["quantity stands in"]) if word else None,
-        None if meaning is None else meaning.quantity,
-        quantity_of_name(header.names[header.columns["values"]]) if "values" in header.columns else None,
-    )
-    stated: list[Quantity] = [quantity for quantity in statements if quantity is not None]
-    if len(set(stated)) > 1:
-        problem = f"the file contradicts itself: {' and '.join(stated)}."
-        raise MeasurementError(Fault(str(path), problem))
-    return stated[0] if stated else None
+    named = [header.names[column] for field, column in header.columns.items() if field in VALUE_FIELDS]
+    stated: list[Quantity] = []
+    if word:
+        stated.append(parse_quantity(word.lower(), header.comments["quantity stands in"]))
+    if meaning is not None:
+        stated.append(meaning.quantity)
+    stated += [quantity for name in named for quantity in quantities_in(name)]
+    motions = [quantity for name in named for quantity in quantities_in(name, motions=True)]
+    if len(each := list(dict.fromkeys(stated + motions))) > 1:
+        problem = f"the file contradicts itself: {' and '.join(each)}."
+        remedy = f"{SAY_COLUMNS} And what they are: --quantity or --unit."
+        raise MeasurementError(Fault(str(path), problem, remedy=remedy))
+    return (each[0] if each else None), bool(stated)
 
 
 def _averages(comments: Mapping[str, str]) -> int | None:
@@ -116,122 +216,46 @@ def _averages(comments: Mapping[str, str]) -> int | None:
     return int(text)
 
 
-def _table(path: Path, lines: list[str], header: Header) -> tuple[list[int], NDArray[Any]]:
-    """Return the line number of each row, from 1, and the (n_columns, n_freq) numbers."""
-    numbers: list[int] = []
-    rows: list[list[complex]] = []
-    wanted = sorted(header.columns.values())
-    is_complex = header.columns.get("values")
-    for number, line in enumerate(lines[header.first :], start=header.first + 1):
-        if not line.strip():
-            continue
-        cells = line.split(header.separator, header.width)
-        if len(cells) != header.width:
-            count = line.count(header.separator) + 1
-            problem = f"the line has {count} column{'s' * (count != 1)}, the header {header.width}."
-            raise MeasurementError(Fault(f"{path}:{number}", problem, ",".join(header.names)))
-        numbers.append(number)
-        rows.append(
-            [_number(cells[column], header, column, f"{path}:{number}", column == is_complex) for column in wanted]
-        )
-    if not rows:
-        raise MeasurementError(Fault(str(path), "there is no line after the header."))
-    table = np.zeros((header.width, len(rows)), dtype=np.float64 if is_complex is None else np.complex128)
-    table[wanted] = np.array(rows).T
-    return numbers, table
+def _is_header(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
+    """Return whether one of the cells is the frequency, by its name or as the caller says."""
+    names, units = names_and_units(cells)
+    if "frequency" in chosen:
+        return chosen["frequency"] in names
+    return any(column_word(name, unit) in FIELD_NAMES["frequency"] for name, unit in zip(names, units, strict=True))
 
 
-def _number(cell: str, header: Header, column: int, where: str, is_complex: bool) -> complex:
-    text = cell.strip().strip('"')
-    if header.separator == ";" and "." not in text:
-        text = text.replace(",", ".")
-    try:
-        return complex(text.strip("()").replace("i", "j")) if is_complex else float(text)
-    except ValueError:
-        name = header.names[column]
-        raise MeasurementError(Fault(where, f"{text[:40]!r} in column {name} is not a number.")) from None
-
-
-def split_lines(path: Path, content: bytes) -> list[str]:
-    """Return the lines of a text file, whatever ends them.
-
-    Raises
-    ------
-    MeasurementError
-        Too many lines, or bytes that are not UTF-8.
-    """
-    if max(content.count(b"\n"), content.count(b"\r")) > MOST_LINES + _MOST_COMMENTS:
-        raise MeasurementError(Fault(str(path), "the file has too many lines.", f"at most {MOST_LINES:,} lines"))
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise MeasurementError(
-            Fault(str(path), f"the file is not text: byte {error.start + 1} is not UTF-8.", "comma-separated text")
-        ) from None
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-class Header(NamedTuple):
-    """Where the numbers start and what they are.
+def read_header(
+    where: str, cells: Sequence[str], below: Sequence[str], chosen: Mapping[str, str], comments: Mapping[str, str]
+) -> Header:
+    """Return what the columns of a table are.
 
     Parameters
     ----------
-    first : int
-        Index of the first line of numbers.
-    separator : str
-    width : int
-        Columns of each line.
-    columns : mapping of str to int
-        From the fields of the FRF to columns.
-    names : tuple of str
-        Of the columns.
-    hertz : float
-        Hz for each unit of the frequency.
-    unit : str
-        Of the values, empty where none is stated.
-    comments : mapping of str to str
-        What the comments say: quantity, averages, note, response, force.
-    """
-
-    first: int
-    separator: str
-    width: int
-    columns: Mapping[str, int]
-    names: tuple[str, ...]
-    hertz: float
-    unit: str
-    comments: Mapping[str, str]
-
-
-def read_header(path: str, lines: Sequence[str], chosen: Mapping[str, str]) -> Header:
-    """Read comments, header and row of units.
-
-    Parameters
-    ----------
-    path : str
-    lines : sequence of str
+    where : str
+        Its line.
+    cells : sequence of str
+        Of the header.
+    below : sequence of str
+        Of a row of units, or nothing.
     chosen : mapping of str to str
         From fields of the FRF to names of columns, as the caller says.
+    comments : mapping of str to str
+        What the lines above say.
 
     Raises
     ------
     MeasurementError
-        No header, one that is not understood, units that are not or that differ.
+        Names that are not understood, units that are not or that differ.
     """
-    number, comments = _preamble(path, lines)
-    line = lines[number][:_LONGEST]
-    separator = next((candidate for candidate in _SEPARATORS if candidate in line), ",")
-    names, units = _names_and_units(split_cells(line, separator))
-    below = split_cells(lines[number + 1][:_LONGEST], separator) if number + 1 < len(lines) else []
-    has_units = len(below) == len(names) and not any(units) and not any(_is_number(cell) for cell in below)
-    if has_units and any(below):
-        units = [re.sub(r"^[\[(](.*)[\])]$", r"\1", cell) for cell in below]
-    where = f"{path}:{number + 1}"
-    columns = _columns(where, line, names, units, chosen)
+    names, units = names_and_units(cells)
+    for column, cell in enumerate(below):
+        unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", cell)
+        if units[column] and unit and unit != units[column]:
+            problem = f"'{cells[column][:60]}' has the unit '{unit[:40]}' in the row below."
+            raise MeasurementError(Fault(where, problem, "one unit", f"{SAY_COLUMNS} And their unit: --unit."))
+        units[column] = units[column] or unit
+    columns = _field_columns(where, ",".join(cells), names, units, chosen)
     return Header(
-        first=number + 1 + (has_units and any(below)),
-        separator=separator,
-        width=len(names),
         columns=columns,
         names=tuple(names),
         hertz=_hertz(where, units[columns["frequency"]]),
@@ -240,83 +264,74 @@ def read_header(path: str, lines: Sequence[str], chosen: Mapping[str, str]) -> H
     )
 
 
-def split_cells(line: str, separator: str) -> list[str]:
-    """Return the cells of a line without quotes and blanks around them."""
-    return [cell.strip().strip('"').strip() for cell in line.split(separator)]
-
-
-def _preamble(path: str, lines: Sequence[str]) -> tuple[int, dict[str, str]]:
-    """Return the index of the header and what the comments before it say."""
+def _comments_above(path: str, table: TextTable) -> dict[str, str]:
+    """Return what the comments above a table say, and where."""
     comments: dict[str, str] = {}
-    for number, line in enumerate(lines):
-        text = line.strip()
-        if text and text[0] not in "#%":
-            return number, comments
-        if match := _COMMENT.match(text[:_LONGEST]):
+    for number, line in enumerate(table.lines[: table.line]):
+        if match := _COMMENT.match(line.strip()[:_LONGEST]):
             key = match[1].lower()
             comments[key] = match[2]
             comments[f"{key} stands in"] = f"{path}:{number + 1}"
-    raise MeasurementError(Fault(path, "there is no header.", _HEADERS))
+    return comments
 
 
-def _names_and_units(cells: Sequence[str]) -> tuple[list[str], list[str]]:
-    split = [_BRACKET.fullmatch(cell) for cell in cells]
-    names = [match[1] if match else cell for match, cell in zip(split, cells, strict=True)]
-    return names, [match[2].strip() if match else "" for match in split]
+def names_and_units(cells: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the names of columns and their units, empty where there is none: ``Real [um/N]``, ``Frequency / Hz``.
+
+    Brackets may also hold what a column is, as in ``Signal 2 (Real)``: that is part of its name.
+    """
+    pairs = [_name_and_unit(cell) for cell in cells]
+    return [name for name, _ in pairs], [unit for _, unit in pairs]
 
 
-def _columns(
+def _name_and_unit(cell: str) -> tuple[str, str]:
+    if match := _BRACKET.fullmatch(cell[:_LONGEST]):
+        part, unit = _name_and_unit(match[2].strip())
+        if column_word(part, unit) in _VALUE_WORDS:
+            return (f"{match[1]} ({part})" if unit else cell), unit
+        return match[1], match[2].strip()
+    match = _SLASH.fullmatch(cell[:_LONGEST])
+    if match and column_word(match[1]) in (*_FIELD_WORDS, *PHASES):
+        return match[1], re.sub(r"^[\[(](.*)[\])]$", r"\1", match[2])
+    return cell, ""
+
+
+def _field_columns(
     where: str, line: str, names: Sequence[str], units: Sequence[str], chosen: Mapping[str, str]
 ) -> dict[str, int]:
     """Return the column of each field of the FRF; any other column is refused unless the caller names the columns."""
-    labels = [
-        _ANGLES[unit.lower()] if _is_angle(name) and unit.lower() in _ANGLES and name not in chosen.values() else name
-        for name, unit in zip(names, units, strict=True)
-    ]
-    contents = {name: unit for name, unit in zip(labels, units, strict=True) if name}
+    columns = [(name, unit) for name, unit in zip(names, units, strict=True) if name not in ("", _SKIP)]
+    words = {name: column_word(name, unit) for name, unit in columns}
     shown = line if len(line) <= 60 else f"{line[:60]}..."
-    unclear = MeasurementError(Fault(where, f"the header {shown!r} is not understood.", _HEADERS))
-    if len(contents) < sum(1 for name in labels if name):
-        raise MeasurementError(Fault(where, f"the header {shown!r} has a name twice.", _HEADERS))
-    try:
-        assigned = assign_fields(where, contents, chosen)
-    except MeasurementError:
-        if chosen:
-            raise
-        raise unclear from None
-    fields = {field: name for field, name in assigned.items() if field in NUMERIC_FIELDS}
-    if not chosen and set(contents) != set(fields.values()):
+    unclear = MeasurementError(Fault(where, f"the header {shown!r} is not understood.", _HEADERS, SAY_COLUMNS))
+    if len(words) < len(columns):
+        raise MeasurementError(Fault(where, f"the header {shown!r} has a name twice.", _HEADERS, SAY_COLUMNS))
+    is_there = {field for field in NUMERIC_FIELDS if set(words.values()) & set(FIELD_NAMES[field])}
+    if not chosen and not ("frequency" in is_there and is_there & (VALUE_FIELDS - {"phase_deg", "phase_rad"})):
         raise unclear
-    return {field: labels.index(name) for field, name in fields.items()}
-
-
-def _is_angle(name: str) -> bool:
-    return plain_name(name) in ("phase", "angle", "arg")
+    assigned = assign_fields(where, dict(columns), chosen, words)
+    fields = {field: name for field, name in assigned.items() if field in NUMERIC_FIELDS}
+    if not chosen and set(words) != set(fields.values()):
+        raise unclear
+    return {field: list(names).index(name) for field, name in fields.items()}
 
 
 def _hertz(where: str, unit: str) -> float:
-    if unit.lower() not in _HERTZ:
+    if unit.lower() not in HERTZ:
         raise MeasurementError(Fault(where, f"the frequency is in {unit[:40]!r}.", "Hz, kHz, rad/s"))
-    return _HERTZ[unit.lower()]
+    return HERTZ[unit.lower()]
 
 
 def _unit(where: str, units: Sequence[str], columns: Mapping[str, int], stated: str) -> str:
     """Return the unit of the values that columns or comments state; they must not differ."""
-    named = {units[columns[part]] for part in ("values", "real", "imag", "amplitude") if part in columns}
-    labels = {label for label in (*named, stated) if label.lower() not in _PURE}
+    named = {units[columns[part]] for part in ("values", "real", "imag", "amplitude", "db") if part in columns}
+    bare = {match[1] or "" if (match := _DECIBEL.fullmatch(label)) else label for label in (*named, stated)}
+    labels = {label.strip() for label in bare if label.strip().lower() not in _PURE}
     meanings: dict[UnitMeaning, str] = {meaning_of_unit(label, where): label for label in sorted(labels)}
     if len(meanings) > 1:
         both = " and ".join(sorted(labels))
-        raise MeasurementError(Fault(where, f"the values are in different units: {both}.", "one unit"))
+        raise MeasurementError(Fault(where, f"the values are in different units: {both}.", "one unit", SAY_COLUMNS))
     return next(iter(meanings.values()), "")
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        complex(cell.replace(",", ".").strip("()") or "0")
-    except ValueError:
-        return False
-    return bool(cell)
 
 
 def encode(content: FrfToWrite, path: Path, _binary: bool | None) -> bytes:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from dovetail.measurement.formats import hdf5, matlab, npz, uff_reader
 from dovetail.measurement.formats.column_names import plain_name
 from dovetail.measurement.formats.guarded_process import read_arrays_guarded
 from dovetail.measurement.formats.named_arrays import Archive
-from dovetail.measurement.formats.tables import split_cells, split_lines
+from dovetail.measurement.formats.text_tables import find_rows, find_table, read_rows, split_lines
 from dovetail.measurement.frf_units import conversion_factor, motion_unit, pint_spelling
 
 __all__ = ["Signals", "read_signals"]
@@ -31,7 +31,9 @@ _NAMES = {
     "time": ("time", "t", "time_s"),
 }
 _ARCHIVES = (".npz", ".mat", ".h5", ".hdf5")
-_SUFFIXES = (*_ARCHIVES, ".csv", ".tsv", ".txt", ".uff", ".unv")
+_TABLES = (".csv", ".tsv", ".txt")
+_SUFFIXES = (*_ARCHIVES, *_TABLES, ".uff", ".unv")
+_HEADERS = "time,force,response | time,force 1,response 1,..."
 _EVEN = 1e-3
 """How unequal steps of the time may be."""
 
@@ -65,6 +67,7 @@ def read_signals(
     response_unit: str = "m/s^2",
     rate: float | None = None,
     names: Mapping[str, str] | None = None,
+    columns: Sequence[str] = (),
 ) -> Signals:
     """Read force and response of one or more impacts.
 
@@ -72,8 +75,9 @@ def read_signals(
     ----------
     path : path
         ``.npz``, ``.mat``, ``.h5``: arrays ``force`` and ``response`` of shape (n_impacts, n_samples) or
-        (n_samples,), and ``rate`` [Hz] or ``time`` [s]. ``.csv``, ``.tsv``, ``.txt``: a header, a column ``time`` [s]
-        unless `rate` is given, and columns whose names begin with ``force`` and ``response``, a pair for each impact.
+        (n_samples,), and ``rate`` [Hz] or ``time`` [s]. ``.csv``, ``.tsv``, ``.txt``: any lines, a header, a column
+        ``time`` [s] unless `rate` is given, and columns whose names begin with ``force`` and ``response``, a pair for
+        each impact.
         ``.uff``, ``.unv``: time responses (function type 1) in pairs of a force (data type 13) and a motion.
     force_unit, response_unit : str
         Units of the numbers; ``"g"`` is the standard gravity. A universal file's own labels come first.
@@ -81,6 +85,8 @@ def read_signals(
         Samples per second, where the file does not say it.
     names : mapping of str to str, optional
         What an archive calls ``force``, ``response``, ``rate`` and ``time``.
+    columns : sequence of str, optional
+        What each column of a table holds, in place of its header: ``("time", "force", "response", "skip")``.
 
     Returns
     -------
@@ -99,6 +105,9 @@ def read_signals(
     suffix = source.suffix.lower()
     if suffix not in _SUFFIXES:
         raise MeasurementError(Fault(str(source), "this is no file of time records.", ", ".join(_SUFFIXES)))
+    if columns and suffix not in _TABLES:
+        problem = f"columns={','.join(columns)} is for tables, not for {suffix} files."
+        raise MeasurementError(Fault(str(source), problem))
     content = read_bounded(source)
     file_rate: float | None
     if suffix in (".uff", ".unv"):
@@ -107,7 +116,7 @@ def read_signals(
     elif suffix in _ARCHIVES:
         force, response, file_rate = _from_archive(_open_archive(source, content, names or {}), names or {})
     else:
-        force, response, file_rate = _from_table(source, content)
+        force, response, file_rate = _from_table(source, content, columns)
     sampling_rate = file_rate if rate is None else rate
     if sampling_rate is None:
         raise MeasurementError(Fault(str(source), "the file does not say the sampling rate.", remedy="Give the rate."))
@@ -169,29 +178,27 @@ def _rows(array: Array) -> Array:
     return table.T if table.shape[0] > table.shape[1] else table
 
 
-def _from_table(path: Path, content: bytes) -> tuple[Array, Array, float | None]:
+def _from_table(path: Path, content: bytes, columns: Sequence[str]) -> tuple[Array, Array, float | None]:
     lines = split_lines(path, content)
-    header = next((number for number, line in enumerate(lines) if line.strip() and line[0] not in "#%"), None)
-    if header is None:
-        raise MeasurementError(Fault(str(path), "there is no header."))
-    separator = next((candidate for candidate in "\t;," if candidate in lines[header]), ",")
-    names = [plain_name(cell) for cell in split_cells(lines[header][:100_000], separator)]
+    if columns:
+        table = find_rows(str(path), lines, columns, [*chain(*_signal_columns(columns).values())])
+    else:
+        table = find_table(str(path), lines, lambda cells: bool(_signal_columns(cells)["force"]), _HEADERS)
+    signals = _signal_columns(table.header)
+    if not signals["force"] or len(signals["force"]) != len(signals["response"]):
+        problem = f"the header has {len(signals['force'])} columns of force and {len(signals['response'])} of response."
+        raise MeasurementError(Fault(f"{path}:{table.line + 1}", problem, _HEADERS))
+    wanted = [*chain(*signals.values())]
+    _, rows = read_rows(table, table.header, wanted)
+    count = len(signals["force"])
+    return rows[:count], rows[count : 2 * count], _rate(path, rows[-1]) if signals["time"] else None
+
+
+def _signal_columns(cells: Sequence[str]) -> dict[str, list[int]]:
+    """Return which columns hold forces, responses and, at most one, the time."""
+    names = [plain_name(cell) for cell in cells]
     columns = {part: [i for i, name in enumerate(names) if re.match(part, name)] for part in ("force", "response")}
-    time = [i for i, name in enumerate(names) if name in _NAMES["time"]]
-    if not columns["force"] or len(columns["force"]) != len(columns["response"]):
-        problem = f"the header has {len(columns['force'])} columns of force and {len(columns['response'])} of response."
-        raise MeasurementError(
-            Fault(f"{path}:{header + 1}", problem, "time,force,response | time,force 1,response 1,...")
-        )
-    body = "\n".join(line for line in lines[header + 1 :] if line.strip())
-    try:
-        table = np.loadtxt(io.StringIO(body), delimiter=separator, ndmin=2)
-    except ValueError as error:
-        raise MeasurementError(Fault(str(path), f"below the header, {str(error)[:150]}")) from None
-    if table.shape[1:] != (len(names),):
-        raise MeasurementError(Fault(str(path), f"the lines have {table.shape[1]} columns, the header {len(names)}."))
-    force, response = (table[:, columns[part]].T for part in ("force", "response"))
-    return force, response, _rate(path, table[:, time[0]]) if time else None
+    return columns | {"time": [i for i, name in enumerate(names) if name in _NAMES["time"]][:1]}
 
 
 def _rate(path: Path, time: Array) -> float:

@@ -1,0 +1,295 @@
+"""Tables of numbers in text files: where they start, what separates their columns, and what stands above them.
+
+Above a table there may be any lines of text. `find_table` finds the header by a name in it, `find_rows` the first row
+of numbers below no header that counts, and `read_rows` reads the numbers, with decimal points or decimal commas.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import re
+from array import array
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.recording import MOST_LINES
+
+__all__ = ["TextTable", "find_rows", "find_table", "is_number", "read_rows", "split_lines"]
+
+_MOST_ABOVE = 10_000
+"""Lines above a table: the longest protocol of an analyser has some hundred."""
+_LONGEST_HEADER = 100_000
+"""Characters: a header of a thousand impacts."""
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+"""Bytes that no text in a single-byte code has; form feeds and tabs are none."""
+_BLANKS = ""
+"""As a separator: blanks, one or more."""
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_WORDS = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
+"""A word with the brackets behind it, as in ``Real [um/N]``."""
+
+
+class TextTable(NamedTuple):
+    """Where a table stands.
+
+    Parameters
+    ----------
+    where : str
+        The file.
+    lines : sequence of str
+        All of its lines.
+    header : tuple of str
+        Cells of the header; of the columns that the caller names, where there is none.
+    line : int
+        Index of the header, or of the first row where there is none.
+    first : int
+        Index of the first row of numbers.
+    separator : str
+        Between the columns; empty for blanks.
+    """
+
+    where: str
+    lines: Sequence[str]
+    header: tuple[str, ...]
+    line: int
+    first: int
+    separator: str
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Cells of a row of units right below the header, or nothing."""
+        below = self.lines[self.line + 1][:_LONGEST_HEADER] if self.line + 1 < len(self.lines) else ""
+        cells = _split_names(below, self.separator, len(self.header))
+        if len(cells) != len(self.header) or not any(cells) or any(map(is_number, cells)):
+            return ()
+        return tuple(cells)
+
+
+def split_lines(path: Path, content: bytes) -> list[str]:
+    """Return the lines of a text file, whatever ends them: UTF-8, UTF-16 with its mark, or else Latin-1.
+
+    Raises
+    ------
+    MeasurementError
+        Too many lines, or bytes that are no text.
+    """
+    if max(content.count(b"\n"), content.count(b"\r")) > MOST_LINES + _MOST_ABOVE:
+        raise MeasurementError(Fault(str(path), "the file has too many lines.", f"at most {MOST_LINES:,} lines"))
+    encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError as error:
+        if encoding == "utf-16" or _CONTROL.search(content):
+            problem = f"the file is not text: byte {error.start + 1} is not {encoding.upper()[:6].rstrip('-')}."
+            raise MeasurementError(Fault(str(path), problem, "comma-separated text")) from None
+        text = content.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def find_table(
+    where: str, lines: Sequence[str], is_header: Callable[[Sequence[str]], bool], accepted: str
+) -> TextTable:
+    """Return the table below the last header that stands before the rows of numbers.
+
+    Parameters
+    ----------
+    where : str
+        The file.
+    lines : sequence of str
+    is_header : callable
+        Whether cells are those of a header.
+    accepted : str
+        Headers that are understood, for the message.
+
+    Returns
+    -------
+    TextTable
+        Where no line is a header, that below a line just above the numbers that has as many cells.
+
+    Raises
+    ------
+    MeasurementError
+        No header.
+    """
+    start = _start_of_numbers(lines)
+    guess = _BLANKS if start == len(lines) else _separator(lines[start])
+    width = len(_split(lines[start], guess)) if start < len(lines) else 0
+    last = None
+    for number in range(min(start, _MOST_ABOVE) - 1, -1, -1):
+        line = lines[number][:_LONGEST_HEADER].strip(" ").lstrip("#%! ")
+        for separator in dict.fromkeys((guess, _separator(line)) if width else (_separator(line),)):
+            cells = _split_names(line, separator, width)
+            fits = len(cells) == width > 1 or (not width and len(cells) > 1)
+            table = TextTable(where, lines, tuple(cells), number, number + 1, separator)
+            if is_header(cells) and (fits or (separator != _BLANKS and len(cells) > 1)):
+                return _below(table)
+            if last is None and fits and width and number >= start - 2 and lines[number].lstrip()[:1] not in "#%":
+                last = table
+    if last is not None:
+        return last
+    if start < len(lines):
+        remedy = "Say what the columns hold, for example --columns frequency,real,imag (in Python columns=...)."
+        raise MeasurementError(Fault(f"{where}:{start + 1}", "the table has no header.", accepted, remedy))
+    raise MeasurementError(Fault(where, "there is no header.", accepted))
+
+
+def _below(table: TextTable) -> TextTable:
+    return table._replace(first=table.line + 2) if table.units else table
+
+
+def find_rows(where: str, lines: Sequence[str], columns: Sequence[str], wanted: Sequence[int]) -> TextTable:
+    """Return the table that starts at the first line with a number in each wanted column of those that are named.
+
+    Raises
+    ------
+    MeasurementError
+        No such line.
+    """
+    for number, line in enumerate(lines[:_MOST_ABOVE]):
+        separator = _separator(line)
+        cells = _split(line[:_LONGEST_HEADER], separator)
+        if len(cells) == len(columns) and all(is_number(cells[column]) for column in wanted):
+            return TextTable(where, lines, tuple(columns), number, number, separator)
+    start = _start_of_numbers(lines)
+    accepted = ",".join(columns)
+    if start == len(lines):
+        raise MeasurementError(Fault(where, f"there is no row of {len(columns)} numbers.", accepted))
+    count = len(_split(lines[start], _separator(lines[start])))
+    problem = f"the line has {count} column{'s' * (count != 1)}, and {len(columns)} are named."
+    raise MeasurementError(Fault(f"{where}:{start + 1}", problem, accepted, "Name each column; 'skip' leaves one out."))
+
+
+def _start_of_numbers(lines: Sequence[str]) -> int:
+    """Return the index of the first of two rows with as many numbers, or of the last line with text if that is one."""
+    before, width = None, 0
+    for number, line in enumerate(lines[: _MOST_ABOVE + 2]):
+        if not line.strip():
+            continue
+        cells = _split(line[:_LONGEST_HEADER], _separator(line))
+        if len(cells) < 2 or not any(cells) or not all(map(is_number, filter(None, cells))):
+            before = None
+        elif before is not None and len(cells) == width:
+            return before
+        else:
+            before, width = number, len(cells)
+    return len(lines) if before is None else before
+
+
+def _separator(line: str) -> str:
+    """Return what separates the cells of a line: a tab, a semicolon, a comma, or blanks.
+
+    Where blanks stand between numbers with a comma inside, the comma is a decimal one.
+    """
+    text = line[:_LONGEST_HEADER].strip(" ")
+    for separator in "\t;":
+        if separator in text:
+            return separator
+    words = text.split()
+    commas = [word for word in words if "," in word]
+    return "," if commas and (len(words) == 1 or not all(map(_DECIMAL_COMMA.fullmatch, commas))) else _BLANKS
+
+
+def _split(line: str, separator: str) -> list[str]:
+    """Return the cells of a line without quotes and blanks around them."""
+    if separator == _BLANKS:
+        return line.split()
+    cells = line.split(separator)
+    if '"' in line:
+        with contextlib.suppress(csv.Error, StopIteration):
+            cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    return [cell.strip().strip('"').strip() for cell in cells]
+
+
+def _split_names(line: str, separator: str, width: int) -> list[str]:
+    """Return the cells of a header or of a row of units, which may hold blanks; `width` is 0 where it is not known."""
+    if separator != _BLANKS:
+        return _split(line, separator)
+    ways = re.split(r"\s{2,}", line.strip()), _WORDS.findall(line), line.split()
+    return next((cells for cells in ways if len(cells) == width), ways[1])
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number, real or complex, with a decimal point or a decimal comma."""
+    try:
+        complex(cell.replace(",", ".").strip("()").replace("i", "j") or "x")
+    except ValueError:
+        return cell.strip("+-").lower() in ("inf", "infinity")
+    return True
+
+
+def read_rows(
+    table: TextTable, names: Sequence[str], wanted: Sequence[int], complex_column: int | None = None
+) -> tuple[list[int], NDArray[Any]]:
+    """Read the rows of numbers.
+
+    Parameters
+    ----------
+    table : TextTable
+    names : sequence of str
+        Of the columns, for messages.
+    wanted : sequence of int
+        The columns that are read.
+    complex_column : int, optional
+        The column that holds complex numbers.
+
+    Returns
+    -------
+    numbers : list of int
+        The line of each row, from 1.
+    columns : (n_wanted, n_rows) array
+        Complex where there is a complex column.
+
+    Raises
+    ------
+    MeasurementError
+        No row, a row of another length, what is not a number, decimal points and decimal commas in one table.
+    """
+    numbers: list[int] = []
+    values = array("d")
+    marks: dict[str, int] = {}
+    width, separator, lines = len(table.header), table.separator, table.lines
+    for number, line in enumerate(lines[table.first :] if table.first else lines, start=table.first + 1):
+        if not line.strip():
+            continue
+        quoted = '"' in line or separator == _BLANKS
+        cells = _split(line, separator) if quoted else line.split(separator, width)
+        if len(cells) != width:
+            count = len(cells) if quoted else line.count(separator) + 1
+            problem = f"the line has {count} column{'s' * (count != 1)}, the header {width}."
+            raise MeasurementError(Fault(f"{table.where}:{number}", problem, ",".join(names)))
+        numbers.append(number)
+        for column in wanted:
+            text = cells[column].strip()
+            if separator != "," or quoted:
+                text = _decimal_point(text, marks, f"{table.where}:{number}", number)
+            try:
+                value = complex(text.strip("()").replace("i", "j")) if column == complex_column else float(text)
+            except ValueError:
+                problem = f"{cells[column].strip()[:40]!r} in column {names[column]} is not a number."
+                raise MeasurementError(Fault(f"{table.where}:{number}", problem)) from None
+            values.append(value.real)
+            if complex_column is not None:
+                values.append(value.imag)
+    if not numbers:
+        raise MeasurementError(Fault(table.where, "there is no line after the header."))
+    kind = np.float64 if complex_column is None else np.complex128
+    return numbers, np.frombuffer(values, dtype=kind).reshape(len(numbers), len(wanted)).T
+
+
+def _decimal_point(text: str, marks: dict[str, int], where: str, number: int) -> str:
+    """Return a number with a decimal point; `marks` keeps in which line each of comma and point was first."""
+    for mark in ",.":
+        if mark in text:
+            marks.setdefault(mark, number)
+    if len(marks) > 1:
+        problem = (
+            f"numbers have a comma (line {marks[',']}) and a point (line {marks['.']}): which is decimal is not told."
+        )
+        raise MeasurementError(Fault(where, problem, "one decimal mark, and no marks of thousands"))
+    return text.replace(",", ".")
