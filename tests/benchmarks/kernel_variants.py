@@ -164,7 +164,7 @@ def main(samples: int = 64, rounds: int = 40, tries: int = 2000) -> None:
     bench = Bench(samples, rounds)
     program, layout = bench.engine.program, bench.engine.plan.layout()
     derived = bench.engine.plan.layout(derivatives=True)
-    plain, jacobian = kernel_source(program, layout), kernel_source(program, derived)
+    plain, jacobian = kernel_source(program, layout)[0], kernel_source(program, derived)[0]
     changes: tuple[tuple[str, Callable[[str], str]], ...] = (
         ("as it is", lambda source: source),
         ("without division", without_division),
@@ -176,7 +176,7 @@ def main(samples: int = 64, rounds: int = 40, tries: int = 2000) -> None:
     for label, change in changes:
         bench.show(f"FRF, {label}", change(plain))
     bench.show("FRF, loops", *looped_kernel_source(program, layout))
-    bench.show("amplitude, as it is", kernel_source(program, layout, amplitude=True))
+    bench.show("amplitude, as it is", *kernel_source(program, layout, amplitude=True))
     bench.show("with Jacobian, as it is", jacobian)
     bench.show("with Jacobian, stored through the caches", kept_in_caches(jacobian))
     bench.show("with Jacobian, all stored at one place", one_place(jacobian))

@@ -83,18 +83,26 @@ class System:
         y, x = self.unit_motion(row), self.unit_motion(column)
         return x[:, self.index[row]], self._rounding(y, x)
 
-    def derivatives(self, point: int, slopes: Sequence[Slope]) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Yield the derivative of the drive point's H by each parameter, its rounding, and that of differences.
+    def derivatives(
+        self, row: int, column: int, slopes: Sequence[Slope]
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Yield the derivative of H between two reduced DOFs by each parameter, its rounding, and that of differences.
 
-        d(Z^-1) = -Z^-1 dZ Z^-1, so that dH = -x^T dZ x. The last are the changes by relative changes of one in dZ and
-        in Z of the joint, |x|^T |dZ| |x| and |x|^T |Z| |x|.
+        d(Z^-1) = -Z^-1 dZ Z^-1, so that dH = -y^T dZ x with the motions of `receptance`. The last are the changes by
+        relative changes of one in dZ and in Z of the joint, |y|^T |dZ| |x| and |y|^T |Z| |x|.
         """
-        x = self.unit_motion(point)
+        y, x = self.unit_motion(row), self.unit_motion(column)
+        to_y, to_x = self._answers(y, slopes), self._answers(x, slopes)
+        for number, slope in enumerate(slopes):
+            own, joint = (_form(abs(y), matrix, abs(x)) for matrix in (slope.magnitude, slope.joint_magnitude))
+            moved = own + self._rounding(to_y[number], x) + self._rounding(y, to_x[number])
+            yield -_form(y, slope.derivative, x), moved, np.stack([own, joint])
+
+    def _answers(self, x: np.ndarray, slopes: Sequence[Slope]) -> np.ndarray:
+        """Z^-1 dZ x for each parameter, (n_params, n_freq, d)."""
         loads = [slope.derivative @ x[..., np.newaxis] for slope in slopes]
         answers = self.motion(np.concatenate(loads, axis=2)) if slopes else np.empty((*x.shape, 0))
-        for y, slope in zip(np.moveaxis(answers, 2, 0), slopes, strict=True):
-            own, joint = (_form(abs(x), matrix, abs(x)) for matrix in (slope.magnitude, slope.joint_magnitude))
-            yield -_form(x, slope.derivative, x), own + 2 * self._rounding(y, x), np.stack([own, joint])
+        return np.moveaxis(answers, 2, 0)
 
     def _rounding(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         d = 1 / _balance(self.magnitude)

@@ -133,7 +133,7 @@ def hold_frf_and_jacobian(drawn: Drawn, assembly: dovetail.Assembly, dense: Dens
         for computed in (frf, again):
             hold_entry("frf", computed, system, point, point, factor, tally)
         slopes = dense.slopes(theta, system)
-        for column, (slope, moved, by_difference) in enumerate(system.derivatives(point, slopes)):
+        for column, (slope, moved, by_difference) in enumerate(system.derivatives(point, point, slopes)):
             parameter = assembly.parameters[column]
             step = max(abs(theta[column]), 1e-3 * (parameter.upper - parameter.lower))
             moved = SETTINGS.rounding * EPS * moved + SETTINGS.difference * by_difference[1] / step

@@ -235,6 +235,36 @@ def test_other_parameters_keep_their_frf_bit_for_bit_when_the_plan_is_widened():
         np.testing.assert_array_equal(now, then)
 
 
+def test_points_that_nothing_connects_have_no_transfer_frf():
+    """x and rz of a mass on springs in x and in rz."""
+    graph, points = bodies(RotationalStop(RotationalStop.Config()))
+    engine = Engine(graph, FREQUENCY, [*points, ("m1", 1)], {"j": np.array([ABOVE])}, pairs=[(0, 0), (1, 0), (1, 1)])
+    frfs, jacobian = engine.frfs_jacobian({"j": np.array([ABOVE])})
+    assert not frfs[:, 1].any()
+    assert not jacobian[:, 1].any()
+    assert np.all(engine.amplitudes({"j": np.array([ABOVE])}, 1.0 + 0j * OMEGA)[:, 1] == 0.0)
+    assert frfs[:, [0, 2]].all()
+
+
+def test_a_stop_beyond_the_probes_is_in_the_transfer_frfs_and_others_stay_the_same():
+    joint = RotationalStop(RotationalStop.Config())
+    graph, _ = bodies(joint)
+    points, pairs = [("m0", 0), ("m1", 0), ("m0", 1), ("m1", 1)], [(1, 0), (2, 2), (3, 2), (3, 0)]
+    engine = Engine(graph, FREQUENCY, points, {"j": np.array([BELOW])}, pairs=pairs)
+    below = {"j": np.array([BELOW, [3e6, 50.0]])}
+    before, plan = engine.frfs_jacobian(below), engine.plan
+    frfs, jacobian = engine.frfs_jacobian({"j": np.array([ABOVE])})
+    assert engine.plan is not plan
+    spring, turned, law = ABOVE[0] + 1j * OMEGA * ABOVE[1], rotational_stop(ABOVE[0]), 10.0 / STOP
+    H, slope = turned / ((turned - OMEGA**2 * INERTIA) ** 2 - turned**2), slope_of_two(turned, INERTIA)
+    np.testing.assert_allclose(frfs[0, 2], H, rtol=1e-8)
+    np.testing.assert_allclose(jacobian[0, 2, :, 0], -slope * law, rtol=1e-6)
+    np.testing.assert_allclose(jacobian[0, 1, :, 0], slope * law, rtol=1e-6)
+    np.testing.assert_allclose(frfs[0, 0], spring / ((spring - OMEGA**2) ** 2 - spring**2), rtol=1e-8)
+    for now, then in zip(engine.frfs_jacobian(below), before, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
 class Lopsided(Spring):
     """Its stiffness obeys Newton's third law below 97 % of the range of k only."""
 

@@ -1,8 +1,8 @@
 """The synthesis engine: FRFs of many parameter vectors by one symbolic elimination and compiled code.
 
 It uses the primal form of frequency-domain substructure synthesis. The boundary dynamic stiffness of each substructure,
-condensed once, plus the joints' dynamic stiffness is eliminated with the response last, so that H_rr is the inverse of
-the last pivot.
+condensed once, plus the joints' dynamic stiffness is eliminated with the points of the FRFs last. At a single point,
+H_rr is the inverse of the last pivot; between several points, receptances and motions are substituted back from it.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ SETTINGS = Settings()
 
 
 class Engine:
-    """FRFs of one graph on one frequency axis between chosen points.
+    """FRFs of one graph on one frequency axis between chosen points, all by one elimination.
 
     Parameters
     ----------
@@ -60,17 +60,26 @@ class Engine:
     frequency : (n_freq,) array
         Hz, positive.
     points : sequence of Point
-        Where forces act and motion is read; the first is the drive point.
+        Where forces act and motion is read.
     probe_theta : mapping of str to (n, n_params) array
         A few parameter vectors that show which entries of the joints' matrices are filled. They decide what is planned
         first, and nothing else: where other parameters fill further entries, the plan is widened and compiled anew.
     jacobian_columns : mapping of str to list of int, optional
         Columns of each joint's theta by which `jacobian` differentiates; all by default.
+    pairs : sequence of (int, int), optional
+        Output and input of each FRF, as indices into `points`: motion at the first per force at the second. The drive
+        point FRF at the first point alone by default.
+
+    Raises
+    ------
+    ValueError
+        There are no pairs, or one of them names a point that does not exist.
 
     Attributes
     ----------
     threads : int
         How many samples are computed at the same time.
+    pairs : tuple of (int, int)
     pivoted_lines : int
         Lines solved again with pivoting so far, because a pivot nearly vanished.
     plan : Plan
@@ -84,7 +93,12 @@ class Engine:
         points: Sequence[Point],
         probe_theta: Theta,
         jacobian_columns: Mapping[str, list[int]] | None = None,
+        *,
+        pairs: Sequence[tuple[int, int]] = ((0, 0),),
     ) -> None:
+        self.pairs = tuple((int(output), int(force)) for output, force in pairs)
+        if not self.pairs or not all(0 <= index < len(points) for pair in self.pairs for index in pair):
+            raise ValueError(f"pairs are {self.pairs}: one or more (output, input) below {len(points)} are expected.")
         frequency = np.asarray(frequency, dtype=np.float64)
         self._lines = len(frequency)
         padded = np.concatenate([frequency, np.repeat(frequency[-1:], -len(frequency) % WIDTH)])
@@ -97,7 +111,7 @@ class Engine:
         self.probe_theta = probe_theta
         sparsity = probe_matrices(graph, padded, probe_theta)
         system = CoupledSystem(graph, padded, points, condense(graph, padded, points), sparsity)
-        self.plan = Plan(system, self._jacobian_columns)
+        self.plan = Plan(system, self._jacobian_columns, self.pairs)
         self._has_probed_derivatives = False
 
     @property
@@ -112,7 +126,7 @@ class Engine:
 
     @property
     def program(self) -> Program:
-        """The symbolic elimination over the active DOFs, the drive point last."""
+        """The symbolic elimination over the active DOFs, the points of the pairs last."""
         return self.plan.program
 
     def _probe_derivatives(self) -> None:
@@ -126,89 +140,103 @@ class Engine:
         )
         self._has_probed_derivatives = True
 
-    def drive_point(self, theta: Theta, factor: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
-        """FRF at the first point for each parameter vector.
+    def frfs(self, theta: Theta, factors: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
+        """FRFs of all pairs for each parameter vector.
 
         Parameters
         ----------
         theta : mapping of str to (n, n_params) array
             All parameters of each joint, by the joint's name.
-        factor : (n_freq,) complex array, optional
-            Factor from the receptance to the wanted quantity; one by default.
+        factors : (n_pairs, n_freq) or (n_freq,) complex array, optional
+            Factor of each pair from the receptance to the wanted quantity; one by default.
 
         Returns
         -------
-        (n, n_freq) complex array
+        (n, n_pairs, n_freq) complex array
         """
-        padded = self._padded(factor)
-        result = aligned_empty((sample_count(theta), len(padded)), np.complex128)
+        padded = self._padded(factors)
+        result = aligned_empty((sample_count(theta), *padded.shape), np.complex128)
         samples = self._run_kernel(lambda plan: plan.receptance_kernel, theta, padded, result)
         for single, sample, lines in self._failed_lines(theta, result, samples):
-            result[sample, lines] = self.plan.pivoted.drive_point(single, lines) * padded[lines]
-        return result[:, : self._lines]
+            result[sample][:, lines] = self.plan.pivoted.frfs(single, lines) * padded[:, lines]
+        return result[..., : self._lines]
 
-    def amplitude(self, theta: Theta, factor: NDArray[np.complex128]) -> NDArray[np.float32]:
-        """Magnitude of the FRF at the first point, in single precision.
+    def amplitudes(self, theta: Theta, factors: NDArray[np.complex128]) -> NDArray[np.float32]:
+        """Magnitudes of the FRFs of all pairs, in single precision.
 
         Parameters
         ----------
-        theta : mapping of str to (n, n_params) array
-        factor : (n_freq,) complex array
-            Factor from the receptance to the wanted quantity.
+        theta, factors : as in `frfs`
 
         Returns
         -------
-        (n, n_freq) float32 array
+        (n, n_pairs, n_freq) float32 array
         """
-        padded = np.abs(self._padded(factor))
-        result = aligned_empty((sample_count(theta), len(padded)), np.float32)
+        padded = np.abs(self._padded(factors))
+        result = aligned_empty((sample_count(theta), *padded.shape), np.float32)
         samples = self._run_kernel(lambda plan: plan.amplitude_kernel, theta, padded, result)
         for single, sample, lines in self._failed_lines(theta, result, samples):
-            result[sample, lines] = np.abs(self.plan.pivoted.drive_point(single, lines)) * padded[lines]
-        return result[:, : self._lines]
+            result[sample][:, lines] = np.abs(self.plan.pivoted.frfs(single, lines)) * padded[:, lines]
+        return result[..., : self._lines]
+
+    def frfs_jacobian(
+        self, theta: Theta, factors: NDArray[np.complex128] | None = None
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """FRFs of all pairs and their derivatives, by the adjoint: dH_oi/dp = -x_o^T (dZ/dp) x_i, x_p = Z^-1 e_p.
+
+        Parameters
+        ----------
+        theta, factors : as in `frfs`
+
+        Returns
+        -------
+        frfs : (n, n_pairs, n_freq) complex array
+        jacobian : (n, n_pairs, n_freq, n_jacobian) complex array
+            Joint by joint, per unit of the parameter.
+        """
+        self._probe_derivatives()
+        count, padded = sample_count(theta), self._padded(factors)
+        result = aligned_empty((count, *padded.shape), np.complex128)
+        jacobian = aligned_empty((count, len(padded), self.plan.inputs.parameters, padded.shape[1]), np.complex128)
+        samples = self._run_kernel(lambda plan: plan.jacobian_kernel, theta, padded, result, jacobian)
+        for single, sample, lines in self._failed_lines(theta, result, samples):
+            result[sample][:, lines] = self.plan.pivoted.frfs(single, lines) * padded[:, lines]
+            derivatives = self.plan.pivoted.derivatives(single, lines)
+            jacobian[sample][..., lines] = derivatives * padded[:, np.newaxis, lines]
+        return result[..., : self._lines], np.swapaxes(jacobian, 2, 3)[:, :, : self._lines]
+
+    def drive_point(self, theta: Theta, factor: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
+        """FRF of the first pair, (n, n_freq), as `frfs` of all pairs."""
+        return self.frfs(theta, factor)[:, 0]
+
+    def amplitude(self, theta: Theta, factor: NDArray[np.complex128]) -> NDArray[np.float32]:
+        """Magnitude of the FRF of the first pair, (n, n_freq), as `amplitudes` of all pairs."""
+        return self.amplitudes(theta, factor)[:, 0]
 
     def jacobian(
         self, theta: Theta, factor: NDArray[np.complex128] | None = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """FRF at the first point and its derivatives, by the adjoint: dH/dp = -x^T (dZ/dp) x, x = Z^-1 e.
+        """FRF of the first pair, (n, n_freq), and its derivatives, (n, n_freq, n_jacobian), as `frfs_jacobian`."""
+        frfs, jacobian = self.frfs_jacobian(theta, factor)
+        return frfs[:, 0], jacobian[:, 0]
 
-        Parameters
-        ----------
-        theta : mapping of str to (n, n_params) array
-        factor : (n_freq,) complex array, optional
-            Factor from the receptance to the wanted quantity; one by default.
-
-        Returns
-        -------
-        frf : (n, n_freq) complex array
-        jacobian : (n, n_freq, n_jacobian) complex array
-            Joint by joint, per unit of the parameter.
-        """
-        self._probe_derivatives()
-        count, padded = sample_count(theta), self._padded(factor)
-        result = aligned_empty((count, len(padded)), np.complex128)
-        jacobian = aligned_empty((count, self.plan.inputs.parameters, len(padded)), np.complex128)
-        samples = self._run_kernel(lambda plan: plan.jacobian_kernel, theta, padded, result, jacobian)
-        for single, sample, lines in self._failed_lines(theta, result, samples):
-            result[sample, lines] = self.plan.pivoted.drive_point(single, lines) * padded[lines]
-            jacobian[sample][:, lines] = self.plan.pivoted.derivatives(single, lines).T * padded[lines]
-        return result[:, : self._lines], np.swapaxes(jacobian, 1, 2)[:, : self._lines]
-
-    def _padded(self, factor: NDArray[np.complex128] | None) -> NDArray[np.complex128]:
-        """Return a factor for each line that the kernel computes."""
-        factors = np.ones(self._lines) if factor is None else factor
-        return np.concatenate([factors, np.repeat(factors[-1:], len(self.system.frequency) - self._lines)])
+    def _padded(self, factors: NDArray[np.complex128] | None) -> NDArray[np.complex128]:
+        """Return a factor for each pair and line that the kernel computes."""
+        given = np.broadcast_to(1.0 if factors is None else factors, (len(self.pairs), self._lines))
+        return np.concatenate(
+            [given, np.repeat(given[:, -1:], len(self.system.frequency) - self._lines, axis=1)], axis=1
+        )
 
     def _run_kernel(
         self,
         kernel_of: Callable[[Plan], MachineKernel],
         theta: Theta,
-        factor: NDArray[Any],
+        factors: NDArray[Any],
         result: NDArray[Any],
         jacobian: NDArray[np.complex128] | None = None,
     ) -> NDArray[np.intp]:
         """Fill `result`; return the samples in which a pivot nearly vanished."""
-        return self._planned(lambda plan: self._run_plan(plan, kernel_of, theta, factor, result, jacobian))
+        return self._planned(lambda plan: self._run_plan(plan, kernel_of, theta, factors, result, jacobian))
 
     def _planned(self, compute: Callable[[Plan], NDArray[Any]]) -> NDArray[Any]:
         """Compute after the plan; where there are entries for which nothing is planned, widen it and compute anew."""
@@ -223,21 +251,22 @@ class Engine:
         plan: Plan,
         kernel_of: Callable[[Plan], MachineKernel],
         theta: Theta,
-        factor: NDArray[Any],
+        factors: NDArray[Any],
         result: NDArray[Any],
         jacobian: NDArray[np.complex128] | None,
     ) -> NDArray[np.intp]:
         """Fill `result`, a block of samples in each thread, after one plan."""
         count, derivatives = len(result), jacobian is not None
         flags = np.zeros(count, dtype=np.uint8)
-        factors = as_vectors(np.stack([factor.real, factor.imag]), WIDTH)
+        halves = np.stack([factors.real, factors.imag], axis=1).reshape(-1, factors.shape[1])
+        factor_vectors = as_vectors(halves, WIDTH)
         outputs = (result, np.empty((count, 0)) if jacobian is None else jacobian, flags)
 
         def run_block(first: int, theta: Theta, terms: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
             block = slice(first, first + len(terms))
             spectral, spectral_weights = _gather_spectral(plan, theta, len(terms), derivatives=derivatives)
-            inputs = (plan.omega, factors, plan.static, terms, spectral, weights, spectral_weights)
-            kernel_of(plan)(len(plan.omega), len(terms), result.shape[1], (*inputs, *(a[block] for a in outputs)))
+            inputs = (plan.omega, factor_vectors, plan.static, terms, spectral, weights, spectral_weights)
+            kernel_of(plan)(len(plan.omega), len(terms), result.shape[-1], (*inputs, *(a[block] for a in outputs)))
 
         self._run_in_blocks(plan, kernel_of, theta, count, run_block, derivatives=derivatives)
         return np.flatnonzero(flags)
@@ -287,7 +316,7 @@ class Engine:
     ) -> Iterator[tuple[Theta, int, NDArray[np.intp]]]:
         """Yield parameters, number and lines of each sample in which a pivot nearly vanished."""
         for sample in map(int, samples):
-            lines = np.flatnonzero(np.isnan(result[sample]))
+            lines = np.flatnonzero(np.isnan(result[sample, 0]))
             self.pivoted_lines += int(np.count_nonzero(lines < self._lines))
             yield _samples(theta, sample, 1), sample, lines
 

@@ -45,15 +45,15 @@ SETTINGS = Settings()
 
 
 class InterpolatedEngine(Engine):
-    """An engine whose FRFs at the drive point are interpolated between exact lines.
+    """An engine whose FRFs are interpolated between exact lines.
 
     Parameters
     ----------
-    graph, frequency, points, probe_theta, jacobian_columns
+    graph, frequency, points, probe_theta, jacobian_columns, pairs
         As of `Engine`.
     tolerance : float
-        Greatest estimated relative error at any line. An FRF that exceeds it is computed exactly, and so are calls for
-        a few FRFs, Jacobians and transfer FRFs.
+        Greatest estimated relative error at any line. A parameter vector for which an FRF exceeds it is computed
+        exactly, and so are calls for a few vectors, Jacobians and `receptance`.
     trial : mapping of str to (n, n_params) array
         Parameter vectors by which the number of exact lines is chosen.
 
@@ -72,8 +72,10 @@ class InterpolatedEngine(Engine):
         jacobian_columns: Mapping[str, list[int]] | None,
         tolerance: float,
         trial: Theta,
+        *,
+        pairs: Sequence[tuple[int, int]] = ((0, 0),),
     ) -> None:
-        super().__init__(graph, frequency, points, probe_theta, jacobian_columns)
+        super().__init__(graph, frequency, points, probe_theta, jacobian_columns, pairs=pairs)
         self.tolerance = tolerance
         self.rejections = 0
         self._trial = trial
@@ -83,7 +85,7 @@ class InterpolatedEngine(Engine):
         """The rational functions through the fewest exact lines that suffice, or None where none pays."""
         if self.program.multiplications < SETTINGS.fewest_multiplications:
             return None
-        exact = super().drive_point(self._trial)
+        exact = super().frfs(self._trial).reshape(-1, len(self.frequency))
         interpolated = np.empty_like(exact)
         for count in SETTINGS.counts:
             if count > SETTINGS.most_exact * len(self.frequency):
@@ -99,7 +101,7 @@ class InterpolatedEngine(Engine):
     def _exact_engine(self) -> Engine:
         assert self.interpolant is not None
         frequency = self.frequency[self.interpolant.lines]
-        return Engine(self.graph, frequency, self.system.points[:1], self.probe_theta)
+        return Engine(self.graph, frequency, self.system.points, self.probe_theta, pairs=self.pairs)
 
     @cached_property
     def _blas(self) -> Any:
@@ -107,23 +109,25 @@ class InterpolatedEngine(Engine):
 
         return ThreadpoolController()
 
-    def drive_point(self, theta: Theta, factor: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
-        """FRF at the first point for each parameter vector, as `Engine.drive_point`."""
-        return self._interpolate(theta, factor, np.complex128, super().drive_point)
+    def frfs(self, theta: Theta, factors: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
+        """FRFs of all pairs for each parameter vector, as `Engine.frfs`."""
+        return self._interpolate(theta, factors, np.complex128, super().frfs)
 
-    def amplitude(self, theta: Theta, factor: NDArray[np.complex128]) -> NDArray[np.float32]:
-        """Magnitude of the FRF at the first point, as `Engine.amplitude`."""
-        return self._interpolate(theta, factor, np.float32, super().amplitude)
+    def amplitudes(self, theta: Theta, factors: NDArray[np.complex128]) -> NDArray[np.float32]:
+        """Magnitudes of the FRFs of all pairs, as `Engine.amplitudes`."""
+        return self._interpolate(theta, factors, np.float32, super().amplitudes)
 
     def _interpolate(
-        self, theta: Theta, factor: Any, dtype: type[np.generic], exactly: Callable[[Theta, Any], NDArray[Any]]
+        self, theta: Theta, factors: Any, dtype: type[np.generic], exactly: Callable[[Theta, Any], NDArray[Any]]
     ) -> NDArray[Any]:
-        """Return interpolated FRFs, and exact ones in place of those whose error exceeds the tolerance."""
+        """Return interpolated FRFs, and exact ones of the vectors with one whose error exceeds the tolerance."""
         if sample_count(theta) < SETTINGS.fewest_samples or self.interpolant is None:
-            return exactly(theta, factor)
+            return exactly(theta, factors)
         interpolant, size = self.interpolant, SETTINGS.samples_at_once
         self._exact_engine.threads = self.threads
-        exact = self._exact_engine.drive_point(theta, None if factor is None else factor[interpolant.lines])
+        exact = self._exact_engine.frfs(theta, None if factors is None else factors[..., interpolant.lines])
+        shape = exact.shape[:2]
+        exact = exact.reshape(-1, exact.shape[-1])
         result = np.empty((len(exact), len(self.frequency)), dtype=dtype)
         error = np.empty(len(exact))
 
@@ -133,10 +137,11 @@ class InterpolatedEngine(Engine):
 
         with self._blas.limit(limits=1, user_api="blas"), ThreadPoolExecutor(self.threads) as pool:
             list(pool.map(fill_block, range(0, len(exact), size)))
-        rejected = ~(error <= self.tolerance)
+        result = result.reshape(*shape, -1)
+        rejected = ~(error <= self.tolerance).reshape(shape).all(axis=1)
         if rejected.any():
-            result[rejected] = exactly({name: values[rejected] for name, values in theta.items()}, factor)
-            self.rejections += int(np.count_nonzero(rejected))
+            result[rejected] = exactly({name: values[rejected] for name, values in theta.items()}, factors)
+            self.rejections += int(np.count_nonzero(rejected)) * len(self.pairs)
         return result
 
 

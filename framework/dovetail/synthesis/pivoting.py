@@ -26,11 +26,16 @@ class PivotedSolver:
     system : CoupledSystem
     jacobian_columns : mapping of str to list of int
         Columns of each joint's theta by which to differentiate.
+    pairs : sequence of (int, int)
+        Output and input of each FRF, as indices into the system's points.
     """
 
-    def __init__(self, system: CoupledSystem, jacobian_columns: Mapping[str, list[int]]) -> None:
+    def __init__(
+        self, system: CoupledSystem, jacobian_columns: Mapping[str, list[int]], pairs: Sequence[tuple[int, int]]
+    ) -> None:
         self._system = system
         self._jacobian_columns = jacobian_columns
+        self._pairs = pairs
 
     def receptance(
         self, theta: Theta, lines: NDArray[np.intp], outputs: Sequence[Point], inputs: Sequence[Point]
@@ -68,24 +73,30 @@ class PivotedSolver:
             raise DovetailError(f"the assembly resonates without damping{where}: it has no FRF there.") from error
         return motion
 
-    def drive_point(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
-        """Return the receptance (n_lines,) at the first point."""
-        first = self._system.points[:1]
-        return self.receptance(theta, lines, first, first)[:, 0, 0]
+    def frfs(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
+        """Return the receptance (n_pairs, n_lines) of each pair."""
+        outputs, inputs = ([self._system.points[pair[end]] for pair in self._pairs] for end in (0, 1))
+        return np.diagonal(self.receptance(theta, lines, outputs, inputs), axis1=1, axis2=2).T
 
     def derivatives(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
-        """Return the derivatives (n_lines, n_jacobian) of the receptance at the first point, by the adjoint."""
-        x = self._motion(theta, lines, [self._system.index(self._system.points[0])])[:, :, 0]
+        """Return the derivatives (n_pairs, n_jacobian, n_lines) of the receptance of each pair, by the adjoint."""
+        used = list(dict.fromkeys(point for pair in self._pairs for point in pair))
+        motion = self._motion(theta, lines, [self._system.index(self._system.points[point]) for point in used])
         frequency = self._system.frequency[lines]
-        derivatives: list[NDArray[np.complex128]] = []
+        derivatives: list[list[NDArray[np.complex128]]] = []
         for name, columns in self._jacobian_columns.items():
             if columns:
                 local, indices = self._system.locate(self._system.graph.joint_dofs(name))
-                model, x_joint = self._system.graph.connections[name].model, x[:, indices]
+                model = self._system.graph.connections[name].model
+                x_joint = {point: motion[:, indices, at] for at, point in enumerate(used)}
                 by_column = {
-                    column: -np.einsum("fi,fij,fj->f", x_joint, dZ[0][:, local[:, None], local], x_joint)
+                    column: [
+                        -np.einsum("fi,fij,fj->f", x_joint[output], dZ[0][:, local[:, None], local], x_joint[force])
+                        for output, force in self._pairs
+                    ]
                     for column, dZ in enumerate(joint_stiffness_jacobian(name, model, frequency, theta[name]))
                     if column in columns
                 }
                 derivatives.extend(by_column[column] for column in columns)
-        return np.stack(derivatives, axis=-1) if derivatives else np.empty((len(lines), 0), dtype=np.complex128)
+        shape = len(derivatives), len(self._pairs), len(lines)
+        return np.array(derivatives, dtype=np.complex128).reshape(shape).swapaxes(0, 1)

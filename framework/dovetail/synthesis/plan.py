@@ -47,16 +47,23 @@ class Plan:
     system : CoupledSystem
     jacobian_columns : mapping of str to list of int
         Columns of each joint's theta by which to differentiate.
+    pairs : sequence of (int, int)
+        Output and input of each FRF, as indices into the system's points.
     order : sequence of int, optional
         Global DOFs that an earlier plan eliminated, in its order. It is kept, and new DOFs are eliminated before them.
         Thus the FRFs of parameters that leave the new entries empty stay the same bit for bit.
     """
 
     def __init__(
-        self, system: CoupledSystem, jacobian_columns: Mapping[str, list[int]], order: Sequence[int] = ()
+        self,
+        system: CoupledSystem,
+        jacobian_columns: Mapping[str, list[int]],
+        pairs: Sequence[tuple[int, int]],
+        order: Sequence[int] = (),
     ) -> None:
         self.system = system
         self._jacobian_columns = jacobian_columns
+        self._pairs = pairs
         self._order = order
 
     def widened(self, sparsity: Sparsity) -> Plan:
@@ -68,15 +75,21 @@ class Plan:
             order = system.active[self.program.order].tolist()
         except DovetailError:  # a point moves through the new entries alone
             order = self._order
-        return Plan(wider, self._jacobian_columns, order)
+        return Plan(wider, self._jacobian_columns, self._pairs, order)
 
     @cached_property
     def program(self) -> Program:
-        """The symbolic elimination over the active DOFs, the drive point last."""
-        keep = [self.system.index(self.system.points[0])]
+        """The symbolic elimination over the active DOFs, those of the pairs after all others."""
+        last, *others = dict.fromkeys(dof for pair in self._dofs_of_pairs for dof in pair)
         position = {int(dof): index for index, dof in enumerate(self.system.active)}
-        order = [position[dof] for dof in self._order if position[dof] not in keep]
-        return plan_elimination(self.system.pattern, keep, order)
+        order = [position[dof] for dof in self._order if position[dof] not in (last, *others)]
+        return plan_elimination(self.system.pattern, [last], [*order, *others])
+
+    @cached_property
+    def _dofs_of_pairs(self) -> tuple[tuple[int, int], ...]:
+        """Output and input of each FRF, as indices of active DOFs."""
+        index = [self.system.index(point) for point in self.system.points]
+        return tuple((index[output], index[force]) for output, force in self._pairs)
 
     @cached_property
     def inputs(self) -> KernelInputs:
@@ -91,7 +104,7 @@ class Plan:
     @cached_property
     def pivoted(self) -> PivotedSolver:
         """Solutions with pivoting."""
-        return PivotedSolver(self.system, self._jacobian_columns)
+        return PivotedSolver(self.system, self._jacobian_columns, self._pairs)
 
     @cached_property
     def _static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
@@ -111,7 +124,7 @@ class Plan:
 
     def layout(self, *, derivatives: bool = False) -> Layout:
         """Return what the columns of the kernel's arrays mean."""
-        layout = Layout(self._static[0], self.inputs.terms, self.spectral.slots)
+        layout = Layout(self._static[0], self.inputs.terms, self._dofs_of_pairs, self.spectral.slots)
         if not derivatives:
             return layout
         return replace(
@@ -139,4 +152,4 @@ class Plan:
     def _kernel(self, layout: Layout, *, amplitude: bool = False) -> MachineKernel:
         if self.program.multiplications > SETTINGS.straight_line:
             return compiled(*looped_kernel_source(self.program, layout, amplitude=amplitude))
-        return compiled(kernel_source(self.program, layout, amplitude=amplitude))
+        return compiled(*kernel_source(self.program, layout, amplitude=amplitude))

@@ -1,4 +1,4 @@
-"""What both kernels share: the loops over frequencies and samples, the check of the pivots and the stores.
+"""What both kernels share: the loops over frequencies and samples, the check of the pivots, tables and stores.
 
 The outer loop runs over vectors of frequencies and the inner loop over samples, so that the substructures' entries for
 a vector of frequencies stay in the first-level cache for all samples.
@@ -6,7 +6,7 @@ a vector of frequencies stay in the first-level cache for all samples.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from dovetail.synthesis.codegen.layout import MATRICES, Layout
 from dovetail.synthesis.codegen.vector_ir import (
@@ -18,11 +18,11 @@ from dovetail.synthesis.codegen.vector_ir import (
     constant,
     declarations,
 )
+from dovetail.synthesis.elimination import Program
 
-__all__ = ["FACTOR", "KernelWriter"]
+__all__ = ["ZERO", "KernelWriter"]
 
-FACTOR: ComplexVector = ("%factor", "%factor_imaginary")
-"""Factor from the receptance to the quantity that is stored."""
+ZERO = constant(0.0)
 _PAIRS = f"<{2 * WIDTH} x double>"
 """A vector of complex numbers, real and imaginary parts alternating."""
 _MANY_SAMPLES = 8
@@ -36,17 +36,74 @@ class KernelWriter:
 
     Parameters
     ----------
+    program : Program
+        With a single kept DOF, and the other DOFs of the layout's pairs right before it.
     layout : Layout
 
     Attributes
     ----------
     ir : VectorWriter
         Takes the instructions for one sample and one vector of frequencies.
+    scratch : int
+        Number of doubles of the scratch memory.
+    points : list of int
+        The DOFs of the pairs, in the order of elimination.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, program: Program, layout: Layout) -> None:
+        self.program = program
         self.layout = layout
         self.ir = VectorWriter()
+        self.scratch = 0
+        self._tables: list[str] = []
+        used = {dof for pair in layout.pairs for dof in pair}
+        self.points = [int(dof) for dof in program.order[len(program.order) - len(used) :]]
+
+    def region(self, name: str, vectors: int) -> str:
+        """Reserve some vectors of the scratch memory and return the pointer to them."""
+        first, self.scratch = self.scratch, self.scratch + WIDTH * vectors
+        self.ir.emit(f"%scratch_{name} = getelementptr double, ptr %scratch, i64 {first}")
+        return f"%scratch_{name}"
+
+    def within(self, region: str, row: str, length: int) -> str:
+        """Return the pointer to a row of some complex numbers in a region."""
+        return self.ir.value(
+            f"getelementptr {VECTOR}, ptr {region}, i64 {self.ir.value(f'mul i64 {row}, {2 * length}')}"
+        )
+
+    def table(self, values: Iterable[int]) -> str:
+        """Put integers into the code and return their name."""
+        numbers = [int(value) for value in values]
+        name = f"@table{len(self._tables)}"
+        entries = ", ".join(f"i32 {number}" for number in numbers)
+        self._tables.append(f"{name} = private constant [{len(numbers)} x i32] [{entries}]")
+        return name
+
+    def entry(self, table: str, index: str | int) -> str:
+        """Return an integer of a table."""
+        ir = self.ir
+        address = ir.value(f"getelementptr i32, ptr {table}, i64 {index}")
+        return ir.value(f"sext i32 {ir.value(f'load i32, ptr {address}, align 4')} to i64")
+
+    def store_vector(self, region: str, index: str | int, value: str) -> None:
+        """Store a vector in a region."""
+        address = self.ir.value(f"getelementptr {VECTOR}, ptr {region}, i64 {index}")
+        self.ir.emit(f"store {VECTOR} {value}, ptr {address}, align 64")
+
+    def load_pair(self, region: str, index: str | int) -> ComplexVector:
+        """Load a complex number from a region."""
+        real, imaginary = self._halves(index)
+        return self.ir.load(region, real), self.ir.load(region, imaginary)
+
+    def store_pair(self, region: str, index: str | int, value: ComplexVector) -> None:
+        """Store a complex number in a region."""
+        for position, half in zip(self._halves(index), value, strict=True):
+            self.store_vector(region, position, half or ZERO)
+
+    def _halves(self, index: str | int) -> tuple[str, str]:
+        """Return the indices of real and imaginary part of a complex number."""
+        real = self.ir.value(f"mul i64 {index}, 2")
+        return real, self.ir.value(f"add i64 {real}, 1")
 
     def invert(self, value: ComplexVector, size: str | None) -> tuple[ComplexVector, str, str]:
         """Invert a pivot; also return 1 / |pivot|^2, and where it is tiny beside the `size` of its summands."""
@@ -109,6 +166,15 @@ class KernelWriter:
         both = ir.value(f"shufflevector {halves}, <{2 * WIDTH} x i32> <{mask}>")
         return both, ir.value(f"getelementptr {{double, double}}, ptr {pointer}, i64 {index}")
 
+    def symmetric_product(self, x: str, y: str, row: str | int, column: str | int) -> ComplexVector:
+        """Return (x_r y_c + x_c y_r) / 2 of two motions in memory, the weight of an entry in x^T dZ y."""
+        ir, (x_row, y_row) = self.ir, (self.load_pair(motion, row) for motion in (x, y))
+        if row == column:
+            return ir.complex_product(x_row, y_row)
+        x_column, y_column = (self.load_pair(motion, column) for motion in (x, y))
+        real, imaginary = ir.complex_multiply_add(x_row, y_column, ir.complex_product(x_column, y_row))
+        return ir.product(real, constant(0.5)), ir.product(imaginary, constant(0.5))
+
     def dynamic_stiffness(self, sums: Mapping[str, ComplexVector]) -> ComplexVector:
         """Return K + iD + i omega C - omega^2 M; a matrix that is not in `sums` is zero."""
         ir = self.ir
@@ -119,20 +185,47 @@ class KernelWriter:
         imaginary = ir.add(ir.multiply_add(m_im, "%minus_omega2", k_im), turned_re)
         return real, imaginary
 
-    def store_derivative(self, parameter: str | int, value: ComplexVector) -> None:
-        """Store the derivative of the receptance by a parameter, converted to the quantity that is stored."""
-        ir = self.ir
-        row = ir.value(f"add i64 %derivative_row, {parameter}")
-        index = ir.value(f"add i64 {ir.value(f'mul i64 {row}, %lines')}, %line")
-        self.stream("%jacobian", index, ir.complex_product(value, FACTOR))
+    def factor(self, pair: str | int) -> ComplexVector:
+        """Load the factor from a pair's receptance to the quantity that is stored."""
+        return self.load_pair("%factors_here", pair)
 
-    def store_amplitude(self, scale: str, bad: str) -> None:
+    def _row(self, pair: str | int) -> str:
+        """Return the row of a pair among the FRFs of all samples."""
+        return self.ir.value(f"add i64 %frf_row, {pair}")
+
+    def _element(self, row: str) -> str:
+        """Return the index at this vector of lines in a row."""
+        return self.ir.value(f"add i64 {self.ir.value(f'mul i64 {row}, %lines')}, %line")
+
+    def store_derivative(self, pair: str | int, parameter: str | int, value: ComplexVector, at: ComplexVector) -> None:
+        """Store the derivative of a pair's receptance by a parameter, times the pair's factor."""
+        ir = self.ir
+        first = ir.value(f"mul i64 {self._row(pair)}, {self.layout.parameters}")
+        row = ir.value(f"add i64 {first}, {parameter}")
+        self.stream("%jacobian", self._element(row), ir.complex_product(value, at))
+
+    def store_frfs(
+        self, receptance: Callable[[int, int], ComplexVector], scale: str, bad: str, *, amplitude: bool
+    ) -> None:
+        """Store each pair's receptance times its factor, or the magnitude; `scale` is |H|^2 at the last point."""
+        ir = self.ir
+        for pair, (output, force) in enumerate(self.layout.pairs):
+            real, imaginary = receptance(output, force)
+            if amplitude:
+                drive_point = output == force == self.points[-1]
+                square = scale if drive_point else ir.multiply_add(real, real, ir.product(imaginary, imaginary))
+                self._store_amplitude(pair, square or ZERO, bad)
+            else:
+                value = ir.complex_product((self.nan_where(bad, real), imaginary), self.factor(pair))
+                self.store("%out", self._element(self._row(pair)), value)
+
+    def _store_amplitude(self, pair: int, square: str, bad: str) -> None:
         """Store factor * |H| in single precision."""
         ir = self.ir
-        root = ir.value(f"call {VECTOR} @llvm.sqrt.v{WIDTH}f64({VECTOR} {scale})")
-        value = self.nan_where(bad, ir.product(root, FACTOR[0]))
+        root = ir.value(f"call {VECTOR} @llvm.sqrt.v{WIDTH}f64({VECTOR} {square})")
+        value = self.nan_where(bad, ir.product(root, self.factor(pair)[0]))
         single = ir.value(f"fptrunc {VECTOR} {value} to <{WIDTH} x float>")
-        address = ir.value("getelementptr float, ptr %out, i64 %element")
+        address = ir.value(f"getelementptr float, ptr %out, i64 {self._element(self._row(pair))}")
         ir.emit(f"store <{WIDTH} x float> {single}, ptr {address}, align 4")
 
     def function(self) -> str:
@@ -143,6 +236,7 @@ class KernelWriter:
         layout = self.layout
         return "\n".join(
             [
+                *self._tables,
                 "!0 = !{i32 1}",
                 *declarations(),
                 "define void @kernel(i64 %vectors, i64 %samples, i64 %lines,",
@@ -159,11 +253,8 @@ class KernelWriter:
                 f"  %minus_omega = fneg {VECTOR} %omega",
                 f"  %minus_omega2 = fmul {VECTOR} %omega, %minus_omega",
                 f"  %omega2 = fmul {VECTOR} %omega, %omega",
-                "  %factor_row = mul i64 %vector, 2",
-                f"  %factor_at = getelementptr {VECTOR}, ptr %factors, i64 %factor_row",
-                f"  %factor = load {VECTOR}, ptr %factor_at, align 8",
-                f"  %factor_imaginary_at = getelementptr {VECTOR}, ptr %factor_at, i64 1",
-                f"  %factor_imaginary = load {VECTOR}, ptr %factor_imaginary_at, align 8",
+                f"  %factor_row = mul i64 %vector, {2 * len(layout.pairs)}",
+                f"  %factors_here = getelementptr {VECTOR}, ptr %factors, i64 %factor_row",
                 f"  %static_row = mul i64 %vector, {len(layout.static)}",
                 f"  %static_here = getelementptr {VECTOR}, ptr %static, i64 %static_row",
                 f"  %line = mul i64 %vector, {WIDTH}",
@@ -199,7 +290,5 @@ class KernelWriter:
             "  %weights_here = getelementptr double, ptr %weights, i64 %weight_row",
             f"  %spectral_row = mul i64 %sample, {2 * len(layout.spectral_terms)}",
             f"  %spectral_weight_row = mul i64 %sample, {2 * len(layout.spectral_derivatives)}",
-            f"  %derivative_row = mul i64 %sample, {layout.parameters}",
-            "  %row = mul i64 %sample, %lines",
-            "  %element = add i64 %row, %line",
+            f"  %frf_row = mul i64 %sample, {len(layout.pairs)}",
         ]

@@ -30,6 +30,8 @@ class Layout:
         Slot and part (0 real, 1 imaginary) of each row of the substructures' contributions.
     terms : tuple of Term
         Of each column of the joints' matrices.
+    pairs : tuple of (int, int)
+        Output and input DOF of each FRF, among those that the elimination keeps longest.
     spectral_terms : tuple of int
         Slot of each complex row of the joints that depend on frequency.
     derivatives : tuple of Derivative
@@ -42,6 +44,7 @@ class Layout:
 
     static: tuple[tuple[int, int], ...]
     terms: tuple[Term, ...]
+    pairs: tuple[tuple[int, int], ...]
     spectral_terms: tuple[int, ...] = ()
     derivatives: tuple[Derivative, ...] = ()
     spectral_derivatives: tuple[SpectralDerivative, ...] = ()

@@ -8,105 +8,56 @@ code does not fit the instruction cache and takes seconds to compile.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
-from dovetail.synthesis.codegen.kernel import FACTOR, KernelWriter
+from dovetail.synthesis.codegen.kernel import ZERO, KernelWriter
 from dovetail.synthesis.codegen.layout import MATRICES, Layout
-from dovetail.synthesis.codegen.vector_ir import MASK, VECTOR, WIDTH, ComplexVector, constant
+from dovetail.synthesis.codegen.vector_ir import MASK, VECTOR, ComplexVector
 from dovetail.synthesis.elimination import Program
 
 __all__ = ["looped_kernel_source"]
 
 _IMAGINARY = {"K": 0, "M": 0, "D": 1, "C": 1}
 """Whether a matrix belongs to the real (0) or to the imaginary part (1) of the dynamic stiffness."""
-_ZERO = constant(0.0)
 
 
 class _LoopedKernel(KernelWriter):
     """Writes the kernel of a program as loops over tables."""
 
     def __init__(self, program: Program, layout: Layout) -> None:
-        super().__init__(layout)
-        self._program = program
-        self._tables: list[str] = []
-        self.scratch = 0
-        size = len(program.order)
+        super().__init__(program, layout)
+        size, count = len(program.order), len(self.points)
         self._rank = {int(dof): position for position, dof in enumerate(program.order)}
-        self._work = self._region("work", 2 * program.slots)
-        self._factors = self._region("factors", 2 * len(program.column))
-        self._sizes = self._region("sizes", size)
+        self._work = self.region("work", 2 * program.slots)
+        self._factors = self.region("factors", 2 * len(program.column))
+        self._sizes = self.region("sizes", size)
         self._numbered_terms = list(enumerate(layout.terms))
-        self._motion = self._region("motion", 2 * size)
+        self._between = self.region("between", 2 * count**2)
+        self._motions = self.region("motions", 2 * size * count)
         slots = {slot for _, slot, _ in layout.derivatives} | {slot for _, slot in layout.spectral_derivatives}
         self._product_of = {slot: row for row, slot in enumerate(sorted(slots))}
-        self._products = self._region("products", 2 * len(self._product_of))
+        self._products = self.region("products", 2 * len(self._product_of))
 
     def source(self, amplitude: bool) -> str:
         self._fill_slots()
-        bad = self._eliminate()
-        last = len(self._program.order) - 1
-        slot = int(self._program.diagonal[last])
-        size = self.ir.load(self._sizes, last)
-        inverse, scale, small = self.invert(self._load_pair(self._work, slot), size)
-        bad = self.ir.value(f"or {MASK} {bad}, {small}")
-        if amplitude:
-            self.store_amplitude(scale, bad)
-        else:
-            inverse = self.nan_where(bad, inverse[0]), inverse[1]
-            self.store("%out", "%element", self.ir.complex_product(inverse, FACTOR))
+        scale, bad = self._invert_last(self._eliminate())
+        self._substitute_between_points()
+        self.store_frfs(self._load_between, scale, bad, amplitude=amplitude)
         if self.layout.parameters:
-            self._store_pair(self._motion, last, inverse)
-            self._substitute()
-            self._multiply_motions()
-            self._differentiate()
+            self.ir.loop(0, len(self.points), self._substitute)
+            self.ir.loop(0, len(self.layout.pairs), self._differentiate)
         self.raise_flag(bad)
-        return "\n".join([*self._tables, self.function()])
-
-    def _region(self, name: str, vectors: int) -> str:
-        """Reserve some vectors of the scratch memory and return the pointer to them."""
-        first, self.scratch = self.scratch, self.scratch + WIDTH * vectors
-        self.ir.emit(f"%scratch_{name} = getelementptr double, ptr %scratch, i64 {first}")
-        return f"%scratch_{name}"
-
-    def _table(self, values: Iterable[int]) -> str:
-        """Put integers into the code and return their name."""
-        numbers = [int(value) for value in values]
-        name = f"@table{len(self._tables)}"
-        entries = ", ".join(f"i32 {number}" for number in numbers)
-        self._tables.append(f"{name} = private constant [{len(numbers)} x i32] [{entries}]")
-        return name
-
-    def _entry(self, table: str, index: str | int) -> str:
-        ir = self.ir
-        address = ir.value(f"getelementptr i32, ptr {table}, i64 {index}")
-        return ir.value(f"sext i32 {ir.value(f'load i32, ptr {address}, align 4')} to i64")
-
-    def _store(self, region: str, index: str | int, value: str) -> None:
-        address = self.ir.value(f"getelementptr {VECTOR}, ptr {region}, i64 {index}")
-        self.ir.emit(f"store {VECTOR} {value}, ptr {address}, align 64")
-
-    def _halves(self, index: str | int) -> tuple[str, str]:
-        """Return the indices of real and imaginary part of a complex number."""
-        real = self.ir.value(f"mul i64 {index}, 2")
-        return real, self.ir.value(f"add i64 {real}, 1")
-
-    def _load_pair(self, region: str, index: str | int) -> ComplexVector:
-        real, imaginary = self._halves(index)
-        return self.ir.load(region, real), self.ir.load(region, imaginary)
-
-    def _store_pair(self, region: str, index: str | int, value: ComplexVector) -> None:
-        for position, half in zip(self._halves(index), value, strict=True):
-            self._store(region, position, half or _ZERO)
+        return self.function()
 
     def _scatter(self, region: str, pairs: Sequence[tuple[int, int]], value: Callable[[str], str | None]) -> None:
         """Add ``value(source)`` to each target in a region, for pairs of target and source."""
-        targets, sources = self._table(target for target, _ in pairs), self._table(source for _, source in pairs)
+        targets, sources = self.table(target for target, _ in pairs), self.table(source for _, source in pairs)
 
         def add(index: str, _: list[str]) -> list[str]:
-            target = self._entry(targets, index)
-            total = self.ir.add(self.ir.load(region, target), value(self._entry(sources, index)))
-            self._store(region, target, total or _ZERO)
+            target = self.entry(targets, index)
+            total = self.ir.add(self.ir.load(region, target), value(self.entry(sources, index)))
+            self.store_vector(region, target, total or ZERO)
             return []
 
         self.ir.loop(0, len(pairs), add)
@@ -115,11 +66,11 @@ class _LoopedKernel(KernelWriter):
         """Add up the entries of substructures and joints in each slot, and the magnitudes behind each pivot."""
 
         def clear(index: str, _: list[str]) -> list[str]:
-            self._store(self._work, index, _ZERO)
+            self.store_vector(self._work, index, ZERO)
             return []
 
         static = [(2 * slot + half, row) for row, (slot, half) in enumerate(self.layout.static)]
-        self.ir.loop(0, 2 * self._program.slots, clear)
+        self.ir.loop(0, 2 * self.program.slots, clear)
         self._scatter(self._work, static, lambda row: self.ir.load("%static_here", row))
         self._sum_magnitudes()
         for matrix in MATRICES:
@@ -132,12 +83,12 @@ class _LoopedKernel(KernelWriter):
 
     def _sum_magnitudes(self) -> None:
         """Add up the magnitudes of the real summands of each pivot; so far the slots hold those of substructures."""
-        pivot_of = {int(slot): position for position, slot in enumerate(self._program.diagonal)}
-        diagonal = self._table(self._program.diagonal)
+        pivot_of = {int(slot): position for position, slot in enumerate(self.program.diagonal)}
+        diagonal = self.table(self.program.diagonal)
 
         def begin(index: str, _: list[str]) -> list[str]:
-            real, _imaginary = self._load_pair(self._work, self._entry(diagonal, index))
-            self._store(self._sizes, index, self.ir.magnitude(real) or _ZERO)
+            real, _imaginary = self.load_pair(self._work, self.entry(diagonal, index))
+            self.store_vector(self._sizes, index, self.ir.magnitude(real) or ZERO)
             return []
 
         self.ir.loop(0, len(pivot_of), begin)
@@ -166,83 +117,144 @@ class _LoopedKernel(KernelWriter):
 
     def _eliminate(self) -> str:
         """Run through the pivots and return a mask of where one nearly vanished."""
-        ir, program = self.ir, self._program
-        diagonal, start, column = (self._table(values) for values in (program.diagonal, program.start, program.column))
-        updates, target = self._table(program.update_start), self._table(program.update[:, 0])
+        ir, program = self.ir, self.program
+        diagonal, start, column = (self.table(values) for values in (program.diagonal, program.start, program.column))
+        updates, target = self.table(program.update_start), self.table(program.update[:, 0])
 
         def pivot(index: str, carried: list[str]) -> list[str]:
-            value = self._load_pair(self._work, self._entry(diagonal, index))
+            value = self.load_pair(self._work, self.entry(diagonal, index))
             inverse, _, small = self.invert(value, self.ir.load(self._sizes, index))
             bad = ir.value(f"or {MASK} {carried[0]}, {small}")
-            first, last = self._entry(start, index), self._entry(start, ir.value(f"add i64 {index}, 1"))
+            first, last = self.entry(start, index), self.entry(start, ir.value(f"add i64 {index}, 1"))
 
             def divide(position: str, _: list[str]) -> list[str]:
-                entry = self._load_pair(self._work, self._entry(column, position))
+                entry = self.load_pair(self._work, self.entry(column, position))
                 real, imaginary = ir.complex_product(entry, inverse)
-                self._store_pair(self._factors, position, (ir.negative(real), ir.negative(imaginary)))
+                self.store_pair(self._factors, position, (ir.negative(real), ir.negative(imaginary)))
                 return []
 
             ir.loop(first, last, divide)
 
             def update_column(other: str, carried: list[str]) -> list[str]:
-                entry = self._load_pair(self._work, self._entry(column, other))
+                entry = self.load_pair(self._work, self.entry(column, other))
 
                 def update(row: str, carried: list[str]) -> list[str]:
-                    slot = self._entry(target, carried[0])
-                    factor = self._load_pair(self._factors, row)
-                    total = ir.complex_multiply_add(factor, entry, self._load_pair(self._work, slot))
-                    self._store_pair(self._work, slot, total)
+                    slot = self.entry(target, carried[0])
+                    factor = self.load_pair(self._factors, row)
+                    total = ir.complex_multiply_add(factor, entry, self.load_pair(self._work, slot))
+                    self.store_pair(self._work, slot, total)
                     return [ir.value(f"add i64 {carried[0]}, 1")]
 
                 return ir.loop(other, last, update, [("i64", carried[0])])
 
-            ir.loop(first, last, update_column, [("i64", self._entry(updates, index))])
+            ir.loop(first, last, update_column, [("i64", self.entry(updates, index))])
             return [bad]
 
         return ir.loop(0, program.pivots, pivot, [(MASK, "zeroinitializer")])[0]
 
-    def _substitute(self) -> None:
-        """Substitute back for the motion under a unit force, in the order of elimination."""
-        ir, program = self.ir, self._program
-        start = self._table(program.start)
-        ranks = self._table(self._rank[int(row)] for row in program.rows[program.column])
+    def _invert_last(self, bad: str) -> tuple[str, str]:
+        """Invert the last pivot to the receptance at the last point; return 1 / |pivot|^2 and the mask."""
+        last = self.program.pivots
+        value = self.load_pair(self._work, int(self.program.diagonal[last]))
+        inverse, scale, small = self.invert(value, self.ir.load(self._sizes, last))
+        self.store_pair(self._between, len(self.points) ** 2 - 1, inverse)
+        return scale, self.ir.value(f"or {MASK} {bad}, {small}")
+
+    def _load_between(self, one: int, other: int) -> ComplexVector:
+        """Load the receptance between two of the points."""
+        return self.load_pair(self._between, len(self.points) * self.points.index(one) + self.points.index(other))
+
+    def _substitute_between_points(self) -> None:
+        """Fill the receptances between the points from the last one back, by the formula of straight-line code."""
+        ir, program, count = self.ir, self.program, len(self.points)
+        if count == 1:
+            return
+        before = len(program.order) - count
+        diagonal, start = self.table(program.diagonal[before:]), self.table(program.start[before:])
+        rows = self.table(self._rank[int(program.rows[slot])] - before for slot in program.column)
+
+        def point(index: str, _: list[str]) -> list[str]:
+            here = ir.value(f"sub i64 {count - 2}, {index}")
+            after = ir.value(f"add i64 {here}, 1")
+            first, last = self.entry(start, here), self.entry(start, after)
+
+            def fill(other: str, value: ComplexVector) -> None:
+                def gather(at: str, sums: list[str]) -> list[str]:
+                    later = self.load_pair(self.within(self._between, self.entry(rows, at), count), other)
+                    factor = self.load_pair(self._factors, at)
+                    return [str(half) for half in ir.complex_multiply_add(factor, later, (sums[0], sums[1]))]
+
+                real, imaginary = ir.loop(first, last, gather, [(VECTOR, str(half)) for half in value])
+                for row, column in ((here, other), (other, here)):
+                    self.store_pair(self.within(self._between, row, count), column, (real, imaginary))
+
+            def with_later(other: str, _: list[str]) -> list[str]:
+                fill(other, (ZERO, ZERO))
+                return []
+
+            ir.loop(after, count, with_later)
+            fill(here, self.invert(self.load_pair(self._work, self.entry(diagonal, here)), None)[0])
+            return []
+
+        ir.loop(0, count - 1, point)
+
+    def _substitute(self, force: str, _: list[str]) -> list[str]:
+        """Substitute back for the motion under a unit force at a point, in the order of elimination."""
+        ir, program, count = self.ir, self.program, len(self.points)
+        before = len(program.order) - count
+        between, motion = self.within(self._between, force, count), self._motion(force)
+        start = self.table(program.start)
+        ranks = self.table(self._rank[int(row)] for row in program.rows[program.column])
+        for at in range(count):
+            self.store_pair(motion, before + at, self.load_pair(between, at))
 
         def pivot(index: str, _: list[str]) -> list[str]:
-            position = ir.value(f"sub i64 {program.pivots - 1}, {index}")
-            first, last = self._entry(start, position), self._entry(start, ir.value(f"add i64 {position}, 1"))
+            position = ir.value(f"sub i64 {before - 1}, {index}")
+            first, last = self.entry(start, position), self.entry(start, ir.value(f"add i64 {position}, 1"))
 
             def gather(at: str, sums: list[str]) -> list[str]:
-                (a, b), (c, d) = (
-                    self._load_pair(self._factors, at),
-                    self._load_pair(self._motion, self._entry(ranks, at)),
-                )
+                (a, b), (c, d) = self.load_pair(self._factors, at), self.load_pair(motion, self.entry(ranks, at))
                 pairs = ((a, c), (b, d), (a, d), (b, c))
                 return [str(ir.multiply_add(x, y, total)) for (x, y), total in zip(pairs, sums, strict=True)]
 
-            ac, bd, ad, bc = ir.loop(first, last, gather, [(VECTOR, _ZERO)] * 4)
-            self._store_pair(self._motion, position, (ir.value(f"fsub {VECTOR} {ac}, {bd}"), ir.add(ad, bc)))
+            ac, bd, ad, bc = ir.loop(first, last, gather, [(VECTOR, ZERO)] * 4)
+            self.store_pair(motion, position, (ir.value(f"fsub {VECTOR} {ac}, {bd}"), ir.add(ad, bc)))
             return []
 
-        ir.loop(0, program.pivots, pivot)
+        ir.loop(0, before, pivot)
+        return []
 
-    def _multiply_motions(self) -> None:
-        """Multiply the two motions that each differentiated slot couples."""
-        rows = self._table(self._rank[int(self._program.rows[slot])] for slot in self._product_of)
-        columns = self._table(self._rank[int(self._program.columns[slot])] for slot in self._product_of)
+    def _motion(self, point: str) -> str:
+        """Return the pointer to the motion under a unit force at a point."""
+        return self.within(self._motions, point, len(self.program.order))
+
+    def _multiply_motions(self, pair: str) -> None:
+        """Multiply the motions, under unit forces at output and input of a pair, that each slot couples."""
+        slots, pairs = list(self._product_of), self.layout.pairs
+        rows = self.table(self._rank[int(dof)] for dof in self.program.rows[slots])
+        columns = self.table(self._rank[int(dof)] for dof in self.program.columns[slots])
+        places = [self.table(self.points.index(ends[end]) for ends in pairs) for end in (0, 1)]
+        x, y = (self._motion(self.entry(table, pair)) for table in places)
 
         def multiply(index: str, _: list[str]) -> list[str]:
-            x_row, x_column = (self._load_pair(self._motion, self._entry(table, index)) for table in (rows, columns))
-            self._store_pair(self._products, index, self.ir.complex_product(x_row, x_column))
+            row, column = self.entry(rows, index), self.entry(columns, index)
+            if len(self.points) == 1:
+                product = self.ir.complex_product(self.load_pair(x, row), self.load_pair(x, column))
+            else:
+                product = self.symmetric_product(x, y, row, column)
+            self.store_pair(self._products, index, product)
             return []
 
-        self.ir.loop(0, len(self._product_of), multiply)
+        self.ir.loop(0, len(slots), multiply)
 
-    def _differentiate(self) -> None:
-        """Store -x^T (dZ/dp) x for each parameter."""
+    def _differentiate(self, pair: str, _: list[str]) -> list[str]:
+        """Store -x_o^T (dZ/dp) x_i of a pair for each parameter."""
         ir, layout = self.ir, self.layout
+        self._multiply_motions(pair)
+        factor = self.factor(pair)
         tables = {matrix: self._derivative_tables(matrix) for matrix in MATRICES}
-        starts = self._table(_starts([parameter for parameter, _ in layout.spectral_derivatives], layout.parameters))
-        products = self._table(self._product_of[slot] for _, slot in layout.spectral_derivatives)
+        starts = self.table(_starts([parameter for parameter, _ in layout.spectral_derivatives], layout.parameters))
+        products = self.table(self._product_of[slot] for _, slot in layout.spectral_derivatives)
 
         def parameter(index: str, _: list[str]) -> list[str]:
             after = ir.value(f"add i64 {index}, 1")
@@ -251,16 +263,17 @@ class _LoopedKernel(KernelWriter):
 
             def add(row: str, sums: list[str]) -> list[str]:
                 weight = self.load_complex("%spectral_weights", "%spectral_weight_row", row)
-                product = self._load_pair(self._products, self._entry(products, row))
+                product = self.load_pair(self._products, self.entry(products, row))
                 real, imaginary = ir.complex_multiply_add(weight, product, (sums[0], sums[1]))
                 return [str(real), str(imaginary)]
 
-            first, last = self._entry(starts, index), self._entry(starts, after)
+            first, last = self.entry(starts, index), self.entry(starts, after)
             real, imaginary = ir.loop(first, last, add, [(VECTOR, str(half)) for half in total])
-            self.store_derivative(index, (real, imaginary))
+            self.store_derivative(pair, index, (real, imaginary), factor)
             return []
 
         ir.loop(0, layout.parameters, parameter)
+        return []
 
     def _derivative_tables(self, matrix: str) -> tuple[str, str, str]:
         """Return tables of the first entry of each parameter, and of each entry's column and product."""
@@ -270,19 +283,19 @@ class _LoopedKernel(KernelWriter):
             if kind == matrix
         ]
         starts = _starts([parameter for parameter, _, _ in entries], self.layout.parameters)
-        return self._table(starts), self._table(c for _, c, _ in entries), self._table(p for _, _, p in entries)
+        return self.table(starts), self.table(c for _, c, _ in entries), self.table(p for _, _, p in entries)
 
     def _weighted_sum(self, starts: str, columns: str, products: str, index: str, after: str) -> ComplexVector:
         """Add up the weighted products of one parameter and one matrix."""
         ir = self.ir
 
         def add(entry: str, sums: list[str]) -> list[str]:
-            weight = ir.broadcast(ir.load("%weights_here", self._entry(columns, entry), "double"))
-            product = self._load_pair(self._products, self._entry(products, entry))
+            weight = ir.broadcast(ir.load("%weights_here", self.entry(columns, entry), "double"))
+            product = self.load_pair(self._products, self.entry(products, entry))
             return [str(ir.multiply_add(weight, x, total)) for x, total in zip(product, sums, strict=True)]
 
-        first, last = self._entry(starts, index), self._entry(starts, after)
-        real, imaginary = ir.loop(first, last, add, [(VECTOR, _ZERO)] * 2)
+        first, last = self.entry(starts, index), self.entry(starts, after)
+        real, imaginary = ir.loop(first, last, add, [(VECTOR, ZERO)] * 2)
         return real, imaginary
 
 
@@ -297,7 +310,7 @@ def looped_kernel_source(program: Program, layout: Layout, *, amplitude: bool = 
     Parameters
     ----------
     program : Program
-        With a single kept DOF.
+        With a single kept DOF, and the other DOFs of the layout's pairs right before it.
     layout : Layout
     amplitude : bool
         Store the factor's real part times the magnitude in single precision, in place of factor times value.

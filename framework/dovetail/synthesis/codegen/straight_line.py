@@ -6,9 +6,9 @@ form for systems of up to some hundred multiplications. Larger ones take long to
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from dovetail.synthesis.codegen.kernel import FACTOR, KernelWriter
+from dovetail.synthesis.codegen.kernel import KernelWriter
 from dovetail.synthesis.codegen.layout import Layout
 from dovetail.synthesis.codegen.vector_ir import MASK, ComplexVector
 from dovetail.synthesis.elimination import Program
@@ -20,30 +20,29 @@ class _StraightLineKernel(KernelWriter):
     """Writes the kernel of a program without loops over its steps."""
 
     def __init__(self, program: Program, layout: Layout) -> None:
-        super().__init__(layout)
-        self._program = program
+        super().__init__(program, layout)
         self._slots: dict[int, ComplexVector] = {}
         self._size: dict[int, str | None] = {}
         self._factors: dict[int, list[ComplexVector]] = {}
+        self._inverses: dict[int, ComplexVector] = {}
+        self._between: dict[tuple[int, int], ComplexVector] = {}
+        self._rank = {int(dof): position for position, dof in enumerate(program.order)}
         self._bad: str | None = None
         self._static = {key: row for row, key in enumerate(layout.static)}
         self._terms = {key: column for column, key in enumerate(layout.terms)}
         self._spectral = {slot: row for row, slot in enumerate(layout.spectral_terms)}
 
     def source(self, amplitude: bool) -> str:
-        for pivot in range(self._program.pivots):
+        for pivot in range(self.program.pivots):
             self._eliminate(pivot)
-        last = int(self._program.diagonal[-1])
-        self._load(last)
-        inverse, scale = self._invert_pivot(last)
+        self._load(int(self.program.diagonal[-1]))
+        scale = self._invert_pivot(self.program.pivots)
         bad = str(self._bad)
-        if amplitude:
-            self.store_amplitude(scale, bad)
-        else:
-            inverse = self.nan_where(bad, inverse[0]), inverse[1]
-            self.store("%out", "%element", self.ir.complex_product(inverse, FACTOR))
-        if self.layout.parameters:
-            self._differentiate(inverse)
+        self.store_frfs(self._receptance, scale, bad, amplitude=amplitude)
+        if self.layout.parameters and len(self.points) == 1:
+            self._differentiate_drive_point()
+        elif self.layout.parameters:
+            self._differentiate()
         self.raise_flag(bad)
         return self.function()
 
@@ -58,7 +57,7 @@ class _StraightLineKernel(KernelWriter):
         )
         stiffness, mass = self._term(slot, "K"), self._term(slot, "M")
         spectral = self._spectral_term(slot)
-        if self._program.rows[slot] == self._program.columns[slot]:
+        if self.program.rows[slot] == self.program.columns[slot]:
             size = ir.add(ir.magnitude(real), ir.magnitude(stiffness))
             size = ir.multiply_add(ir.magnitude(mass), "%omega2", size)
             self._size[slot] = ir.add(size, ir.magnitude(spectral[0]))
@@ -78,20 +77,21 @@ class _StraightLineKernel(KernelWriter):
             return None
         return self.ir.broadcast(self.ir.load("%terms_here", self._terms[slot, matrix], "double"))
 
-    def _invert_pivot(self, slot: int) -> tuple[ComplexVector, str]:
-        """Invert a pivot and mark where it nearly vanishes; also return 1 / |pivot|^2."""
-        inverse, scale, small = self.invert(self._slots[slot], self._size[slot])
+    def _invert_pivot(self, pivot: int) -> str:
+        """Invert a pivot and mark where it nearly vanishes; return 1 / |pivot|^2."""
+        slot = int(self.program.diagonal[pivot])
+        self._inverses[pivot], scale, small = self.invert(self._slots[slot], self._size[slot])
         self._bad = small if self._bad is None else self.ir.value(f"or {MASK} {self._bad}, {small}")
-        return inverse, scale
+        return scale
 
     def _eliminate(self, pivot: int) -> None:
-        ir, program = self.ir, self._program
+        ir, program = self.ir, self.program
         diagonal = int(program.diagonal[pivot])
         column = [int(slot) for slot in program.column[program.start[pivot] : program.start[pivot + 1]]]
         for slot in (diagonal, *column):
             self._load(slot)
-        inverse, _ = self._invert_pivot(diagonal)
-        factors = [ir.complex_product(self._slots[slot], inverse) for slot in column]
+        self._invert_pivot(pivot)
+        factors = [ir.complex_product(self._slots[slot], self._inverses[pivot]) for slot in column]
         negative = [(ir.negative(real), ir.negative(imaginary)) for real, imaginary in factors]
         self._factors[pivot] = negative
         for target, row, other in program.update[program.update_start[pivot] : program.update_start[pivot + 1]]:
@@ -99,32 +99,93 @@ class _StraightLineKernel(KernelWriter):
             self._load(slot)
             self._slots[slot] = ir.complex_multiply_add(negative[row], self._slots[column[other]], self._slots[slot])
 
-    def _differentiate(self, response: ComplexVector) -> None:
-        """Substitute back for the motion x under a unit force, and store -x^T (dZ/dp) x for each parameter."""
-        ir, program = self.ir, self._program
-        motion: dict[int, ComplexVector] = {int(program.order[-1]): response}
-        for pivot in reversed(range(program.pivots)):
-            rows = program.rows[program.column[program.start[pivot] : program.start[pivot + 1]]]
+    def _below(self, pivot: int) -> list[tuple[ComplexVector, int]]:
+        """Return -L and the row's DOF for each entry below a pivot."""
+        if pivot == self.program.pivots:
+            return []
+        rows = self.program.rows[self.program.column[self.program.start[pivot] : self.program.start[pivot + 1]]]
+        return [(factor, int(row)) for factor, row in zip(self._factors[pivot], rows, strict=True)]
+
+    def _receptance(self, one: int, other: int) -> ComplexVector:
+        """Return an entry of the inverse between two of the points, from those of points eliminated later.
+
+        With Z = L D L^T, L^T H = D^-1 L^-1 is lower triangular, with the inverse pivots on its diagonal (Takahashi,
+        Fagan, Chin 1973). H is symmetric bit for bit.
+        """
+        pivot, later = sorted((self._rank[one], self._rank[other]))
+        if (pivot, later) not in self._between:
+            value: ComplexVector = self._inverses[pivot] if pivot == later else (None, None)
+            for factor, row in self._below(pivot):
+                at = self._receptance(row, int(self.program.order[later]))
+                value = self.ir.complex_multiply_add(factor, at, value)
+            self._between[pivot, later] = value
+        return self._between[pivot, later]
+
+    def _motion(self, motion: dict[int, ComplexVector]) -> dict[int, ComplexVector]:
+        """Substitute back from the motion of the points under a unit force at one of them to that of all DOFs."""
+        for pivot in reversed(range(len(self.program.order) - len(self.points))):
             x: ComplexVector = (None, None)
-            for factor, row in zip(self._factors[pivot], rows, strict=True):
-                x = ir.complex_multiply_add(factor, motion[int(row)], x)
-            motion[int(program.order[pivot])] = x
+            for factor, row in self._below(pivot):
+                x = self.ir.complex_multiply_add(factor, motion[row], x)
+            motion[int(self.program.order[pivot])] = x
+        return motion
+
+    def _ends(self) -> dict[int, tuple[int, int]]:
+        """Return row and column of each slot by whose product of motions derivatives are weighted."""
         slots = {slot for _, slot, _ in self.layout.derivatives}
         slots.update(slot for _, slot in self.layout.spectral_derivatives)
-        products = {
-            slot: ir.complex_product(motion[int(program.rows[slot])], motion[int(program.columns[slot])])
-            for slot in sorted(slots)
-        }
+        return {slot: (int(self.program.rows[slot]), int(self.program.columns[slot])) for slot in sorted(slots)}
+
+    def _differentiate_drive_point(self) -> None:
+        """Store -x^T (dZ/dp) x for each parameter, x the motion under a unit force at the only point."""
+        ir, point = self.ir, self.points[0]
+        x = self._motion({point: self._receptance(point, point)})
+        products = {slot: ir.complex_product(x[row], x[column]) for slot, (row, column) in self._ends().items()}
+        self._store_derivatives(range(len(self.layout.pairs)), products)
+
+    def _differentiate(self) -> None:
+        """Store -x_o^T (dZ/dp) x_i of each pair, x_o and x_i the motions under unit forces at output and input.
+
+        Motions and pairs are run through in loops, so that the code is no longer for many of them.
+        """
+        ir, count, ends = self.ir, len(self.points), self._ends()
+        moving = {dof: at for at, dof in enumerate(sorted({dof for pair in ends.values() for dof in pair}))}
+        between, motions = self.region("between", 2 * count**2), self.region("motions", 2 * count * len(moving))
+        for at, (one, other) in enumerate((one, other) for one in self.points for other in self.points):
+            self.store_pair(between, at, self._receptance(one, other))
+
+        def substitute(index: str, _: list[str]) -> list[str]:
+            force, x = self.within(between, index, count), self.within(motions, index, len(moving))
+            motion = self._motion({dof: self.load_pair(force, at) for at, dof in enumerate(self.points)})
+            for dof, at in moving.items():
+                self.store_pair(x, at, motion[dof])
+            return []
+
+        tables = [self.table(self.points.index(pair[end]) for pair in self.layout.pairs) for end in (0, 1)]
+
+        def differentiate(pair: str, _: list[str]) -> list[str]:
+            x, y = (self.within(motions, self.entry(table, pair), len(moving)) for table in tables)
+            products = {slot: self.symmetric_product(x, y, *(moving[dof] for dof in ends[slot])) for slot in ends}
+            self._store_derivatives([pair], products)
+            return []
+
+        ir.loop(0, count, substitute)
+        ir.loop(0, len(self.layout.pairs), differentiate)
+
+    def _store_derivatives(self, pairs: Sequence[str | int], products: Mapping[int, ComplexVector]) -> None:
+        """Store the derivative by each parameter for pairs with these products of motions."""
         by_parameter: list[dict[str, list[tuple[int, int]]]] = [{} for _ in range(self.layout.parameters)]
         for column, (parameter, slot, matrix) in enumerate(self.layout.derivatives):
             by_parameter[parameter].setdefault(matrix, []).append((column, slot))
+        factors = [(pair, self.factor(pair)) for pair in pairs]
         for parameter, by_matrix in enumerate(by_parameter):
             sums = {matrix: self._weighted_sum(columns, products) for matrix, columns in by_matrix.items()}
             total = self._add_spectral_derivatives(parameter, self.dynamic_stiffness(sums), products)
-            self.store_derivative(parameter, total)
+            for pair, factor in factors:
+                self.store_derivative(pair, parameter, total, factor)
 
     def _add_spectral_derivatives(
-        self, parameter: int, total: ComplexVector, products: dict[int, ComplexVector]
+        self, parameter: int, total: ComplexVector, products: Mapping[int, ComplexVector]
     ) -> ComplexVector:
         """Add the derivatives of joints that depend on frequency, each times the product of motions at its entry."""
         for row, (owner, slot) in enumerate(self.layout.spectral_derivatives):
@@ -133,7 +194,7 @@ class _StraightLineKernel(KernelWriter):
                 total = self.ir.complex_multiply_add(weight, products[slot], total)
         return total
 
-    def _weighted_sum(self, columns: Sequence[tuple[int, int]], products: dict[int, ComplexVector]) -> ComplexVector:
+    def _weighted_sum(self, columns: Sequence[tuple[int, int]], products: Mapping[int, ComplexVector]) -> ComplexVector:
         real: str | None = None
         imaginary: str | None = None
         for column, slot in columns:
@@ -143,20 +204,23 @@ class _StraightLineKernel(KernelWriter):
         return real, imaginary
 
 
-def kernel_source(program: Program, layout: Layout, *, amplitude: bool = False) -> str:
+def kernel_source(program: Program, layout: Layout, *, amplitude: bool = False) -> tuple[str, int]:
     """Write the code that runs a program for many samples and frequencies.
 
     Parameters
     ----------
     program : Program
-        With a single kept DOF.
+        With a single kept DOF, and the other DOFs of the layout's pairs right before it.
     layout : Layout
     amplitude : bool
         Store the factor's real part times the magnitude in single precision, in place of factor times value.
 
     Returns
     -------
-    str
+    source : str
         LLVM IR of the function ``kernel``.
+    scratch : int
+        Number of doubles of its scratch memory.
     """
-    return _StraightLineKernel(program, layout).source(amplitude)
+    kernel = _StraightLineKernel(program, layout)
+    return kernel.source(amplitude), kernel.scratch
