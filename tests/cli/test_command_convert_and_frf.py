@@ -123,6 +123,22 @@ def test_a_table_without_a_header(run, tmp_path):
     np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.uff").values, accelerance(AXIS), rtol=1e-9)
 
 
+def test_dofs_and_a_coherence_above_one(run, tmp_path):
+    (tmp_path / "a.csv").write_text("f,re [g/N],im [g/N],coh\n1,2,3,1.02\n2,3,4,1\n")
+    done = run("convert", tmp_path / "a.csv", tmp_path / "a.uff", "--dofs", "3+x, 1-x")
+    assert "from 1-x to 3+x" in done.stdout
+    assert "Note: " in done.stderr
+    assert "the coherence is above 1 at 1 of 2 lines, by up to 0.02; it is taken as 1 there." in done.stderr
+    fields = pyuff.UFF(str(tmp_path / "a.uff")).read_sets(0)
+    assert [fields[name] for name in ("rsp_node", "rsp_dir", "ref_node", "ref_dir")] == [3, 1, 1, -1]
+    np.testing.assert_allclose(fields["data"], np.array([2 + 3j, 3 + 4j]) * 9.80665, rtol=1e-9)
+    np.testing.assert_allclose(dovetail.read_frf(tmp_path / "a.uff").values, -fields["data"], rtol=1e-9)
+    assert (
+        "is not RESPONSE,FORCE"
+        in run("convert", tmp_path / "a.csv", tmp_path / "b.uff", "--dofs", "3+x", code=2).stderr
+    )
+
+
 RATE, SAMPLES = 8192.0, 4096
 
 

@@ -22,7 +22,7 @@ def test_the_commands_of_the_page_run(tmp_path):
     environment = {**os.environ, "PATH": path, "OMP_NUM_THREADS": "1"}
     text = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
     commands = "".join(re.findall(r"^```bash\n(.*?)^```", text, flags=re.S | re.M)).strip().splitlines()
-    assert len(commands) == 9
+    assert len(commands) == 10
     for command in commands:
         done = subprocess.run(command, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, f"{command}\n{done.stderr}"
@@ -32,6 +32,9 @@ def test_the_commands_of_the_page_run(tmp_path):
     np.testing.assert_allclose(converted.to("accelerance").values, shipped.values, rtol=1e-12)
     bare = dovetail.read_frf(tmp_path / "bare.csv")
     np.testing.assert_allclose(bare.values, np.array([1.5 - 2j, 3 + 0.25j]) * 9.80665, rtol=1e-12)
+    turned = dovetail.read_frf(tmp_path / "bare.uff")
+    assert (turned.response, turned.force) == ("3+x", "1-x")
+    np.testing.assert_allclose(turned.values, -bare.values, rtol=1e-11)
     estimated = dovetail.read_frf(tmp_path / "from_signals.uff")
     kept = np.isin(estimated.frequency, shipped.frequency)
     np.testing.assert_allclose(estimated.values[kept], shipped.values, rtol=1e-4)

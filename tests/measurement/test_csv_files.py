@@ -130,6 +130,19 @@ def test_faults(refused, text: str, message: str) -> None:
     assert refused("a.csv", text) == message
 
 
+def test_a_coherence_a_little_above_one(tmp_path: Path, refused) -> None:
+    text = "# quantity: mobility\nf,amplitude,coherence\n0,1,9\n1,1,1.00005\n2,1,1.04\n3,1,0.5\n4,1,1.05\n"
+    message = r"a\.csv: the coherence is above 1 at 2 of 4 lines, by up to 0\.05; it is taken as 1 there\.$"
+    with pytest.warns(UserWarning, match=message) as caught:
+        frf = read(tmp_path, text)
+    assert caught[0].filename == __file__
+    np.testing.assert_array_equal(frf.coherence, [1, 1, 0.5, 1])
+    for wrong in ("1.0501", "-0.01"):
+        assert refused("a.csv", text.replace("0.5", wrong)) == (
+            f"a.csv:6\n  the coherence {wrong} is not between 0 and 1."
+        )
+
+
 def test_what_is_not_text(refused) -> None:
     expected = "a.csv\n  the file is not text: byte 3 is not UTF-8.\n  Accepted: comma-separated text"
     assert refused("a.csv", b"ab\xff\x00" * 1000) == expected

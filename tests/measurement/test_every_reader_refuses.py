@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from measured_files import set_58, write_sets
 from scipy.io import savemat
+from test_labview_files import HEADER, SEGMENT
 from test_matlab_files import matlab_7_3
 
 from dovetail.errors import FileError, MeasurementError
@@ -80,9 +81,16 @@ def binary_uff(path: Path, frequency: np.ndarray, values: np.ndarray, unit: str)
     uff(path, frequency, values, unit, binary=1)
 
 
+def lvm(path: Path, frequency: np.ndarray, values: np.ndarray, unit: str) -> None:
+    rows = [f"{f:g}\t{v.real:.17g}\t{v.imag:.17g}" for f, v in zip(frequency, values, strict=True)]
+    text = (HEADER + SEGMENT).partition("10.0\t1.5")[0].replace("m/s^2/N", unit)
+    path.write_text(text + "".join(f"{row}\n" for row in rows))
+
+
 WRITERS: dict[str, tuple[str, Callable[..., None]]] = {
     "csv": ("a.csv", comma),
     "tsv": ("a.tsv", table),
+    "labview": ("a.lvm", lvm),
     "cutpro": ("a.frf", cutpro),
     "npz": ("a.npz", npz),
     "mat 5": ("a.mat", mat_5),
@@ -155,7 +163,13 @@ def test_what_is_wrong_with_the_file(form: str, tmp_path: Path) -> None:
     stream = io.BytesIO()
     np.save(stream, VALUES)
     cut = whole[: len(whole) // 2 - 3]
-    for content in (b"", picture, stream.getvalue(), b"hello\n", cut if form not in ("tsv", "cutpro", "csv") else b"1"):
+    for content in (
+        b"",
+        picture,
+        stream.getvalue(),
+        b"hello\n",
+        cut if form not in ("tsv", "cutpro", "csv", "labview") else b"1",
+    ):
         path.write_bytes(content)
         refusal(path)
     with path.open("wb") as sparse:

@@ -13,6 +13,7 @@ from measured_files import accelerance
 from dovetail.errors import MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement import frf_from_signals, without_window_damping
+from dovetail.measurement.impact_test.signal_files import read_signals
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "assemblies" / "campaign"))
 from hammer_test import HammerTest
@@ -65,6 +66,38 @@ def test_without_noise_both_estimators_are_the_truth() -> None:
         np.testing.assert_allclose(estimated.frf.coherence[band], 1.0, atol=1e-6)
         assert estimated.used == tuple(range(1, 11))
         assert estimated.warnings == ()
+
+
+def test_a_repeated_impact_has_a_coherence_of_one_and_no_more() -> None:
+    for seed in range(5):
+        force, response = (np.tile(record[:1], (7, 1)) for record in struck(BENCH, seed))
+        frf = frf_from_signals(force, response, BENCH.rate, label="bench", note="seven times").frf
+        np.testing.assert_allclose(frf.coherence, 1.0, atol=1e-12)
+        assert frf.coherence.max() == 1.0
+        assert (frf.label, frf.note) == ("bench", "seven times")
+
+
+@pytest.mark.parametrize("rate", [0.5, 1e6])
+def test_records_may_be_slow_or_fast(rate: float) -> None:
+    records = struck(BENCH, 0)
+    usual, other = (frf_from_signals(*records, one).frf for one in (BENCH.rate, rate))
+    np.testing.assert_allclose(other.frequency, usual.frequency * rate / BENCH.rate)
+    np.testing.assert_allclose(other.values, usual.values)
+
+
+def test_the_rate_may_stand_once_for_each_impact(tmp_path: Path) -> None:
+    force, response = struck(BENCH, 0)
+    np.savez(tmp_path / "hits.npz", force=force, response=response, rate=np.full(len(force), BENCH.rate))
+    assert read_signals(tmp_path / "hits.npz").rate == BENCH.rate
+
+
+def test_a_misspelt_name_of_a_signal_is_corrected(tmp_path: Path) -> None:
+    file = tmp_path / "hits.npz"
+    force, response = struck(BENCH, 0)
+    np.savez(file, impulse=force, response=response, rate=BENCH.rate)
+    np.testing.assert_array_equal(read_signals(file, names={"force": "impulse"}).force, force)
+    with pytest.raises(MeasurementError, match=r"no 'impuls' in the file\.\s+Did you mean 'impulse'"):
+        read_signals(file, names={"force": "impuls"})
 
 
 def test_h1_is_low_with_a_noisy_force_and_h2_high_with_a_noisy_response() -> None:

@@ -15,13 +15,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from measured_files import set_58, write_sets
 from scipy.io import savemat
+from test_labview_files import HEADER, SEGMENT
 
 from dovetail.errors import FileError, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf, write_frf
 
-ACCEPTED = "  Accepted: .uff, .unv, .csv, .npz, .tsv, .txt, .mat, .h5, .hdf5, .frf"
-SUFFIXES = (".uff", ".unv", ".csv", ".tsv", ".npz", ".mat", ".h5", ".frf")
+ACCEPTED = "  Accepted: .uff, .unv, .csv, .npz, .npy, .tsv, .txt, .mat, .h5, .hdf5, .frf, .lvm"
+SUFFIXES = (".uff", ".unv", ".csv", ".tsv", ".npz", ".npy", ".mat", ".h5", ".frf", ".lvm")
 FUZZ = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
@@ -97,11 +98,14 @@ def intact(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
         "Analyser 7\n0 1600\nf;Signal 2 (Real);Signal 2 (Imag.);Kohärenz\nHz;g/N;g/N;-\n1;2,5;3;1\n2;-3e-005;4;1\n"
     ).encode("latin-1")
     contents["a.txt"] = b"by hand\n1,5 2 3 OK\n2,5 2,25 4 OK\n"
+    np.save(folder / "a.npy", np.column_stack([frequency, frf.values]))
+    contents["a.npy"] = (folder / "a.npy").read_bytes()
+    contents["a.lvm"] = (HEADER + SEGMENT).encode()
     contents["a.frf"] = b"1\t2E-005\t3\tFreq\tHz\tReal\tm/s^2/N\n2\t3\t4\n3\t4\t5\n"
     return contents
 
 
-FORMS = ["a.csv", "b.csv", "a.tsv", "a.txt", "a.frf", "a.npz", "a.uff", "b.uff", "c.uff"]
+FORMS = ["a.csv", "b.csv", "a.tsv", "a.txt", "a.lvm", "a.npy", "a.frf", "a.npz", "a.uff", "b.uff", "c.uff"]
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -223,6 +227,9 @@ def test_the_worst_files_take_bounded_time_and_memory(tmp_path: Path) -> None:
         "blanks.txt": b"f re im\n" + b" 1" * (size // 2),
         "rows.csv": b"frequency_Hz,amplitude\n" + b"1,2\n" * 999_000,
         "units.tsv": b"f\tre\tim\n" + b"\t" * size,
+        "rows.lvm": (HEADER + SEGMENT).encode() + b"20\t1\t2\n" * 999_000,
+        "wide.lvm": (HEADER + SEGMENT).encode() + b"1\t" * (size // 2),
+        "segments.lvm": (HEADER + SEGMENT).encode() + b"\n" * 999_000,
         "rows.frf": b"1 2 3\n" * 999_000,
         "one.frf": b"1 2 3 " + b"m" * size,
         "zeros.mat": b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + bytes(size),

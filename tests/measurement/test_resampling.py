@@ -176,9 +176,9 @@ def test_coherence_and_averages_tell_the_variance_on_the_grid(measured: Frf) -> 
     assert on_grid(unknown, measured.frequency[10:20]).variance is None
 
 
-@pytest.mark.parametrize("has_phase", [True, False])
-def test_lines_too_far_apart_are_refused(has_phase: bool) -> None:
-    modes = [(400.3 + 130.0 * n, 0.004, 0.5) for n in range(12)]
+@pytest.mark.parametrize(("has_phase", "unit"), [(True, 1.0), (True, 1e-12), (True, 1e12), (False, 1.0)])
+def test_lines_too_far_apart_are_refused_in_any_unit(has_phase: bool, unit: float) -> None:
+    modes = [(400.3 + 130.0 * n, 0.004, 0.5 * unit) for n in range(12)]
     grid = np.arange(300.0, 2000.0, 2.0)
     for spacing, told in ((1.5625, True), (3.125, True), (60.0, False), (100.0, False)):
         lines = spacing * np.arange(np.floor(250 / spacing), 2200 / spacing)
@@ -194,6 +194,20 @@ def test_lines_too_far_apart_are_refused(has_phase: bool) -> None:
             on_grid(frf, grid)
         assert f"are {spacing:g} Hz apart" in str(caught.value)
         np.testing.assert_array_equal(on_grid(frf, lines[3:20]).values, frf.values[3:20])
+
+
+def test_an_frf_that_is_zero_is_zero_between_its_lines() -> None:
+    zero = Frf(MEASURED, np.zeros(MEASURED.size), "accelerance")
+    with np.errstate(invalid="raise"):
+        np.testing.assert_array_equal(on_grid(zero, GRID).values, 0.0)
+
+
+def test_the_last_line_says_nothing_of_the_first_nor_of_the_spacing() -> None:
+    """The last of an even number of lines is not drawn from every other one, since none is behind it."""
+    frequency, values = np.arange(100.0, 140.0), np.ones(40)
+    values[-1] = 1e4
+    drawn = on_grid(Frf(frequency, values, "accelerance"), np.arange(100.5, 136.0)).values
+    np.testing.assert_allclose(drawn, 1.0, rtol=1e-12)
 
 
 def test_a_noisy_measurement_is_not_called_too_coarse() -> None:

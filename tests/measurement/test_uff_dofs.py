@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyuff
 from measured_files import fault_of, set_58, write_sets
 
 from dovetail.frf import Frf
@@ -76,7 +77,9 @@ def test_averages_variance_and_dofs_come_back(tmp_path: Path, measured: Frf, bin
     written = replace(measured, averages=10, variance=variance, response="tool:5-y", force="7+z", note="bench")
     write_frf(written, tmp_path / "a.uff", binary=binary)
     frf = read_frf(tmp_path / "a.uff")
-    np.testing.assert_allclose(frf.values, -measured.values, rtol=1e-11)  # opposite directions turn the sign
+    np.testing.assert_allclose(frf.values, measured.values, rtol=1e-11)
+    raw = pyuff.UFF(str(tmp_path / "a.uff")).read_sets(0)["data"]  # along -y and +z
+    np.testing.assert_allclose(raw, -measured.values, rtol=1e-11)
     np.testing.assert_allclose(frf.variance, variance, rtol=1e-11)
     np.testing.assert_allclose(frf.coherence, measured.coherence, rtol=1e-11)
     assert (frf.averages, frf.response, frf.force) == (10, "tool:5-y", "7+z")
@@ -97,3 +100,51 @@ def test_a_rotation_per_moment(tmp_path: Path) -> None:
     labels["orddenom_axis_units_lab"] = "N"
     path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=6, ref_dir=6, **labels))
     assert "the unit label 'N' is not understood" in fault_of(path)
+
+
+def test_dofs_that_are_not_known_are_not_invented(tmp_path: Path, measured: Frf) -> None:
+    for response, force, points in (
+        ("", "", (0, 0, 0, 0)),
+        ("5+x", "", (5, 1, 0, 0)),
+        ("", "tool:7-rz", (0, 0, 7, -6)),
+        ("5", "7", (5, 0, 7, 0)),
+        ("tool tip", "nut", (0, 0, 0, 0)),
+    ):
+        for rotation in {False, "r" in force}:
+            frf = replace(measured, response=response, force=force, rotation=rotation)
+            if "r" in force and not rotation:
+                continue
+            write_frf(frf, tmp_path / "a.uff", overwrite=True)
+            fields = pyuff.UFF(str(tmp_path / "a.uff")).read_sets(0)
+            assert tuple(fields[name] for name in ("rsp_node", "rsp_dir", "ref_node", "ref_dir")) == points
+            back = read_frf(tmp_path / "a.uff")
+            assert (back.response, back.force, back.rotation) == (response, force, rotation)
+            np.testing.assert_allclose(back.values, measured.values, rtol=1e-11)
+
+
+def test_half_a_rotation_is_refused(tmp_path: Path) -> None:
+    for directions in ((4, 0), (0, -5), (6, 1)):
+        path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=directions[0], ref_dir=directions[1]))
+        assert "either the response or the reference is a rotation" in fault_of(path)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "npz", "uff"])
+def test_dofs_that_the_caller_states(tmp_path: Path, measured: Frf, suffix: str) -> None:
+    write_frf(measured, tmp_path / f"a.{suffix}")
+    for dofs, sign in ((("3+x", "1-x"), -1), (("3-y", "1-x"), 1), (("tool:3z", "1"), 1)):
+        frf = read_frf(tmp_path / f"a.{suffix}", dofs=dofs)
+        assert (frf.response, frf.force) == dofs
+        np.testing.assert_allclose(frf.values, sign * measured.values, rtol=1e-11)
+        write_frf(frf, tmp_path / f"b.{suffix}", overwrite=True)
+        for again in ({}, {"dofs": dofs}):
+            frf = read_frf(tmp_path / f"b.{suffix}", **again)
+            np.testing.assert_allclose(frf.values, sign * measured.values, rtol=1e-11)
+
+
+def test_dofs_that_contradict_the_file_or_are_none(several: Path) -> None:
+    assert read_frf(several, index=3, dofs=("2-y", "1+x")).response == "2-y"
+    assert fault_of(several, index=3, dofs=("2+y", "1+x")).endswith(
+        "the file says that it holds the DOF 2-y, the argument says 2+y.\n"
+        "  Leave the argument out, or correct the file."
+    )
+    assert fault_of(several, index=3, dofs=("2+q", "1+x")).startswith("the argument dofs\n  '2+q' is no DOF.\n")

@@ -16,8 +16,7 @@ from dovetail.cli.reading import (
     QuantityOfFile,
     ResponseDof,
     UnitOfFile,
-    columns_of,
-    names_of,
+    read_measured,
 )
 from dovetail.cli.terminal import note, say, title
 
@@ -43,6 +42,13 @@ def convert(
     force: ForceDof = None,
     names: Names = None,
     columns: Columns = None,
+    dofs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RESPONSE,FORCE",
+            help="Where was measured and where excited, such as 3+x,1-x, if the file is silent.",
+        ),
+    ] = None,
     to: Annotated[
         str | None,
         typer.Option("--to", metavar="QUANTITY_OR_UNIT", help="What is written, such as mobility or um/N."),
@@ -70,15 +76,16 @@ def convert(
     if any(others.values()) and not accelerometer_mass:
         raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
     other_frfs = {name: dovetail.read_frf(file) for name, file in others.items() if file is not None}
-    frf = dovetail.read_frf(
+    frf = read_measured(
         source,
+        names,
+        columns,
         quantity=quantity,
         unit=unit,
         index=index,
         response=response,
         force=force,
-        names=names_of(names or []),
-        columns=columns_of(columns),
+        dofs=_dofs_of(dofs),
         accelerometer_mass=0.0 if other_frfs else accelerometer_mass,
     )
     if other_frfs:
@@ -91,6 +98,15 @@ def convert(
     title(f"{source.name} to {target.name}")
     say(describe_frf(frf))
     note(f"Written: {target}")
+
+
+def _dofs_of(text: str | None) -> tuple[str, str] | None:
+    if text is None:
+        return None
+    response, comma, force = (name.strip() for name in text.partition(","))
+    if not (response and comma and force):
+        raise typer.BadParameter(f"'{text}' is not RESPONSE,FORCE, such as 3+x,1-x.", param_hint="--dofs")
+    return response, force
 
 
 def describe_frf(frf: Frf) -> str:

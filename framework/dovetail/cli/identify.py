@@ -17,8 +17,7 @@ from dovetail.cli.reading import (
     QuantityOfFile,
     ResponseDofs,
     UnitOfFile,
-    columns_of,
-    names_of,
+    read_measured,
     selections,
 )
 from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
@@ -124,16 +123,16 @@ def identify(
     options = {name: value for name, value in chosen.items() if value is not None}
     check_method(method, options)
     frfs = [
-        dovetail.read_frf(
+        read_measured(
             file,
+            names,
+            columns,
             quantity=quantity,
             unit=unit,
             accelerometer_mass=accelerometer_mass,
             index=number,
             response=to,
             force=from_,
-            names=names_of(names or []),
-            columns=columns_of(columns),
         )
         for file, number, to, from_ in selections(measured, index or [], response or [], force or [])
     ]

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
+
+from dovetail.cli.terminal import note
+
+if TYPE_CHECKING:
+    from dovetail.frf import Frf
 
 __all__ = [
     "Columns",
@@ -21,6 +27,7 @@ __all__ = [
     "UnitOfFile",
     "columns_of",
     "names_of",
+    "read_measured",
     "selections",
 ]
 
@@ -68,6 +75,29 @@ Columns = Annotated[
         help="What each column of a table holds, such as frequency,real,imag,skip; in place of its header.",
     ),
 ]
+
+
+def read_measured(file: Path, names: Sequence[str] | None, columns: str | None, **options: Any) -> Frf:
+    """Read one measured FRF; what `read_frf` warns of is a note.
+
+    Parameters
+    ----------
+    file : Path
+    names : sequence of str or None
+        ``PART=NAME`` options.
+    columns : str or None
+        What the columns hold, with commas between them.
+    **options
+        Those of `read_frf`.
+    """
+    import dovetail
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        frf = dovetail.read_frf(file, names=names_of(names or []), columns=columns_of(columns), **options)
+    for warning in caught:
+        note(f"Note: {warning.message}")
+    return frf
 
 
 def columns_of(text: str | None) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from dovetail.atomic_files import read_bounded, write_whole
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.accelerometer import remove_accelerometer_mass
-from dovetail.measurement.formats import cutpro, hdf5, matlab, npz, tables, uff_reader, uff_writer
+from dovetail.measurement.formats import cutpro, hdf5, lvm, matlab, npz, tables, uff_reader, uff_writer
 from dovetail.measurement.recording import FrfToWrite, ReadOptions, Recording, parse_quantity, prepare_for_writing
 
 __all__ = ["read_frf", "write_frf"]
@@ -33,12 +33,14 @@ _FORMATS = {
     ".unv": _UFF,
     ".csv": Format(tables.decode, tables.encode, has_columns=True),
     ".npz": Format(npz.decode, npz.encode),
+    ".npy": Format(npz.decode_array, has_columns=True),
     ".tsv": _TABLE,
     ".txt": _TABLE,
     ".mat": Format(matlab.decode),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
     ".frf": Format(cutpro.decode),
+    ".lvm": Format(lvm.decode, has_columns=True),
 }
 
 
@@ -53,6 +55,7 @@ def read_frf(
     force: str | None = None,
     names: Mapping[str, str] | None = None,
     columns: Sequence[str] = (),
+    dofs: tuple[str, str] | None = None,
 ) -> Frf:
     """Read one measured FRF.
 
@@ -65,8 +68,8 @@ def read_frf(
     path : path
         ``.uff`` or ``.unv`` (set 58, ASCII or binary), ``.csv``, ``.tsv`` or ``.txt`` (any lines, a header such
         as ``frequency_Hz,real,imag``, ``Frequency [Hz],Magnitude [um/N],Phase [deg]``, or a row of units below it),
-        ``.npz``, ``.mat`` (version 5 or 7.3), ``.h5`` or ``.hdf5`` (arrays ``frequency`` and ``values``, or others
-        that `names` gives), ``.frf`` (CutPro).
+        ``.npz``, ``.npy`` (columns, or a structured array), ``.mat`` (version 5 or 7.3), ``.h5`` or ``.hdf5`` (arrays
+        ``frequency`` and ``values``, or others that `names` gives), ``.frf`` (CutPro), ``.lvm`` (LabVIEW).
     quantity : {"receptance", "mobility", "accelerance"}, optional
         What the file holds. Needed when the file does not say it; must not contradict the file when it does.
     unit : str, optional
@@ -75,7 +78,8 @@ def read_frf(
     accelerometer_mass : float
         kg at the drive point, removed from the FRF: A / (1 - m A).
     index : int, optional
-        Which FRF of a file with several, counted from 1: the number of the set in UFF, the column in an array.
+        Which FRF of a file with several, counted from 1: the number of the set in UFF, of the segment in
+        LabVIEW files, the column in an array.
     response, force : str, optional
         DOFs of the FRF that is wanted from a file with several: ``"5+x"``, ``"tool:5+x"`` or ``"5"`` in UFF, numbers
         from 1 along the axes of an array.
@@ -86,6 +90,9 @@ def read_frf(
     columns : sequence of str, optional
         What each column of a table holds, in place of its header: ``("frequency", "real", "imag", "skip")``, with a
         unit if need be, ``"frequency [kHz]"``. `skip` leaves a column out.
+    dofs : (str, str), optional
+        DOFs of the response and of the force where the file does not state them: ``("3+x", "1-x")``. If their senses
+        are opposite, the sign is turned, so that the FRF is along positive axes.
 
     Returns
     -------
@@ -100,7 +107,7 @@ def read_frf(
         It does not hold one valid FRF; the fault names the line, the set or the array, and
         lists what a file with several FRFs or unknown names holds.
     DovetailError
-        HDF5 and MATLAB 7.3 need h5py, which is not installed.
+        HDF5 and MATLAB 7.3 need h5py, LabVIEW files lvm_read, which is not installed.
     """
     source = Path(path)
     file_format = _format_of(source)
@@ -110,7 +117,8 @@ def read_frf(
         problem = f"columns={','.join(columns)} is for tables, not for {source.suffix} files."
         raise MeasurementError(Fault(str(source), problem))
     options = ReadOptions(index, response, force, dict(names or {}), tuple(columns))
-    frf = file_format.decode(source, read_bounded(source), options).to_frf(quantity, unit)
+    recording = file_format.decode(source, read_bounded(source), options)
+    frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
     if accelerometer_mass:
         _check_drive_point(frf)
     return remove_accelerometer_mass(frf, accelerometer_mass)

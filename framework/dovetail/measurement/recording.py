@@ -7,6 +7,8 @@ gets an `FrfToWrite`, made by `prepare_for_writing`.
 from __future__ import annotations
 
 import math
+import re
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,12 +22,25 @@ from dovetail.errors import Fault, MeasurementError, did_you_mean
 from dovetail.frf import QUANTITIES, Frf, Quantity, unit_of
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 
-__all__ = ["MOST_LINES", "FrfToWrite", "ReadOptions", "Recording", "parse_quantity", "prepare_for_writing"]
+__all__ = [
+    "DOF",
+    "MOST_LINES",
+    "FrfToWrite",
+    "ReadOptions",
+    "Recording",
+    "are_opposite",
+    "parse_quantity",
+    "prepare_for_writing",
+]
 
 MOST_LINES = 1_000_000
 """Longest FRF that is read."""
 _COHERENCE_ROUNDING = 1e-4
 """How far a coherence may lie beyond 0 and 1 by single precision and rounding in the file."""
+_HIGHEST_COHERENCE = 1.05
+"""What analysers write for 1 whose auto and cross spectra are averaged or corrected unequally; more is no coherence."""
+DOF = re.compile(r"(?:([^\s:]{1,10}):)?(\d{1,9})(?:([+-]?)(rx|ry|rz|x|y|z))?", re.IGNORECASE)
+"""The name of a DOF: substructure, node, sense and direction, of which all but the node may be missing."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +141,25 @@ class Recording:
             force=self.force,
         )
 
+    def with_dofs(self, response: str, force: str) -> Recording:
+        """Return the recording with the DOFs that the caller gives where the file states none.
+
+        Where response and force point in directions of opposite sense, the sign of the values is turned.
+
+        Raises
+        ------
+        MeasurementError
+            Not the names of DOFs, or others than those that the file states.
+        """
+        for name, stated in ((response, self.response), (force, self.force)):
+            if not DOF.fullmatch(name):
+                accepted = "a node with its direction, such as 3+x, tool:5-y or 7rz"
+                raise MeasurementError(Fault("the argument dofs", f"'{name[:40]}' is no DOF.", accepted))
+            if stated and stated.lower().replace("+", "") != name.lower().replace("+", ""):
+                raise self._contradiction(f"the DOF {stated}", name)
+        is_new = not (self.response and self.force) and are_opposite(response, force)
+        return replace(self, response=response, force=force, factor=-self.factor if is_new else self.factor)
+
     def _with_unit(self, label: str) -> Recording:
         """Return the recording with the unit that the caller gives; a file that states another is refused."""
         meaning = meaning_of_unit(label, "the argument unit")
@@ -220,7 +254,7 @@ class Recording:
         if self.coherence is None:
             return None
         coherence = self.coherence[first:]
-        outside = np.flatnonzero((coherence < -_COHERENCE_ROUNDING) | (coherence > 1 + _COHERENCE_ROUNDING))
+        outside = np.flatnonzero((coherence < -_COHERENCE_ROUNDING) | (coherence > _HIGHEST_COHERENCE))
         if outside.size:
             raise MeasurementError(
                 Fault(
@@ -228,7 +262,16 @@ class Recording:
                     f"the coherence {coherence[outside[0]]:.6g} is not between 0 and 1.",
                 )
             )
+        if above := int(np.count_nonzero(coherence > 1 + _COHERENCE_ROUNDING)):
+            lines = f"{above} of {coherence.size} lines, by up to {coherence.max() - 1:.2g}"
+            warnings.warn(f"{self.where}: the coherence is above 1 at {lines}; it is taken as 1 there.", stacklevel=4)
         return np.clip(coherence, 0.0, 1.0)
+
+
+def are_opposite(response: str, force: str) -> bool:
+    """Return whether the names of two DOFs are of directions of opposite sense, as ``3+x`` and ``1-x`` are."""
+    matches = DOF.fullmatch(response), DOF.fullmatch(force)
+    return all(matches) and [match[3] == "-" for match in matches if match].count(True) == 1
 
 
 def parse_quantity(word: str, where: str) -> Quantity:

@@ -1,8 +1,9 @@
-"""FRFs in numpy archives, read without pickle."""
+"""FRFs in numpy archives and in single numpy arrays, read without pickle."""
 
 from __future__ import annotations
 
 import io
+import math
 import struct
 import zipfile
 from collections.abc import Iterator
@@ -16,9 +17,10 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry, read_recording
+from dovetail.measurement.formats.tables import SAY_COLUMNS, check_columns, read_header, recording_of
 from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, Recording
 
-__all__ = ["decode", "encode", "open_archive"]
+__all__ = ["decode", "decode_array", "encode", "open_archive"]
 
 _LARGEST_DIRECTORY = 65536
 """Bytes of the archive's directory: room for hundreds of arrays, not for millions of empty ones."""
@@ -108,7 +110,13 @@ def _load_plain_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArra
             Fault(str(path), f"'{name}' unpacks to {size / 1e6:.0f} MB.", f"at most {LARGEST_ARRAY // 1_000_000} MB")
         )
     with archive.open(f"{name}.npy") as stream:
-        shape, dtype = _read_header(path, stream, name)
+        _check_plain(path, name, *_read_header(path, stream, name))
+    with archive.open(f"{name}.npy") as stream:
+        return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
+
+
+def _check_plain(path: Path, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """Refuse Python objects, and more than an FRF has."""
     if dtype.hasobject:
         raise MeasurementError(
             Fault(str(path), f"'{name}' holds Python objects (pickle), which are never loaded.", "an array of numbers")
@@ -121,8 +129,59 @@ def _load_plain_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArra
                 f"the shape (n_freq,) or with axes of DOFs, at most {MOST_LINES:,} lines",
             )
         )
-    with archive.open(f"{name}.npy") as stream:
-        return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
+
+
+def decode_array(path: Path, content: bytes, options: ReadOptions) -> Recording:
+    """Return what an NPY file holds: a structured array, two complex columns, or columns that the caller names.
+
+    Raises
+    ------
+    MeasurementError
+        Not an array, Python objects, an array without frequencies or with columns that are not named.
+    """
+    stream = io.BytesIO(content)
+    with _report_damage(path):
+        shape, dtype = _read_header(path, stream, path.name)
+        _check_plain(path, path.name, shape, dtype)
+        if math.prod(shape) * dtype.itemsize > len(content):
+            raise MeasurementError(Fault(str(path), f"the array is truncated: its shape is {shape}."))
+        if len(content) > LARGEST_ARRAY:
+            problem = f"the array has {len(content) / 1e6:.0f} MB."
+            raise MeasurementError(Fault(str(path), problem, f"at most {LARGEST_ARRAY // 1_000_000} MB"))
+        array = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
+    if array.dtype.names:
+        entries = {name: Entry("", partial(np.asarray, array[name])) for name in array.dtype.names}
+        return read_recording(Archive(path, entries), options)
+    if options.chooses or options.names:
+        option = options.chooses or f"names={dict(options.names)}"
+        raise MeasurementError(Fault(str(path), f"{option} is not for an array without names, which holds one FRF."))
+    return _from_columns(path, array, options)
+
+
+def _from_columns(path: Path, array: NDArray[Any], options: ReadOptions) -> Recording:
+    """Return the FRF of an array of (n_freq, n_columns) numbers, or of its transpose."""
+    has_two = array.ndim == 2 and 2 in array.shape and array.dtype.kind == "c"
+    columns = options.columns or (("frequency", "values") if has_two else ())
+    if array.ndim != 2 or array.dtype.kind not in "fiuc":
+        problem = f"the array has the shape {array.shape} and the type {array.dtype}, and no frequencies."
+        remedy = "Save them too: np.savez('frf.npz', frequency=frequency, values=values)."
+        raise MeasurementError(Fault(str(path), problem, "columns of numbers, or a structured array", remedy))
+    if not columns:
+        problem = f"the array has the shape {array.shape}, and its columns have no names."
+        raise MeasurementError(Fault(str(path), problem, remedy=SAY_COLUMNS))
+    if len(columns) not in array.shape:
+        problem = f"the array has the shape {array.shape}, and {len(columns)} columns are named."
+        raise MeasurementError(Fault(str(path), problem, ",".join(columns)))
+    table = array if array.shape[1] == len(columns) else array.T
+    wanted = check_columns(ReadOptions(columns=columns))
+    header = read_header("the argument columns", columns, (), {}, {})
+    for column in wanted:
+        if column != header.columns.get("values") and np.any(np.imag(table[:, column])):
+            raise MeasurementError(Fault(str(path), f"the column {columns[column]} is complex.", "real numbers"))
+    if not len(table):
+        raise MeasurementError(Fault(str(path), "the array is empty."))
+    arrays = {name: table[:, column].astype(np.complex128) for name, column in header.columns.items()}
+    return recording_of(path, header, arrays, lambda index: f"{path}  line {index + 1} of the array")
 
 
 def _read_header(path: Path, stream: Any, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:

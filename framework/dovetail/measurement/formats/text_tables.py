@@ -24,8 +24,8 @@ __all__ = ["TextTable", "find_rows", "find_table", "is_number", "read_rows", "sp
 
 _MOST_ABOVE = 10_000
 """Lines above a table: the longest protocol of an analyser has some hundred."""
-_LONGEST_HEADER = 100_000
-"""Characters: a header of a thousand impacts."""
+_LONGEST_LINE = 100_000
+"""Characters: a row or a header of a thousand impacts."""
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 """Bytes that no text in a single-byte code has; form feeds and tabs are none."""
 _BLANKS = ""
@@ -64,7 +64,7 @@ class TextTable(NamedTuple):
     @property
     def units(self) -> tuple[str, ...]:
         """Cells of a row of units right below the header, or nothing."""
-        below = self.lines[self.line + 1][:_LONGEST_HEADER] if self.line + 1 < len(self.lines) else ""
+        below = self.lines[self.line + 1][:_LONGEST_LINE] if self.line + 1 < len(self.lines) else ""
         cells = _split_names(below, self.separator, len(self.header))
         if len(cells) != len(self.header) or not any(cells) or any(map(is_number, cells)):
             return ()
@@ -119,17 +119,17 @@ def find_table(
     """
     start = _start_of_numbers(lines)
     guess = _BLANKS if start == len(lines) else _separator(lines[start])
-    width = len(_split(lines[start], guess)) if start < len(lines) else 0
+    width = len(_split(lines[start][:_LONGEST_LINE], guess)) if start < len(lines) else 0
     last = None
     for number in range(min(start, _MOST_ABOVE) - 1, -1, -1):
-        line = lines[number][:_LONGEST_HEADER].strip(" ").lstrip("#%! ")
+        line = lines[number][:_LONGEST_LINE].strip(" ").lstrip("#%! ")
         for separator in dict.fromkeys((guess, _separator(line)) if width else (_separator(line),)):
             cells = _split_names(line, separator, width)
             fits = len(cells) == width > 1 or (not width and len(cells) > 1)
             table = TextTable(where, lines, tuple(cells), number, number + 1, separator)
             if is_header(cells) and (fits or (separator != _BLANKS and len(cells) > 1)):
                 return _below(table)
-            if last is None and fits and width and number >= start - 2 and lines[number].lstrip()[:1] not in "#%":
+            if last is None and fits and width and number >= start - 2 and lines[number][:9].lstrip()[:1] not in "#%":
                 last = table
     if last is not None:
         return last
@@ -153,14 +153,14 @@ def find_rows(where: str, lines: Sequence[str], columns: Sequence[str], wanted: 
     """
     for number, line in enumerate(lines[:_MOST_ABOVE]):
         separator = _separator(line)
-        cells = _split(line[:_LONGEST_HEADER], separator)
+        cells = _split(line[:_LONGEST_LINE], separator)
         if len(cells) == len(columns) and all(is_number(cells[column]) for column in wanted):
             return TextTable(where, lines, tuple(columns), number, number, separator)
     start = _start_of_numbers(lines)
     accepted = ",".join(columns)
     if start == len(lines):
         raise MeasurementError(Fault(where, f"there is no row of {len(columns)} numbers.", accepted))
-    count = len(_split(lines[start], _separator(lines[start])))
+    count = len(_split(lines[start][:_LONGEST_LINE], _separator(lines[start])))
     problem = f"the line has {count} column{'s' * (count != 1)}, and {len(columns)} are named."
     raise MeasurementError(Fault(f"{where}:{start + 1}", problem, accepted, "Name each column; 'skip' leaves one out."))
 
@@ -169,9 +169,9 @@ def _start_of_numbers(lines: Sequence[str]) -> int:
     """Return the index of the first of two rows with as many numbers, or of the last line with text if that is one."""
     before, width = None, 0
     for number, line in enumerate(lines[: _MOST_ABOVE + 2]):
-        if not line.strip():
+        if not line or line.isspace():
             continue
-        cells = _split(line[:_LONGEST_HEADER], _separator(line))
+        cells = _split(line[:_LONGEST_LINE], _separator(line))
         if len(cells) < 2 or not any(cells) or not all(map(is_number, filter(None, cells))):
             before = None
         elif before is not None and len(cells) == width:
@@ -186,7 +186,7 @@ def _separator(line: str) -> str:
 
     Where blanks stand between numbers with a comma inside, the comma is a decimal one.
     """
-    text = line[:_LONGEST_HEADER].strip(" ")
+    text = line[:_LONGEST_LINE].strip(" ")
     for separator in "\t;":
         if separator in text:
             return separator
@@ -255,8 +255,10 @@ def read_rows(
     marks: dict[str, int] = {}
     width, separator, lines = len(table.header), table.separator, table.lines
     for number, line in enumerate(lines[table.first :] if table.first else lines, start=table.first + 1):
-        if not line.strip():
+        if not line or line.isspace():
             continue
+        if len(line) > _LONGEST_LINE:
+            raise MeasurementError(Fault(f"{table.where}:{number}", f"the line has {len(line):,} characters."))
         quoted = '"' in line or separator == _BLANKS
         cells = _split(line, separator) if quoted else line.split(separator, width)
         if len(cells) != width:

@@ -118,7 +118,7 @@ class UffSet:
 
     @property
     def response(self) -> str:
-        """Name of the response DOF, such as ``5+x``."""
+        """Name of the response DOF, such as ``5+x``; empty for node 0 without a direction."""
         return self._dof("rsp")
 
     @property
@@ -130,12 +130,16 @@ class UffSet:
         entity = str(self.fields.get(f"{end}_ent_name", "")).strip()
         prefix = "" if entity.upper() in ("", "NONE") else f"{entity}:"
         code = self.fields[f"{end}_dir"]
+        if not code and not self.fields[f"{end}_node"]:
+            return prefix.rstrip(":")
         return f"{prefix}{self.fields[f'{end}_node']}{_sign(code)}{DIRECTIONS.get(abs(code), code)}"
 
     @property
     def is_rotation(self) -> bool:
         """Whether the header says that it is a rotation per moment."""
-        return all(abs(self.fields[name]) > 3 for name in ("rsp_dir", "ref_dir"))
+        rotates = [abs(self.fields[name]) > 3 for name in ("rsp_dir", "ref_dir") if self.fields[name]]
+        is_moment = self.fields["orddenom_axis_lab"].strip().lower() == "moment"
+        return all(rotates) and (len(rotates) == 2 or is_moment)
 
     def __str__(self) -> str:
         if self.kind != 58:
@@ -327,7 +331,7 @@ def _check_types(uff_set: UffSet) -> None:
                 "displacement (8), velocity (11) or acceleration (12) over excitation force (13)",
             )
         )
-    if (abs(fields["rsp_dir"]) > 3) != (abs(fields["ref_dir"]) > 3):
+    if not uff_set.is_rotation and max(abs(fields["rsp_dir"]), abs(fields["ref_dir"])) > 3:
         accepted = "a translation over a force, or a rotation over a moment"
         raise MeasurementError(Fault(uff_set.where, "either the response or the reference is a rotation.", accepted))
     label = fields["abscissa_axis_units_lab"].strip().lower()

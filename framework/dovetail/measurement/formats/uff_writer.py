@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import struct
 import tempfile
 from pathlib import Path
@@ -15,7 +14,7 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.formats.uff_sets import COHERENCE, DIRECTIONS, FORCE, FRF, GENERAL, ORDINATE
 from dovetail.measurement.frf_units import motion_unit
-from dovetail.measurement.recording import FrfToWrite
+from dovetail.measurement.recording import DOF, FrfToWrite, are_opposite
 
 __all__ = ["VARIANCE", "encode"]
 
@@ -23,15 +22,15 @@ VARIANCE = "variance of the FRF"
 """First words of a set with the variance of each line."""
 _BYTE_COUNT = slice(38, 50)
 """Where the first set of a file, when it is binary, counts its data."""
-_DOF = re.compile(r"(?:([^\s:]{1,10}):)?(\d{1,9})([+-]?)(x|y|z|rx|ry|rz)")
 _CODES = {name: code for code, name in DIRECTIONS.items() if name}
 
 
 def encode(content: FrfToWrite, path: Path, binary: bool | None) -> bytes:
     """Return a universal file: the FRF, then its coherence and its variance as sets of the same points.
 
-    An unknown DOF is written as +X of node 1, or as its rotation about Z. A DOF whose name does not look like ``5+x``
-    or ``tool:5+x`` goes into an id line.
+    An unknown DOF is written as node 0 without a direction. A DOF whose name does not look like ``5+x`` or
+    ``tool:5+x`` goes into an id line. Where the senses of response and force are opposite, the sign of the values is
+    that along them.
 
     Raises
     ------
@@ -74,9 +73,10 @@ def _response(content: FrfToWrite) -> dict[str, Any]:
     frf = content.frf
     number, name, _ = ORDINATE[frf.quantity]
     units = motion_unit(frf.quantity, rotation=frf.rotation), "N m" if frf.rotation else "N"
+    sign = -1.0 if are_opposite(frf.response, frf.force) else 1.0
     response = {
         "func_type": FRF,
-        "data": content.values if frf.has_phase else np.abs(content.values),
+        "data": sign * content.values if frf.has_phase else np.abs(content.values),
         "ordinate_spec_data_type": number,
         "ordinate_axis_lab": name,
         "ordinate_axis_units_lab": units[0] if content.factor == 1.0 else _id_line(content.unit),
@@ -91,13 +91,13 @@ def _dofs(frf: Frf) -> dict[str, Any]:
     """Return the fields that name the DOFs."""
     fields: dict[str, Any] = {}
     for end, line, key, name in (("rsp", "id4", "response", frf.response), ("ref", "id5", "force", frf.force)):
-        match = _DOF.fullmatch(name.lower())
+        match = DOF.fullmatch(name)
         if name and not match:
             fields[line] = _id_line(f"{key}: {name}")
-        code = _CODES[match[4]] if match else (6 if frf.rotation else 1)
+        code = _CODES[match[4].lower()] if match and match[4] else 0
         if match and match[1]:
             fields[f"{end}_ent_name"] = name[: len(match[1])]
-        fields[f"{end}_node"] = int(match[2]) if match else 1
+        fields[f"{end}_node"] = int(match[2]) if match else 0
         fields[f"{end}_dir"] = -code if match and match[3] == "-" else code
     return fields
 

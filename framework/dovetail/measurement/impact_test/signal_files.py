@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, did_you_mean
 from dovetail.frf import QUANTITIES, Quantity
-from dovetail.measurement.formats import hdf5, matlab, npz, uff_reader
+from dovetail.measurement.formats import hdf5, lvm, matlab, npz, uff_reader
 from dovetail.measurement.formats.column_names import plain_name
 from dovetail.measurement.formats.guarded_process import read_arrays_guarded
 from dovetail.measurement.formats.named_arrays import Archive
@@ -32,7 +32,7 @@ _NAMES = {
 }
 _ARCHIVES = (".npz", ".mat", ".h5", ".hdf5")
 _TABLES = (".csv", ".tsv", ".txt")
-_SUFFIXES = (*_ARCHIVES, *_TABLES, ".uff", ".unv")
+_SUFFIXES = (*_ARCHIVES, *_TABLES, ".lvm", ".uff", ".unv")
 _HEADERS = "time,force,response | time,force 1,response 1,..."
 _EVEN = 1e-3
 """How unequal steps of the time may be."""
@@ -79,8 +79,9 @@ def read_signals(
         ``time`` [s] unless `rate` is given, and columns whose names begin with ``force`` and ``response``, a pair for
         each impact.
         ``.uff``, ``.unv``: time responses (function type 1) in pairs of a force (data type 13) and a motion.
+        ``.lvm``: channels whose names begin with one of a force and one of a motion; a segment for each impact.
     force_unit, response_unit : str
-        Units of the numbers; ``"g"`` is the standard gravity. A universal file's own labels come first.
+        Units of the numbers; ``"g"`` is the standard gravity. Labels of a universal or LabVIEW file come first.
     rate : float, optional
         Samples per second, where the file does not say it.
     names : mapping of str to str, optional
@@ -112,6 +113,9 @@ def read_signals(
     file_rate: float | None
     if suffix in (".uff", ".unv"):
         force, response, file_rate, units = uff_reader.read_time_records(source, content)
+        force_unit, response_unit = units[0] or force_unit, units[1] or response_unit
+    elif suffix == ".lvm":
+        force, response, file_rate, units = _from_labview(source, content)
         force_unit, response_unit = units[0] or force_unit, units[1] or response_unit
     elif suffix in _ARCHIVES:
         force, response, file_rate = _from_archive(_open_archive(source, content, names or {}), names or {})
@@ -192,6 +196,25 @@ def _from_table(path: Path, content: bytes, columns: Sequence[str]) -> tuple[Arr
     _, rows = read_rows(table, table.header, wanted)
     count = len(signals["force"])
     return rows[:count], rows[count : 2 * count], _rate(path, rows[-1]) if signals["time"] else None
+
+
+def _from_labview(path: Path, content: bytes) -> tuple[Array, Array, float, tuple[str, str]]:
+    """Return force and response (n_impacts, n_samples), the sampling rate, and the units of the two."""
+    segments = lvm.read_segments(path, content)
+    first = segments[0]
+    if any(s.names != first.names or s.axis.shape != first.axis.shape for s in segments):
+        raise MeasurementError(Fault(str(path), "the segments differ in channels or length."))
+    columns = [
+        [i for i, name in enumerate(first.names) if plain_name(name).startswith(_NAMES[signal])]
+        for signal in ("force", "response")
+    ]
+    if first.dimension != "time" or any(len(column) != 1 for column in columns):
+        problem = f"the abscissa is {first.dimension}, the channels are {', '.join(first.names[:20])}."
+        accepted = "time, and channels whose names begin with Force and Response, one of each"
+        raise MeasurementError(Fault(first.where, problem, accepted))
+    force, response = (np.array([segment.channels[column[0]] for segment in segments]) for column in columns)
+    units = first.units[columns[0][0]], first.units[columns[1][0]]
+    return force, response, _rate(path, first.axis), ("N" if units[0] == "Newtons" else units[0], units[1])
 
 
 def _signal_columns(cells: Sequence[str]) -> dict[str, list[int]]:

@@ -1,0 +1,155 @@
+"""LabVIEW measurement files (.lvm) by lvm_read: FRFs, and the time records of impact tests."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import Fault, MeasurementError, listing, require_package
+from dovetail.measurement.formats.tables import check_columns, read_header, recording_of
+from dovetail.measurement.formats.text_tables import split_lines
+from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
+
+__all__ = ["Segment", "decode", "read_segments"]
+
+_MOST_CELLS = MOST_LINES
+"""Numbers of an FRF of a quarter of a million lines: the library keeps each as an object."""
+_TIME = "time"
+_FREQUENCY = "frequency"
+
+
+class Segment(NamedTuple):
+    """One table of a file.
+
+    Parameters
+    ----------
+    where : str
+        The file and the number of the segment.
+    dimension : str
+        What its abscissa is, in small letters: time, unless the file says otherwise.
+    axis : (n,) array
+        The abscissa.
+    names, units : tuple of str
+        Of the channels.
+    channels : (n_channels, n) array
+    axis_unit : str
+        Of the abscissa, empty where none is stated.
+    """
+
+    where: str
+    dimension: str
+    axis: NDArray[np.float64]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    channels: NDArray[np.float64]
+    axis_unit: str
+
+
+def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
+    """Return the FRF that a LabVIEW measurement file holds: the only segment, or that with the number `index`.
+
+    Raises
+    ------
+    MeasurementError
+        Not such a file, damaged, several segments, time records, channels that are no FRF.
+    DovetailError
+        lvm_read is not installed.
+    """
+    if options.response is not None or options.force is not None:
+        raise MeasurementError(Fault(str(path), "DOFs choose no FRF of this file.", "index, the number of a segment"))
+    segment = _chosen(path, read_segments(path, content), options.index)
+    cells, below = ("frequency", *segment.names), (segment.axis_unit, *segment.units)
+    if options.columns:
+        check_columns(options)
+        if len(options.columns) != len(cells):
+            problem = f"the segment has {len(cells)} columns, and {len(options.columns)} are named."
+            raise MeasurementError(Fault(segment.where, problem, ",".join(options.columns)))
+        header = read_header("the argument columns", options.columns, (), {}, {})
+    elif segment.dimension != _FREQUENCY:
+        problem = f"the abscissa is {segment.dimension}, the channels are {listing(segment.names)}."
+        remedy = "FRFs of time records: dovetail frf. If it is a frequency: --columns frequency,real,imag,skip."
+        raise MeasurementError(Fault(segment.where, problem, "an abscissa of frequency", remedy))
+    else:
+        header = read_header(segment.where, cells, below, options.names, {})
+    rows = np.vstack([segment.axis, segment.channels])
+    arrays = {field: rows[column] for field, column in header.columns.items()}
+    return recording_of(path, header, arrays, lambda index: f"{segment.where}, line {index + 1}")
+
+
+def _chosen(path: Path, segments: list[Segment], index: int | None) -> Segment:
+    if index is None and len(segments) == 1:
+        return segments[0]
+    if index is None or not 1 <= index <= len(segments):
+        rows = "".join(f"\n    {number}: {listing(s.names, 6)}" for number, s in enumerate(segments[:20], start=1))
+        problem = f"the file holds {len(segments)} segments, and one is wanted:{rows}"
+        raise MeasurementError(Fault(str(path), problem, remedy="Choose it by its number, for example --index 1."))
+    return segments[index - 1]
+
+
+def read_segments(path: Path, content: bytes) -> list[Segment]:
+    """Return the segments of a file.
+
+    Raises
+    ------
+    MeasurementError, DovetailError
+        As `decode`.
+    """
+    require_package("lvm_read", "lvm", str(path))
+    import lvm_read
+
+    text = "\n".join(split_lines(path, content))
+    if not text.lstrip().startswith("LabVIEW Measurement"):
+        problem = "this is no LabVIEW measurement file: it does not begin with 'LabVIEW Measurement'."
+        raise MeasurementError(Fault(str(path), problem))
+    if max(map(text.count, "\t,; ")) > _MOST_CELLS:
+        raise MeasurementError(Fault(str(path), "the file has too many numbers.", f"at most {_MOST_CELLS:,}"))
+    try:
+        parsed = lvm_read.read_str(text)
+        return [_segment(path, parsed, number) for number in range(parsed["Segments"])]
+    except MeasurementError:
+        raise
+    except Exception as error:  # the library raises ValueError, KeyError, SyntaxError and others for damaged files
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        raise MeasurementError(Fault(str(path), f"the LabVIEW file is damaged: {reason}.")) from None
+
+
+def _segment(path: Path, parsed: dict[Any, Any], number: int) -> Segment:
+    """Return a segment as lvm_read has it: a table of which the abscissa may be the first column or left out."""
+    where, fields = f"{path}: segment {number + 1}", parsed[number]
+    kind = str(parsed.get("X_Columns", "One")).strip()
+    if kind not in ("One", "No"):
+        accepted = "One, or No"
+        raise MeasurementError(Fault(where, f"the file has X_Columns '{kind[:40]}'.", accepted, "Export it so."))
+    names = [str(name).strip() for name in fields["Channel names"]]
+    names = names[kind == "One" :]
+    names = names[: names.index("Comment")] if "Comment" in names else names
+    table = np.atleast_2d(np.asarray(fields["data"], dtype=np.float64))
+    if not table.size:
+        raise MeasurementError(Fault(where, "there is no line of numbers."))
+    while names and not names[-1]:
+        names.pop()
+    channels = table.T[kind == "One" :][: len(names)]
+    if not names or len(channels) < len(names):
+        raise MeasurementError(Fault(where, f"there are {len(channels)} columns for {len(names)} channels."))
+    axis = table[:, 0] if kind == "One" else _even_axis(where, fields, len(table))
+    units = [str(label).strip() for label in fields.get("Y_Unit_Label", ())][: len(names)]
+    return Segment(
+        where=where,
+        dimension=(next(iter(fields.get("X_Dimension", ())), "") or _TIME).strip().lower(),
+        axis=axis,
+        names=tuple(names),
+        units=(*units, *[""] * (len(names) - len(units))),
+        channels=channels,
+        axis_unit=next(iter(fields.get("X_Unit_Label", ())), "").strip(),
+    )
+
+
+def _even_axis(where: str, fields: dict[str, Any], count: int) -> NDArray[np.float64]:
+    first, step = (float(fields.get(name, [math.nan])[0]) for name in ("X0", "Delta_X"))
+    if not (math.isfinite(first) and math.isfinite(step) and step > 0):
+        raise MeasurementError(Fault(where, f"the abscissa has X0 = {first:g} and Delta_X = {step:g}."))
+    return np.asarray(first + step * np.arange(count), dtype=np.float64)

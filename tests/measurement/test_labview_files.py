@@ -1,0 +1,160 @@
+"""LabVIEW measurement files, written by hand as National Instruments specifies them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dovetail.measurement import read_frf
+from dovetail.measurement.impact_test.signal_files import read_signals
+
+FREQUENCY = np.array([10.0, 12.5, 15.0])
+VALUES = np.array([1.5 - 2j, 3 + 0.25j, -4.125j])
+HEADER = """\
+LabVIEW Measurement
+Writer_Version\t2
+Reader_Version\t2
+Separator\tTab
+Decimal_Separator\t.
+Multi_Headings\tYes
+X_Columns\tOne
+Time_Pref\tAbsolute
+Operator\tN. N.
+Date\t2026/03/25
+Time\t09:51:39.1970510124996275989
+***End_of_Header***\t
+
+"""
+SEGMENT = """\
+Channels\t2\t\t
+Samples\t3\t3\t
+Date\t2026/03/25\t2026/03/25\t
+Time\t09:51:40.7\t09:51:40.7\t
+X_Dimension\tFrequency\tFrequency\t
+X_Unit_Label\tHz\tHz\t
+X0\t10.0\t10.0\t
+Delta_X\t2.5\t2.5\t
+Y_Unit_Label\tm/s^2/N\tm/s^2/N\t
+***End_of_Header***\t\t\t
+X_Value\tFRF (Real)\tFRF (Imag)\tComment
+10.0\t1.5\t-2.0\tfirst
+12.5\t3.0\t0.25
+15.0\t0.0\t-4.125
+"""
+
+
+def check(frf) -> None:
+    np.testing.assert_array_equal(frf.frequency, FREQUENCY)
+    np.testing.assert_allclose(frf.values, VALUES, rtol=1e-14, atol=1e-15)
+    assert frf.quantity == "accelerance"
+
+
+def without_axis(text: str) -> str:
+    """The same file with X_Columns No: the first cell of each row is empty."""
+    above, header, rows = text.partition("X_Value\tFRF (Real)\tFRF (Imag)\tComment\n")
+    rows = "".join("\t" + row.partition("\t")[2] + "\n" for row in rows.splitlines())
+    return above.replace("X_Columns\tOne", "X_Columns\tNo") + header + rows
+
+
+VARIANTS = {
+    "as specified": HEADER + SEGMENT,
+    "line ends of Windows": (HEADER + SEGMENT).replace("\n", "\r\n"),
+    "no axis": without_axis(HEADER + SEGMENT),
+    "decimal comma": (HEADER + SEGMENT).replace("Separator\t.", "Separator\t,").replace(".", ","),
+    "separator comma": (HEADER.replace("Separator\tTab", "Separator\tComma") + SEGMENT).replace("\t", ","),
+    "kHz": (HEADER + SEGMENT)
+    .replace("\tHz\tHz", "\tkHz\tkHz")
+    .replace("\n10.0\t", "\n0.01\t")
+    .replace("\n12.5\t", "\n0.0125\t")
+    .replace("\n15.0\t", "\n0.015\t"),
+}
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_an_frf(tmp_path: Path, variant: str) -> None:
+    (tmp_path / "a.lvm").write_bytes(VARIANTS[variant].encode())
+    check(read_frf(tmp_path / "a.lvm"))
+
+
+def test_amplitude_phase_and_coherence(tmp_path: Path) -> None:
+    text = (HEADER + SEGMENT).replace("FRF (Real)\tFRF (Imag)\tComment", "FRF (Magnitude)\tFRF (Phase)\tCoherence")
+    text = text.replace("m/s^2/N\tm/s^2/N\t", "g/N\tdeg\t")
+    text = text.partition("10.0\t1.5")[0] + "10\t2\t90\t0.5\n20\t1\t180\t1\n"
+    text = text.replace("Channels\t2", "Channels\t3")
+    (tmp_path / "a.lvm").write_text(text)
+    frf = read_frf(tmp_path / "a.lvm")
+    np.testing.assert_allclose(frf.values, [2j * 9.80665, -9.80665], atol=1e-14)
+    np.testing.assert_array_equal(frf.coherence, [0.5, 1])
+
+
+def test_one_of_several_segments_and_columns_by_their_names(tmp_path: Path, refused) -> None:
+    twice = HEADER + SEGMENT.replace("3.0", "7.0") + "\n" + SEGMENT
+    assert refused("a.lvm", twice) == (
+        "a.lvm\n  the file holds 2 segments, and one is wanted:\n    1: FRF (Real), FRF (Imag)\n"
+        "    2: FRF (Real), FRF (Imag)\n  Choose it by its number, for example --index 1."
+    )
+    check(read_frf(tmp_path / "a.lvm", index=2))
+    assert "and one is wanted" in refused("a.lvm", twice, index=3)
+    assert refused("a.lvm", HEADER + SEGMENT.replace("FRF (Real)", "FRF A")).startswith(
+        "a.lvm: segment 1\n  the values are not to be found by their name; the file holds:\n    frequency: Hz\n"
+    )
+    untitled = HEADER + SEGMENT.replace("FRF (Real)\tFRF (Imag)", "Untitled\tUntitled 1")
+    assert "--columns frequency,real,imag,skip" in refused("a.lvm", untitled)
+    check(read_frf(tmp_path / "a.lvm", columns=("frequency", "real", "imag"), quantity="accelerance"))
+    names = {"real": "Untitled", "imag": "Untitled 1"}
+    check(read_frf(tmp_path / "a.lvm", names=names))
+    assert refused("a.lvm", untitled, columns=("frequency", "amplitude")) == (
+        "a.lvm: segment 1\n  the segment has 3 columns, and 2 are named.\n  Accepted: frequency,amplitude"
+    )
+
+
+TIME = (HEADER + SEGMENT).replace("\tFrequency\tFrequency", "\tTime\tTime")
+FAULTS = {
+    "hello\n": "a.lvm\n  this is no LabVIEW measurement file",
+    HEADER: "a.lvm\n  the LabVIEW file is damaged: ",
+    HEADER + SEGMENT.partition("10.0\t1.5")[0]: "a.lvm: segment 1\n  there is no line of numbers.",
+    HEADER + SEGMENT.replace("0.25", "x"): "a.lvm: segment 1, line 2\n  the value is (3+nanj), which is not finite.",
+    HEADER + SEGMENT.replace("\t0.25", ""): "a.lvm: segment 1, line 2\n  the value is (3+nanj), which is not finite.",
+    HEADER + SEGMENT.replace("12.5", "1.25"): "a.lvm: segment 1, line 2\n  the frequency 1.25 Hz comes after 10 Hz.",
+    HEADER + SEGMENT.replace("Channels\t2", "Channels\t9" * 3000): "a.lvm",
+    HEADER + SEGMENT.replace("Samples\t3", "Samples\t" + "(" * 9000): "a.lvm\n  the LabVIEW file is damaged: ",
+    (HEADER + SEGMENT).replace("Columns\tOne", "Columns\tMulti"): "a.lvm: segment 1\n  the file has X_Columns 'Multi'.",
+    without_axis(HEADER + SEGMENT).replace("Delta_X\t2.5", "Delta_X\t0"): (
+        "a.lvm: segment 1\n  the abscissa has X0 = 10 and Delta_X = 0."
+    ),
+    (HEADER + SEGMENT).replace("\tHz", "\trpm"): "a.lvm: segment 1\n  the frequency is in 'rpm'.",
+    TIME: "a.lvm: segment 1\n  the abscissa is time, the channels are FRF (Real), FRF (Imag).\n",
+}
+
+
+@pytest.mark.parametrize("text", FAULTS, ids=range(len(FAULTS)))
+def test_faults(refused, text: str) -> None:
+    assert refused("a.lvm", text).startswith(FAULTS[text])
+
+
+def test_dofs_choose_nothing_and_the_package_is_named(refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    assert refused("a.lvm", HEADER + SEGMENT, response="1").startswith("a.lvm\n  DOFs choose no FRF of this file.")
+    monkeypatch.setattr("dovetail.errors.importlib.util.find_spec", lambda name: None)
+    with pytest.raises(Exception, match=r'pip install "dovetail-frf\[lvm\]"'):
+        read_frf(tmp_path / "a.lvm")
+
+
+def test_time_records(tmp_path: Path) -> None:
+    rows = "".join(f"\t{n % 5},5\t{n},25\n" for n in range(8))
+    segment = (
+        "Channels\t2\t\t\nSamples\t8\t8\t\nY_Unit_Label\tNewtons\tg\t\nX_Dimension\tTime\tTime\t\nX0\t0,0\t0,0\t\n"
+        "Delta_X\t3,906250E-5\t3,906250E-5\t\n***End_of_Header***\t\t\t\n"
+        f"X_Value\tExcitation (Trigger)\tResponse (Trigger)\tComment\n{rows}"
+    )
+    header = HEADER.replace("Separator\t.", "Separator\t,").replace("X_Columns\tOne", "X_Columns\tNo")
+    (tmp_path / "a.lvm").write_text(f"{header}{segment}\n{segment}")
+    signals = read_signals(tmp_path / "a.lvm")
+    assert signals.rate == pytest.approx(25600)
+    assert signals.quantity == "accelerance"
+    np.testing.assert_allclose(signals.force, [np.arange(8) % 5 + 0.5] * 2)
+    np.testing.assert_allclose(signals.response, np.array([np.arange(8) + 0.25] * 2) * 9.80665)
+    (tmp_path / "b.lvm").write_text(f"{header}{segment.replace('Excitation', 'Sensor')}")
+    with pytest.raises(Exception, match="the abscissa is time, the channels are Sensor"):
+        read_signals(tmp_path / "b.lvm")
