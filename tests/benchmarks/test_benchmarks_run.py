@@ -35,6 +35,17 @@ def test_the_synthesis_benchmark_prints_each_route_and_what_is_aimed_at(tmp_path
     assert cells((tmp_path / "comparison.md").read_text()) == table
 
 
+def test_the_benchmark_of_several_frfs_has_a_row_for_each_route():
+    rows = cells(run("several_frfs.py", "--samples", 2, "--rounds", 1))[2:]
+    assert [row[0] for row in rows] == ["one", "fifteen, one at a time", "fifteen together"]
+    assert rows[0][2] == rows[0][4] == "1.00"
+    for _, milliseconds, over_one, with_jacobian, jacobian_over_one in rows:
+        assert abs(float(milliseconds) / float(rows[0][1]) - float(over_one)) < 0.05 * float(over_one)
+        assert abs(float(with_jacobian) / float(rows[0][3]) - float(jacobian_over_one)) < 0.05 * float(
+            jacobian_over_one
+        )
+
+
 def test_the_cost_benchmark_prints_a_slope_for_each_quantity(tmp_path):
     printed = run("cost.py", "--points", 2, "--rounds", 1, "-o", tmp_path)
     slopes = {

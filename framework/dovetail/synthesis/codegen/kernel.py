@@ -6,7 +6,8 @@ a vector of frequencies stay in the first-level cache for all samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from dovetail.synthesis.codegen.layout import MATRICES, Layout
 from dovetail.synthesis.codegen.vector_ir import (
@@ -46,6 +47,8 @@ class KernelWriter:
         Takes the instructions for one sample and one vector of frequencies.
     scratch : int
         Number of doubles of the scratch memory.
+    rank : dict of int to int
+        Position of each DOF in the order of elimination.
     points : list of int
         The DOFs of the pairs, in the order of elimination.
     """
@@ -56,6 +59,7 @@ class KernelWriter:
         self.ir = VectorWriter()
         self.scratch = 0
         self._tables: list[str] = []
+        self.rank = {int(dof): position for position, dof in enumerate(program.order)}
         used = {dof for pair in layout.pairs for dof in pair}
         self.points = [int(dof) for dof in program.order[len(program.order) - len(used) :]]
 
@@ -166,15 +170,6 @@ class KernelWriter:
         both = ir.value(f"shufflevector {halves}, <{2 * WIDTH} x i32> <{mask}>")
         return both, ir.value(f"getelementptr {{double, double}}, ptr {pointer}, i64 {index}")
 
-    def symmetric_product(self, x: str, y: str, row: str | int, column: str | int) -> ComplexVector:
-        """Return (x_r y_c + x_c y_r) / 2 of two motions in memory, the weight of an entry in x^T dZ y."""
-        ir, (x_row, y_row) = self.ir, (self.load_pair(motion, row) for motion in (x, y))
-        if row == column:
-            return ir.complex_product(x_row, y_row)
-        x_column, y_column = (self.load_pair(motion, column) for motion in (x, y))
-        real, imaginary = ir.complex_multiply_add(x_row, y_column, ir.complex_product(x_column, y_row))
-        return ir.product(real, constant(0.5)), ir.product(imaginary, constant(0.5))
-
     def dynamic_stiffness(self, sums: Mapping[str, ComplexVector]) -> ComplexVector:
         """Return K + iD + i omega C - omega^2 M; a matrix that is not in `sums` is zero."""
         ir = self.ir
@@ -227,6 +222,97 @@ class KernelWriter:
         single = ir.value(f"fptrunc {VECTOR} {value} to <{WIDTH} x float>")
         address = ir.value(f"getelementptr float, ptr %out, i64 {self._element(self._row(pair))}")
         ir.emit(f"store <{WIDTH} x float> {single}, ptr {address}, align 4")
+
+    def differentiate(self, motions: str) -> None:
+        """Store -x_o^T (dZ/dp) x_i of each pair for each parameter, with loops over tables.
+
+        `motions` is a region with the motion of all DOFs in their order for a unit force at each of the points.
+        """
+        slots = {slot for _, slot, _ in self.layout.derivatives}
+        slots.update(slot for _, slot in self.layout.spectral_derivatives)
+        product_of = {slot: row for row, slot in enumerate(sorted(slots))}
+        products = self.region("products", 2 * len(product_of))
+        places = [self.table(self.points.index(pair[end]) for pair in self.layout.pairs) for end in (0, 1)]
+
+        def store(pair: str, _: list[str]) -> list[str]:
+            x, y = (self.within(motions, self.entry(table, pair), len(self.rank)) for table in places)
+            self._multiply_motions(x, y, products, list(product_of))
+            self._store_derivatives(pair, products, product_of)
+            return []
+
+        self.ir.loop(0, len(self.layout.pairs), store)
+
+    def _multiply_motions(self, x: str, y: str, products: str, slots: list[int]) -> None:
+        """Multiply the entries of two motions that each differentiated slot couples."""
+        rows = self.table(self.rank[int(dof)] for dof in self.program.rows[slots])
+        columns = self.table(self.rank[int(dof)] for dof in self.program.columns[slots])
+
+        def multiply(index: str, _: list[str]) -> list[str]:
+            row, column = self.entry(rows, index), self.entry(columns, index)
+            if len(self.points) == 1:
+                product = self.ir.complex_product(self.load_pair(x, row), self.load_pair(x, column))
+            else:
+                product = self._symmetric_product(x, y, row, column)
+            self.store_pair(products, index, product)
+            return []
+
+        self.ir.loop(0, len(slots), multiply)
+
+    def _symmetric_product(self, x: str, y: str, row: str, column: str) -> ComplexVector:
+        """Return (x_r y_c + x_c y_r) / 2 of two motions, by which an entry of the lower triangle is weighted."""
+        x_row, y_row, x_column, y_column = (self.load_pair(motion, at) for at in (row, column) for motion in (x, y))
+        real, imaginary = self.ir.complex_multiply_add(x_row, y_column, self.ir.complex_product(x_column, y_row))
+        return self.ir.product(real, constant(0.5)), self.ir.product(imaginary, constant(0.5))
+
+    def _store_derivatives(self, pair: str, products: str, product_of: Mapping[int, int]) -> None:
+        """Store the weighted sum of products for each parameter."""
+        ir, layout, factor = self.ir, self.layout, self.factor(pair)
+        tables = {matrix: self._derivative_tables(matrix, product_of) for matrix in MATRICES}
+        starts = self.table(_starts([parameter for parameter, _ in layout.spectral_derivatives], layout.parameters))
+        rows = self.table(product_of[slot] for _, slot in layout.spectral_derivatives)
+
+        def parameter(index: str, _: list[str]) -> list[str]:
+            after = ir.value(f"add i64 {index}, 1")
+            sums = {matrix: self._sum_products(products, *tables[matrix], index, after) for matrix in MATRICES}
+            total = self.dynamic_stiffness(sums)
+
+            def add(row: str, sums: list[str]) -> list[str]:
+                weight = self.load_complex("%spectral_weights", "%spectral_weight_row", row)
+                product = self.load_pair(products, self.entry(rows, row))
+                real, imaginary = ir.complex_multiply_add(weight, product, (sums[0], sums[1]))
+                return [str(real), str(imaginary)]
+
+            first, last = self.entry(starts, index), self.entry(starts, after)
+            real, imaginary = ir.loop(first, last, add, [(VECTOR, str(half)) for half in total])
+            self.store_derivative(pair, index, (real, imaginary), factor)
+            return []
+
+        ir.loop(0, layout.parameters, parameter)
+
+    def _derivative_tables(self, matrix: str, product_of: Mapping[int, int]) -> tuple[str, str, str]:
+        """Return tables of the first entry of each parameter, and of each entry's column and product."""
+        entries = [
+            (parameter, column, product_of[slot])
+            for column, (parameter, slot, kind) in enumerate(self.layout.derivatives)
+            if kind == matrix
+        ]
+        starts = _starts([parameter for parameter, _, _ in entries], self.layout.parameters)
+        return self.table(starts), self.table(c for _, c, _ in entries), self.table(p for _, _, p in entries)
+
+    def _sum_products(
+        self, products: str, starts: str, columns: str, rows: str, index: str, after: str
+    ) -> ComplexVector:
+        """Add up the weighted products of one parameter and one matrix."""
+        ir = self.ir
+
+        def add(entry: str, sums: list[str]) -> list[str]:
+            weight = ir.broadcast(ir.load("%weights_here", self.entry(columns, entry), "double"))
+            product = self.load_pair(products, self.entry(rows, entry))
+            return [str(ir.multiply_add(weight, x, total)) for x, total in zip(product, sums, strict=True)]
+
+        first, last = self.entry(starts, index), self.entry(starts, after)
+        real, imaginary = ir.loop(first, last, add, [(VECTOR, ZERO)] * 2)
+        return real, imaginary
 
     def function(self) -> str:
         """Return the LLVM IR of the function: the instructions, in loops over vectors of frequencies and over samples.
@@ -292,3 +378,8 @@ class KernelWriter:
             f"  %spectral_weight_row = mul i64 %sample, {2 * len(layout.spectral_derivatives)}",
             f"  %frf_row = mul i64 %sample, {len(layout.pairs)}",
         ]
+
+
+def _starts(parameters: Sequence[int], count: int) -> list[int]:
+    """Return where each parameter begins in a sorted list, and its end."""
+    return [bisect_left(parameters, parameter) for parameter in range(count + 1)]

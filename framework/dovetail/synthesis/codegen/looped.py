@@ -7,7 +7,6 @@ code does not fit the instruction cache and takes seconds to compile.
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -28,16 +27,12 @@ class _LoopedKernel(KernelWriter):
     def __init__(self, program: Program, layout: Layout) -> None:
         super().__init__(program, layout)
         size, count = len(program.order), len(self.points)
-        self._rank = {int(dof): position for position, dof in enumerate(program.order)}
         self._work = self.region("work", 2 * program.slots)
         self._factors = self.region("factors", 2 * len(program.column))
         self._sizes = self.region("sizes", size)
         self._numbered_terms = list(enumerate(layout.terms))
         self._between = self.region("between", 2 * count**2)
         self._motions = self.region("motions", 2 * size * count)
-        slots = {slot for _, slot, _ in layout.derivatives} | {slot for _, slot in layout.spectral_derivatives}
-        self._product_of = {slot: row for row, slot in enumerate(sorted(slots))}
-        self._products = self.region("products", 2 * len(self._product_of))
 
     def source(self, amplitude: bool) -> str:
         self._fill_slots()
@@ -46,7 +41,7 @@ class _LoopedKernel(KernelWriter):
         self.store_frfs(self._load_between, scale, bad, amplitude=amplitude)
         if self.layout.parameters:
             self.ir.loop(0, len(self.points), self._substitute)
-            self.ir.loop(0, len(self.layout.pairs), self._differentiate)
+            self.differentiate(self._motions)
         self.raise_flag(bad)
         return self.function()
 
@@ -171,7 +166,7 @@ class _LoopedKernel(KernelWriter):
             return
         before = len(program.order) - count
         diagonal, start = self.table(program.diagonal[before:]), self.table(program.start[before:])
-        rows = self.table(self._rank[int(program.rows[slot])] - before for slot in program.column)
+        rows = self.table(self.rank[int(program.rows[slot])] - before for slot in program.column)
 
         def point(index: str, _: list[str]) -> list[str]:
             here = ir.value(f"sub i64 {count - 2}, {index}")
@@ -202,9 +197,12 @@ class _LoopedKernel(KernelWriter):
         """Substitute back for the motion under a unit force at a point, in the order of elimination."""
         ir, program, count = self.ir, self.program, len(self.points)
         before = len(program.order) - count
-        between, motion = self.within(self._between, force, count), self._motion(force)
+        between, motion = (
+            self.within(self._between, force, count),
+            self.within(self._motions, force, len(program.order)),
+        )
         start = self.table(program.start)
-        ranks = self.table(self._rank[int(row)] for row in program.rows[program.column])
+        ranks = self.table(self.rank[int(row)] for row in program.rows[program.column])
         for at in range(count):
             self.store_pair(motion, before + at, self.load_pair(between, at))
 
@@ -223,85 +221,6 @@ class _LoopedKernel(KernelWriter):
 
         ir.loop(0, before, pivot)
         return []
-
-    def _motion(self, point: str) -> str:
-        """Return the pointer to the motion under a unit force at a point."""
-        return self.within(self._motions, point, len(self.program.order))
-
-    def _multiply_motions(self, pair: str) -> None:
-        """Multiply the motions, under unit forces at output and input of a pair, that each slot couples."""
-        slots, pairs = list(self._product_of), self.layout.pairs
-        rows = self.table(self._rank[int(dof)] for dof in self.program.rows[slots])
-        columns = self.table(self._rank[int(dof)] for dof in self.program.columns[slots])
-        places = [self.table(self.points.index(ends[end]) for ends in pairs) for end in (0, 1)]
-        x, y = (self._motion(self.entry(table, pair)) for table in places)
-
-        def multiply(index: str, _: list[str]) -> list[str]:
-            row, column = self.entry(rows, index), self.entry(columns, index)
-            if len(self.points) == 1:
-                product = self.ir.complex_product(self.load_pair(x, row), self.load_pair(x, column))
-            else:
-                product = self.symmetric_product(x, y, row, column)
-            self.store_pair(self._products, index, product)
-            return []
-
-        self.ir.loop(0, len(slots), multiply)
-
-    def _differentiate(self, pair: str, _: list[str]) -> list[str]:
-        """Store -x_o^T (dZ/dp) x_i of a pair for each parameter."""
-        ir, layout = self.ir, self.layout
-        self._multiply_motions(pair)
-        factor = self.factor(pair)
-        tables = {matrix: self._derivative_tables(matrix) for matrix in MATRICES}
-        starts = self.table(_starts([parameter for parameter, _ in layout.spectral_derivatives], layout.parameters))
-        products = self.table(self._product_of[slot] for _, slot in layout.spectral_derivatives)
-
-        def parameter(index: str, _: list[str]) -> list[str]:
-            after = ir.value(f"add i64 {index}, 1")
-            sums = {matrix: self._weighted_sum(*tables[matrix], index, after) for matrix in MATRICES}
-            total = self.dynamic_stiffness(sums)
-
-            def add(row: str, sums: list[str]) -> list[str]:
-                weight = self.load_complex("%spectral_weights", "%spectral_weight_row", row)
-                product = self.load_pair(self._products, self.entry(products, row))
-                real, imaginary = ir.complex_multiply_add(weight, product, (sums[0], sums[1]))
-                return [str(real), str(imaginary)]
-
-            first, last = self.entry(starts, index), self.entry(starts, after)
-            real, imaginary = ir.loop(first, last, add, [(VECTOR, str(half)) for half in total])
-            self.store_derivative(pair, index, (real, imaginary), factor)
-            return []
-
-        ir.loop(0, layout.parameters, parameter)
-        return []
-
-    def _derivative_tables(self, matrix: str) -> tuple[str, str, str]:
-        """Return tables of the first entry of each parameter, and of each entry's column and product."""
-        entries = [
-            (parameter, column, self._product_of[slot])
-            for column, (parameter, slot, kind) in enumerate(self.layout.derivatives)
-            if kind == matrix
-        ]
-        starts = _starts([parameter for parameter, _, _ in entries], self.layout.parameters)
-        return self.table(starts), self.table(c for _, c, _ in entries), self.table(p for _, _, p in entries)
-
-    def _weighted_sum(self, starts: str, columns: str, products: str, index: str, after: str) -> ComplexVector:
-        """Add up the weighted products of one parameter and one matrix."""
-        ir = self.ir
-
-        def add(entry: str, sums: list[str]) -> list[str]:
-            weight = ir.broadcast(ir.load("%weights_here", self.entry(columns, entry), "double"))
-            product = self.load_pair(self._products, self.entry(products, entry))
-            return [str(ir.multiply_add(weight, x, total)) for x, total in zip(product, sums, strict=True)]
-
-        first, last = self.entry(starts, index), self.entry(starts, after)
-        real, imaginary = ir.loop(first, last, add, [(VECTOR, ZERO)] * 2)
-        return real, imaginary
-
-
-def _starts(parameters: Sequence[int], count: int) -> list[int]:
-    """Return where each parameter begins in a sorted list, and its end."""
-    return [bisect_left(parameters, parameter) for parameter in range(count + 1)]
 
 
 def looped_kernel_source(program: Program, layout: Layout, *, amplitude: bool = False) -> tuple[str, int]:

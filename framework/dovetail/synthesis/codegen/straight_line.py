@@ -26,7 +26,6 @@ class _StraightLineKernel(KernelWriter):
         self._factors: dict[int, list[ComplexVector]] = {}
         self._inverses: dict[int, ComplexVector] = {}
         self._between: dict[tuple[int, int], ComplexVector] = {}
-        self._rank = {int(dof): position for position, dof in enumerate(program.order)}
         self._bad: str | None = None
         self._static = {key: row for row, key in enumerate(layout.static)}
         self._terms = {key: column for column, key in enumerate(layout.terms)}
@@ -42,7 +41,7 @@ class _StraightLineKernel(KernelWriter):
         if self.layout.parameters and len(self.points) == 1:
             self._differentiate_drive_point()
         elif self.layout.parameters:
-            self._differentiate()
+            self.differentiate(self._substitute())
         self.raise_flag(bad)
         return self.function()
 
@@ -112,7 +111,7 @@ class _StraightLineKernel(KernelWriter):
         With Z = L D L^T, L^T H = D^-1 L^-1 is lower triangular, with the inverse pivots on its diagonal (Takahashi,
         Fagan, Chin 1973). H is symmetric bit for bit.
         """
-        pivot, later = sorted((self._rank[one], self._rank[other]))
+        pivot, later = sorted((self.rank[one], self.rank[other]))
         if (pivot, later) not in self._between:
             value: ComplexVector = self._inverses[pivot] if pivot == later else (None, None)
             for factor, row in self._below(pivot):
@@ -130,59 +129,43 @@ class _StraightLineKernel(KernelWriter):
             motion[int(self.program.order[pivot])] = x
         return motion
 
-    def _ends(self) -> dict[int, tuple[int, int]]:
-        """Return row and column of each slot by whose product of motions derivatives are weighted."""
-        slots = {slot for _, slot, _ in self.layout.derivatives}
-        slots.update(slot for _, slot in self.layout.spectral_derivatives)
-        return {slot: (int(self.program.rows[slot]), int(self.program.columns[slot])) for slot in sorted(slots)}
-
     def _differentiate_drive_point(self) -> None:
         """Store -x^T (dZ/dp) x for each parameter, x the motion under a unit force at the only point."""
         ir, point = self.ir, self.points[0]
         x = self._motion({point: self._receptance(point, point)})
-        products = {slot: ir.complex_product(x[row], x[column]) for slot, (row, column) in self._ends().items()}
-        self._store_derivatives(range(len(self.layout.pairs)), products)
-
-    def _differentiate(self) -> None:
-        """Store -x_o^T (dZ/dp) x_i of each pair, x_o and x_i the motions under unit forces at output and input.
-
-        Motions and pairs are run through in loops, so that the code is no longer for many of them.
-        """
-        ir, count, ends = self.ir, len(self.points), self._ends()
-        moving = {dof: at for at, dof in enumerate(sorted({dof for pair in ends.values() for dof in pair}))}
-        between, motions = self.region("between", 2 * count**2), self.region("motions", 2 * count * len(moving))
-        for at, (one, other) in enumerate((one, other) for one in self.points for other in self.points):
-            self.store_pair(between, at, self._receptance(one, other))
-
-        def substitute(index: str, _: list[str]) -> list[str]:
-            force, x = self.within(between, index, count), self.within(motions, index, len(moving))
-            motion = self._motion({dof: self.load_pair(force, at) for at, dof in enumerate(self.points)})
-            for dof, at in moving.items():
-                self.store_pair(x, at, motion[dof])
-            return []
-
-        tables = [self.table(self.points.index(pair[end]) for pair in self.layout.pairs) for end in (0, 1)]
-
-        def differentiate(pair: str, _: list[str]) -> list[str]:
-            x, y = (self.within(motions, self.entry(table, pair), len(moving)) for table in tables)
-            products = {slot: self.symmetric_product(x, y, *(moving[dof] for dof in ends[slot])) for slot in ends}
-            self._store_derivatives([pair], products)
-            return []
-
-        ir.loop(0, count, substitute)
-        ir.loop(0, len(self.layout.pairs), differentiate)
-
-    def _store_derivatives(self, pairs: Sequence[str | int], products: Mapping[int, ComplexVector]) -> None:
-        """Store the derivative by each parameter for pairs with these products of motions."""
+        slots = {slot for _, slot, _ in self.layout.derivatives}
+        slots.update(slot for _, slot in self.layout.spectral_derivatives)
+        ends = {slot: (int(self.program.rows[slot]), int(self.program.columns[slot])) for slot in sorted(slots)}
+        products = {slot: ir.complex_product(x[row], x[column]) for slot, (row, column) in ends.items()}
         by_parameter: list[dict[str, list[tuple[int, int]]]] = [{} for _ in range(self.layout.parameters)]
         for column, (parameter, slot, matrix) in enumerate(self.layout.derivatives):
             by_parameter[parameter].setdefault(matrix, []).append((column, slot))
-        factors = [(pair, self.factor(pair)) for pair in pairs]
+        factors = [(pair, self.factor(pair)) for pair in range(len(self.layout.pairs))]
         for parameter, by_matrix in enumerate(by_parameter):
             sums = {matrix: self._weighted_sum(columns, products) for matrix, columns in by_matrix.items()}
             total = self._add_spectral_derivatives(parameter, self.dynamic_stiffness(sums), products)
             for pair, factor in factors:
                 self.store_derivative(pair, parameter, total, factor)
+
+    def _substitute(self) -> str:
+        """Substitute back for the motions under unit forces at all points; return the region where they are.
+
+        A loop runs through the points, so that the code is no longer for many of them.
+        """
+        count, size = len(self.points), len(self.rank)
+        between, motions = self.region("between", 2 * count**2), self.region("motions", 2 * count * size)
+        for at, (one, other) in enumerate((one, other) for one in self.points for other in self.points):
+            self.store_pair(between, at, self._receptance(one, other))
+
+        def substitute(index: str, _: list[str]) -> list[str]:
+            force, x = self.within(between, index, count), self.within(motions, index, size)
+            motion = self._motion({dof: self.load_pair(force, at) for at, dof in enumerate(self.points)})
+            for dof, position in self.rank.items():
+                self.store_pair(x, position, motion[dof])
+            return []
+
+        self.ir.loop(0, count, substitute)
+        return motions
 
     def _add_spectral_derivatives(
         self, parameter: int, total: ComplexVector, products: Mapping[int, ComplexVector]
