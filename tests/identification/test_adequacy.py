@@ -216,6 +216,13 @@ def test_a_band_stands_out_by_six_standard_deviations_of_a_window(length):
         assert bool(bands) is shown
 
 
+@pytest.mark.parametrize("lines", [15, 16, 63, 64, 65])
+def test_a_short_measurement_has_bands_in_the_windows_that_fit_into_it(lines):
+    """A square of 5 of each line is an excess of 4: more than 6 / sqrt(16)."""
+    bands = find_deviating_bands(FREQUENCY[:lines], np.full((lines, 2), np.sqrt(5.0)))
+    assert len(bands) == (1 if lines >= 16 else 0)
+
+
 def test_bands_hold_nine_tenths_of_the_excess_and_are_five_at_most():
     large, small = (100, 200, 100.0), (1000, 1100, 8.0)  # 9900 and 700: the first has 93 %
     assert len(find_deviating_bands(FREQUENCY, even(large, small))) == 1

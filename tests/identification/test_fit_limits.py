@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -51,6 +52,17 @@ def test_the_discrepancy_is_what_makes_chi_squared_one(sdof):
     clean = noisy(sdof, sdof.frf(), 1e-4)
     fit = refine(sdof, replace(clean, values=clean.values * (1.0 + ripple)))
     assert fit.discrepancy == pytest.approx(0.01 / np.sqrt(2.0), rel=0.1)
+
+
+def test_a_fit_tells_all_that_says_how_good_it_is(sdof):
+    frf = noisy(sdof, sdof.frf(), 0.01, 1)
+    off = 30.0 * np.sqrt(frf.variance) * (np.arange(len(frf.values)) == 100)
+    fit = refine(sdof, replace(frf, values=frf.values + off))
+    told = json.loads(json.dumps(fit.to_dict()))
+    assert told.pop("ignored_lines_Hz") == [sdof.frequency[100]]
+    assert told.keys() == {"chi_squared", "degrees_of_freedom", "variance_known", "discrepancy", "at_bounds", "starts",
+                           "agreeing", "steps", "seconds"}  # fmt: skip
+    assert told == {name: getattr(fit, name) for name in told}
 
 
 def test_searches_agree_within_a_thousandth_or_one_of_the_sum_of_squares():
@@ -141,6 +153,17 @@ def test_sharp_resonances_do_not_disturb_the_estimate_of_the_noise():
     shown = values + 0.01 * (normal[0] + 1j * normal[1]) / np.sqrt(2.0)
     told = estimated_variance(dovetail.Frf(frequency, shown, "accelerance"))
     assert np.median(told) == pytest.approx(1e-4, rel=0.3)
+
+
+def test_an_eighth_of_the_axis_with_ten_times_the_noise_does_not_disturb_the_rest():
+    """Three of 24 bins of the magnitude; floor and share follow the others."""
+    values = np.geomspace(0.01, 10.0, 9600)
+    truth = 1e-6 + 1e-5 * values**2
+    normal = np.random.default_rng(0).standard_normal((2, 9600))
+    noise = np.sqrt(truth / 2.0) * (normal[0] + 1j * normal[1])
+    noise[-1200:] *= 10.0
+    told = estimated_variance(dovetail.Frf(np.arange(1.0, 9601.0), values + noise, "accelerance"))
+    np.testing.assert_allclose(told[:-1200], truth[:-1200], rtol=0.2)
 
 
 def amplitudes(values):

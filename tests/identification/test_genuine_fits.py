@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from dovetail.identification.fitting.least_squares import Linearisation, minimis
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.random_error import known_variance, residual_variance
 from dovetail.identification.fitting.search_lines import missed_resonances, search_lines, thinned_lines
-from dovetail.identification.fitting.whiteness import is_white
+from dovetail.identification.fitting.whiteness import assess_runs, is_white
 
 
 def resonances(frequency, *poles, loss=2e-3):
@@ -57,14 +58,41 @@ def test_noise_is_white_and_a_shift_in_one_place_is_not(lines):
     assert not is_white(residuals)
 
 
+@pytest.mark.parametrize(("lines", "run"), [(7, 0), (8, 8), (15, 8), (16, 16), (31, 16), (32, 32)])
+def test_a_run_is_eight_lines_twice_or_four_times_as_many_and_all_of_them_at_most(lines, run):
+    """Two residuals of 1 for each line: the squares of both sums over n lines, each over n, are 2 n: exp(-n)."""
+    assert assess_runs(np.ones((lines, 2))) == pytest.approx(run / np.log(10.0))
+
+
+def test_large_residuals_of_either_sign_are_no_noise():
+    """Their sum vanishes. 16 squares of 9, as a sum of 8 exponentially distributed numbers: Erlang's distribution."""
+    residuals = 3.0 * np.resize([[1.0], [-1.0]], (8, 1)) * np.ones(2)
+    probability = math.exp(-72.0) * sum(72.0**k / math.factorial(k) for k in range(8))
+    assert assess_runs(residuals) == pytest.approx(-math.log10(probability))
+    assert not is_white(np.concatenate([residuals, np.random.default_rng(0).standard_normal((40, 2))]))
+
+
+@pytest.mark.parametrize(("error", "starts"), [("ripple", 4 + 2 * 8), ("resonance", 4 + 4 * 8)])
+def test_a_model_is_said_not_to_fit_after_three_batches_or_five_where_it_lacks_a_resonance(sdof, error, starts):
+    frequency, frf = sdof.frequency, noisy(sdof, sdof.frf(), 1e-3, 1)
+    ripple = 0.05 * frf.values * np.sin(frequency / 3.0)
+    more = ripple if error == "ripple" else 3e-3 * frf.amplitude.max() * resonances(frequency, 300.0, loss=0.01)
+    fit = refine(sdof, replace(frf, values=frf.values + more))
+    assert fit.discrepancy > 0.01
+    assert fit.agreeing >= 6
+    assert fit.starts == starts
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize(("floor", "share"), [(1e-2, 0.0), (0.0, 1e-4), (1e-3, 1e-4)])
-def test_all_residuals_tell_floor_and_share_of_the_noise(floor, share):
+def test_all_residuals_tell_floor_and_share_of_the_noise_in_any_unit(floor, share, unit):
     frequency = np.linspace(50.0, 1000.0, 2000)
     model = resonances(frequency, 200.0, 550.0)
     truth = floor + share * np.abs(model) ** 2
     normal = np.random.default_rng(4).standard_normal((2, 2000))
     values = model + np.sqrt(truth / 2.0) * (normal[0] + 1j * normal[1])
-    told = residual_variance(dovetail.Frf(frequency, values, "accelerance"), model, np.ones(2000, dtype=bool))
+    measured = dovetail.Frf(frequency, unit * values, "accelerance")
+    told = residual_variance(measured, unit * model, np.ones(2000, dtype=bool)) / unit**2
     np.testing.assert_allclose(told, truth, rtol=0.15, atol=1e-6)
     assert np.mean(np.abs(values - model) ** 2 / told) == pytest.approx(1.0, abs=1e-3)
 
@@ -84,6 +112,8 @@ def test_a_search_looks_at_few_lines_but_at_every_resonance():
     observations = Observations((dovetail.Frf(frequency, values, "accelerance"),))
     few = search_lines(observations, np.full(50_000, 1e-6))
     assert len(few) < 800
+    assert (few[0], few[-1]) == (0, 49_999)
+    assert np.diff(few).max() <= 49_999 / 299 + 1  # 300 lines at equal distances
     tops = [np.argmin(np.abs(frequency - pole)) for pole in poles]
     assert all(np.abs(few - top).min() <= 2 for top in tops)  # a resonance is ten lines wide
     some = thinned_lines(observations, 1000, few)
