@@ -37,6 +37,21 @@ SLOW = (
 )
 """Most are repetitions in tests/physics/test_exactness.py; each of the others takes half a minute or more."""
 
+SLOW_POSTERIORS = (
+    "five_torques",
+    "as_often_as_they_say",
+    "band_of_another_tool",
+    "the_shipped_measurement",
+    "highest_peak",
+    "bands_of_both_forms",
+    "many_searches_are_judged",
+    "modulus_that_is_off",
+    "mass_that_is_two_per_cent_off",
+    "sets_the",
+    "every_error_can_be_allowed",
+)
+"""Whole identifications by `posterior`: 17 minutes of the 20 that its tests take on a busy core."""
+
 
 def _in(folder: str, *names: str) -> tuple[str, ...]:
     return tuple(f"tests/{folder}/test_{name}.py" for name in names)
@@ -72,19 +87,26 @@ PACKAGES = {
         (
             *_in("measurement", "frf_from_signals", "accelerometer_mass", "accelerometer_anywhere", "resampling"),
             *_in("measurement", "tables_with_units", "csv_files", "cutpro_files", "npz_files", "uff_files"),
-            *_in("measurement", "noise", "random_variance", "round_trip"),
-            *_in("description", "sections_of_a_beam", "valid_descriptions", "faults_of_parameters"),
+            *_in("measurement", "noise", "random_variance", "round_trip", "signal_limits", "uff_dofs"),
+            *_in("description", "sections_of_a_beam", "valid_descriptions", "faults_of_parameters", "json_schema"),
+            *_in("cli", "command_convert_and_frf"),
         ),
         SLOW,
     ),
     "fitting": Package(
         ("dovetail/identification/fitting/*",),
-        _in("identification", "fitting", "laplace", "scaling", "resonance_peaks", "several_responses"),
+        (
+            *_in("identification", "fitting", "fit_limits", "genuine_fits", "adequacy", "laplace", "scaling"),
+            *_in("identification", "resonance_peaks", "several_responses"),
+        ),
         SLOW,
     ),
     "posterior": Package(
         ("dovetail/identification/posterior/*",),
-        _in("identification", "posterior", "laplace", "model_errors", "frequency_average"),
-        SLOW,
+        (
+            *_in("identification", "posterior", "posterior_limits", "sampling_weights", "laplace"),
+            *_in("identification", "model_errors", "model_error_size", "frequency_average"),
+        ),
+        (*SLOW, *SLOW_POSTERIORS),
     ),
 }

@@ -50,6 +50,25 @@ if os.environ.get("MUTANT_UNDER_TEST") == "stats":  # mutmut counts only in the 
     os.environ["MUTANT_UNDER_TEST"] = ""
 """
 """What Python runs first in the processes that tests start."""
+MUTMUT = """from mutmut.__main__ import cli
+from mutmut.runners.harness import BadTestExecutionCommandsException, PytestRunner
+
+forced_fail = PytestRunner.run_forced_fail
+
+
+def run_forced_fail(self):
+    try:
+        return forced_fail(self)
+    except BadTestExecutionCommandsException:
+        return 1
+
+
+PytestRunner.run_forced_fail = run_forced_fail
+cli()
+"""
+"""mutmut, which makes every mutated function raise once, to see that tests fail then. A conftest that calls one while
+it is loaded, as that of tests/description does with `InUnit`, makes pytest end with the exit code of a wrong command
+line; the run before, of the same tests without mutants, has shown that there is nothing wrong with it."""
 
 
 def lay_out(package: Package, root: Path, folder: Path) -> None:
@@ -85,7 +104,7 @@ def run_mutmut(sample: list[Mutant]) -> None:
     """Test each mutant of the sample in a process of its own, one after the other."""
     one_thread = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
     environment = {**os.environ, **one_thread, "PYTHONPATH": str(Path("mutants/src").absolute())}
-    command = [sys.executable, "-c", "from mutmut.__main__ import cli; cli()", "run", "--max-children", "1"]
+    command = [sys.executable, "-c", MUTMUT, "run", "--max-children", "1"]
     subprocess.run([*command, *(mutant.name for mutant in sample)], env=environment, check=True)
 
 
