@@ -155,9 +155,9 @@ class _LoopedKernel(KernelWriter):
         self.store_pair(self._between, len(self.points) ** 2 - 1, inverse)
         return scale, self.ir.value(f"or {MASK} {bad}, {small}")
 
-    def _load_between(self, one: int, other: int) -> ComplexVector:
+    def _load_between(self, output: int, force: int) -> ComplexVector:
         """Load the receptance between two of the points."""
-        return self.load_pair(self._between, len(self.points) * self.points.index(one) + self.points.index(other))
+        return self.load_pair(self._between, len(self.points) * self.points.index(output) + self.points.index(force))
 
     def _substitute_between_points(self) -> None:
         """Fill the receptances between the points from the last one back, by the formula of straight-line code."""

@@ -7,6 +7,7 @@ form for systems of up to some hundred multiplications. Larger ones take long to
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 from dovetail.synthesis.codegen.kernel import KernelWriter
 from dovetail.synthesis.codegen.layout import Layout
@@ -105,13 +106,13 @@ class _StraightLineKernel(KernelWriter):
         rows = self.program.rows[self.program.column[self.program.start[pivot] : self.program.start[pivot + 1]]]
         return [(factor, int(row)) for factor, row in zip(self._factors[pivot], rows, strict=True)]
 
-    def _receptance(self, one: int, other: int) -> ComplexVector:
+    def _receptance(self, output: int, force: int) -> ComplexVector:
         """Return an entry of the inverse between two of the points, from those of points eliminated later.
 
         With Z = L D L^T, L^T H = D^-1 L^-1 is lower triangular, with the inverse pivots on its diagonal (Takahashi,
         Fagan, Chin 1973). H is symmetric bit for bit.
         """
-        pivot, later = sorted((self.rank[one], self.rank[other]))
+        pivot, later = sorted((self.rank[output], self.rank[force]))
         if (pivot, later) not in self._between:
             value: ComplexVector = self._inverses[pivot] if pivot == later else (None, None)
             for factor, row in self._below(pivot):
@@ -154,8 +155,8 @@ class _StraightLineKernel(KernelWriter):
         """
         count, size = len(self.points), len(self.rank)
         between, motions = self.region("between", 2 * count**2), self.region("motions", 2 * count * size)
-        for at, (one, other) in enumerate((one, other) for one in self.points for other in self.points):
-            self.store_pair(between, at, self._receptance(one, other))
+        for at, (output, force) in enumerate(product(self.points, repeat=2)):
+            self.store_pair(between, at, self._receptance(output, force))
 
         def substitute(index: str, _: list[str]) -> list[str]:
             force, x = self.within(between, index, count), self.within(motions, index, size)
