@@ -22,7 +22,7 @@ def test_the_commands_of_the_page_run(tmp_path):
     environment = {**os.environ, "PATH": path, "OMP_NUM_THREADS": "1"}
     text = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
     commands = "".join(re.findall(r"^```bash\n(.*?)^```", text, flags=re.S | re.M)).strip().splitlines()
-    assert len(commands) == 10
+    assert len(commands) == 12
     for command in commands:
         done = subprocess.run(command, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, f"{command}\n{done.stderr}"
@@ -35,6 +35,7 @@ def test_the_commands_of_the_page_run(tmp_path):
     turned = dovetail.read_frf(tmp_path / "bare.uff")
     assert (turned.response, turned.force) == ("3+x", "1-x")
     np.testing.assert_allclose(turned.values, -bare.values, rtol=1e-11)
+    np.testing.assert_allclose(dovetail.read_modal_parameters(tmp_path / "modes.csv").damping_ratio, [0.0031, 0.005])
     estimated = dovetail.read_frf(tmp_path / "from_signals.uff")
     kept = np.isin(estimated.frequency, shipped.frequency)
     np.testing.assert_allclose(estimated.values[kept], shipped.values, rtol=1e-4)

@@ -67,8 +67,7 @@ def test_the_line_at_zero_is_left_out(tmp_path: Path) -> None:
         ("frequency_Hz real imag\n", "a.csv\n  there is no line after the header."),
         (
             "1,2,3\n4,5,6\n",
-            "a.csv:1\n  the table has no header.\n  Say what the columns hold, for example --columns "
-            f"frequency,real,imag (in Python columns=...).  {HEADERS}",
+            f"a.csv:1\n  the table has no header.\n  {SAY}  {HEADERS}",
         ),
         (RECTANGULAR, "a.csv\n  there is no line after the header."),
         (

@@ -124,7 +124,7 @@ def test_quoted_cells(tmp_path: Path) -> None:
 
 SAY = "Say what each column holds: --columns frequency,real,imag,skip (in Python columns=...)."
 FAULTS = {
-    "1 2 3\n2 3 4\n": "a.txt:1\n  the table has no header.\n  Say what the columns hold, for example --columns freq",
+    "1 2 3\n2 3 4\n": "a.txt:1\n  the table has no header.\n  Say what each column holds: --columns freq",
     f"{PROTOCOL}1,5;2;3\n2;3;4\n": "a.txt:8\n  the table has no header.\n",
     "f;re;im\n1,5;2;3\n1.234;2;3\n": "a.txt:3\n  numbers have a comma (line 2) and a point (line 3): which is decimal",
     "f;re;im\n1.234,5;2;3\n": "a.txt:2\n  numbers have a comma (line 2) and a point (line 2): which is decimal",

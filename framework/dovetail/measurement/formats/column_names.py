@@ -39,7 +39,7 @@ _MOTION_NAMES: dict[str, Quantity] = {
 }
 FIELD_NAMES: dict[str, tuple[str, ...]] = {
     "frequency": ("frequency", "frequency_hz", "frequencies", "freq", "freq_hz", "f", "f_hz"),
-    "values": ("values", "value", "frf", "h", "h1", "h2", "hv", *_QUANTITY_NAMES),
+    "values": ("values", "value", "frf", "h", "h1", "h2", "hv", "responsedata", *_QUANTITY_NAMES),
     "real": ("real", "re", "real_part"),
     "imag": ("imag", "im", "imaginary", "imag_part", "imaginary_part"),
     "amplitude": ("amplitude", "magnitude", "mag", "abs", "modulus"),

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats.frd import closed_entry, with_frd_units
 from dovetail.measurement.formats.guarded_process import Form, read_guarded
 from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
 from dovetail.measurement.recording import ReadOptions, Recording
@@ -27,6 +28,8 @@ _STARTS = (0, *(512 << power for power in range(18)))
 _MOST_OBJECTS = 2000
 _DEEPEST = 8
 _LONGEST_TEXT = 4000
+_CLOSED = "class of an object that only MATLAB opens"
+"""Under this an entry has the name of its class."""
 _COMPLEX = (("r", "i"), ("real", "imag"), ("re", "im"))
 
 
@@ -71,7 +74,12 @@ def open_hdf5(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
 
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            yield Archive(path, dict(_entries(path, file, "", 0, [0], matlab)), _text_attributes(file))
+            entries = dict(_entries(path, file, "", 0, [0], matlab))
+            if matlab:
+                labels = {name: label for name, entry in entries.items() if (label := entry.attributes.get(_CLOSED))}
+                entries = with_frd_units(path, {name: entries[name] for name in entries if name not in labels}, "/")
+                entries |= {name: closed_entry(path, name, label, entries) for name, label in labels.items()}
+            yield Archive(path, entries, _text_attributes(file))
     except MeasurementError:
         raise
     except Exception as error:  # the library raises OSError, RuntimeError, KeyError and others for damaged files
@@ -94,8 +102,28 @@ def _entries(
         if isinstance(item, h5py.Group):
             yield from _entries(path, item, f"{prefix}{name}/", depth + 1, count, matlab)
         elif isinstance(item, h5py.Dataset) and not item.is_virtual and not item.external:
-            what = f"{item.shape} {item.dtype}"
-            yield f"{prefix}{name}", Entry(what, partial(_array, path, item, matlab), _text_attributes(item))
+            yield from _dataset_entries(path, item, f"{prefix}{name}", matlab, count)
+
+
+def _dataset_entries(
+    path: Path, item: h5py.Dataset, name: str, matlab: bool, count: list[int]
+) -> Iterator[tuple[str, Entry]]:
+    """Yield a dataset, or what the references of a MATLAB cell lead to, numbered from 1."""
+    import h5py
+
+    attributes = _text_attributes(item)
+    label = attributes.get("MATLAB_class", "") if matlab else ""
+    if label == "cell" and h5py.check_ref_dtype(item.dtype) is h5py.Reference and 0 < item.size <= _MOST_OBJECTS:
+        for number, reference in enumerate(item[()].ravel(), start=1):
+            count[0] += 1
+            target = item.file[reference] if reference else None
+            if count[0] <= _MOST_OBJECTS and isinstance(target, h5py.Dataset) and not target.external:
+                yield from _dataset_entries(path, target, f"{name}{{{number}}}", matlab, count)
+        return
+    if label and "MATLAB_object_decode" in item.attrs and label not in ("char", "logical"):
+        attributes = {_CLOSED: label}
+    what = "text" if label == "char" else f"{item.shape} {item.dtype}"
+    yield name, Entry(what, partial(_array, path, item, matlab), attributes)
 
 
 def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:

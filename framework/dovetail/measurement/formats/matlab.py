@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import struct
+import zlib
 from collections.abc import Iterator, Sequence
 from functools import partial
 from math import prod
@@ -13,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats.frd import closed_entry, with_frd_units
 from dovetail.measurement.formats.guarded_process import Form, read_guarded
 from dovetail.measurement.formats.hdf5 import SIGNATURE
 from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
@@ -22,9 +25,16 @@ __all__ = ["decode", "form_of", "workspace"]
 
 _VERSION = slice(124, 128)
 _VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")
-_NO_NUMBERS = ("cell", "struct", "object", "sparse", "function", "opaque")
-"""Classes, as scipy calls them, whose shape does not say how much they hold."""
-_NOT_READ = "of a class that is not read (cell, sparse, object, function handle, array of structs)"
+_CELL, _STRUCT, _OBJECT, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 5, 16, 17
+"""Numbers of classes, in MATLAB's description of the format; those of numbers and texts are 4 and 6 to 15."""
+_NO_NUMBERS = (_CELL, _STRUCT, _OBJECT, _SPARSE, _FUNCTION, _OPAQUE)
+"""Classes whose shape does not say how much they hold."""
+_HEADER = 1000
+"""Bytes within which the class, the shape and the name of a variable stand."""
+_COMPRESSED = 10_000
+"""Bytes that unpack to a header, whatever their compression."""
+_MOST_CELLS = 1000
+_NOT_READ = "of a class that is not read (sparse, object, function handle, array of structs)"
 _ITEM = 16
 """Bytes of the largest number, a complex one in double precision."""
 _MOST_NUMBERS = 12_500_000
@@ -66,12 +76,17 @@ def workspace(path: Path, content: bytes) -> Archive:
     MeasurementError
         Damaged, truncated, or more than an FRF needs.
     """
-    from scipy.io import loadmat, whosmat
+    from scipy.io import loadmat
 
     try:
-        _check_sizes(path, whosmat(io.BytesIO(content)))
-        variables = {name: value for name, value in loadmat(io.BytesIO(content)).items() if not name.startswith("__")}
-        return Archive(path, {key: entry for name in variables for key, entry in _entries(path, name, variables[name])})
+        listed = list(_variables(content))
+        _check_sizes(path, listed)
+        closed = {name: label for name, _, kind, label in listed if kind in (_FUNCTION, _OPAQUE)}
+        wanted = [name for name, _, _, _ in listed if name and name not in closed]
+        variables = loadmat(io.BytesIO(content), variable_names=wanted)
+        entries = {key: entry for name in wanted for key, entry in _entries(path, name, variables[name])}
+        objects = {name: closed_entry(path, name, label, entries) for name, label in closed.items()}
+        return Archive(path, with_frd_units(path, entries, ".") | objects)
     except MeasurementError:
         raise
     except MemoryError:
@@ -81,9 +96,44 @@ def workspace(path: Path, content: bytes) -> Archive:
         raise MeasurementError(Fault(str(path), f"the workspace is damaged or truncated: {reason}.")) from None
 
 
-def _check_sizes(path: Path, variables: Sequence[tuple[str, tuple[int, ...], str]]) -> None:
+def _variables(content: bytes) -> Iterator[tuple[str, tuple[int, ...], int, str]]:
+    """Yield name, shape, number of the class and, of an object that only MATLAB opens, the class of each variable.
+
+    scipy's `whosmat` fails where there is one such object.
+    """
+    order = "<" if content[126:128] == b"IM" else ">"
+    position = 128
+    while position + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}2I", content, position)
+        start = content[position + 8 : position + 8 + min(size, _COMPRESSED)]
+        if kind == 15:
+            start = zlib.decompressobj().decompress(start, _HEADER)[8:]
+        position += 8 + size
+        fields = [data for _, data in zip(range(4), _elements(start[:_HEADER], order), strict=False)]
+        number = struct.unpack_from(f"{order}I", fields[0])[0] & 0xFF
+        if number == _OPAQUE:
+            yield fields[1].decode("latin-1"), (), number, fields[3].decode("latin-1")
+        else:
+            shape = struct.unpack_from(f"{order}{len(fields[1]) // 4}i", fields[1])
+            yield fields[2].decode("latin-1"), shape, number, "function handle"
+
+
+def _elements(content: bytes, order: str) -> Iterator[bytes]:
+    """Yield the data of the elements of a variable; four bytes or less stand in the tag itself."""
+    position = 0
+    while position + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}2I", content, position)
+        if kind >> 16:
+            yield content[position + 4 : position + 4 + (kind >> 16)]
+            position += 8
+        else:
+            yield content[position + 8 : position + 8 + size]
+            position += 8 + size + -size % 8
+
+
+def _check_sizes(path: Path, variables: Sequence[tuple[str, tuple[int, ...], int, str]]) -> None:
     """Refuse numbers that are too many before they are unpacked."""
-    sizes = {name: 0 if kind in _NO_NUMBERS else prod(shape) for name, shape, kind in variables}
+    sizes = {name: 0 if kind in _NO_NUMBERS else prod(shape) for name, shape, kind, _ in variables}
     for number, (name, size) in enumerate(sizes.items(), start=1):
         if size * _ITEM > LARGEST_ARRAY:
             problem = f"the workspace is damaged: '{name}' has {size:,} numbers, far more than an FRF needs."
@@ -92,12 +142,17 @@ def _check_sizes(path: Path, variables: Sequence[tuple[str, tuple[int, ...], str
         raise MeasurementError(Fault(str(path), "the workspace unpacks to far more than an FRF needs."))
 
 
-def _entries(path: Path, name: str, value: Any) -> Iterator[tuple[str, Entry]]:
-    """Yield numbers and texts; fields of a struct by their path."""
-    is_array = type(value) is np.ndarray  # objects and function handles are subclasses
-    if is_array and value.dtype.names and value.size == 1:
+def _entries(path: Path, name: str, value: Any, depth: int = 0) -> Iterator[tuple[str, Entry]]:
+    """Yield numbers and texts; fields of a struct by their path, contents of a cell by their number from 1."""
+    from scipy.io.matlab import MatlabObject
+
+    is_array = type(value) is np.ndarray  # function handles are subclasses
+    if (is_array or isinstance(value, MatlabObject)) and value.dtype.names and value.size == 1:
         for field in value.dtype.names:
-            yield from _entries(path, f"{name}.{field}", value[field].item())
+            yield from _entries(path, f"{name}.{field}", value[field].item(), depth)
+    elif is_array and value.dtype.kind == "O" and value.size <= _MOST_CELLS and depth < 3:
+        for number, content in enumerate(value.ravel(order="F"), start=1):
+            yield from _entries(path, f"{name}{{{number}}}", content, depth + 1)
     elif not is_array or value.dtype.kind not in "biufcU":
         yield name, Entry(_NOT_READ, partial(_refuse, path, name))
     elif value.dtype.kind == "U":

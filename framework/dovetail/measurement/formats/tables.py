@@ -114,7 +114,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
 def _table(path: str, lines: Sequence[str], options: ReadOptions) -> TextTable:
     """Return the table below a header, or the rows of the columns that the caller names."""
     if not options.columns:
-        return find_table(path, lines, lambda cells: _is_header(cells, options.names), _HEADERS)
+        return find_table(path, lines, lambda cells: _is_header(cells, options.names), _HEADERS, SAY_COLUMNS)
     wanted = check_columns(options)
     return find_rows(path, lines, options.columns, wanted)
 

@@ -93,7 +93,7 @@ def split_lines(path: Path, content: bytes) -> list[str]:
 
 
 def find_table(
-    where: str, lines: Sequence[str], is_header: Callable[[Sequence[str]], bool], accepted: str
+    where: str, lines: Sequence[str], is_header: Callable[[Sequence[str]], bool], accepted: str, remedy: str = ""
 ) -> TextTable:
     """Return the table below the last header that stands before the rows of numbers.
 
@@ -106,6 +106,8 @@ def find_table(
         Whether cells are those of a header.
     accepted : str
         Headers that are understood, for the message.
+    remedy : str
+        What to do where there is none.
 
     Returns
     -------
@@ -134,7 +136,6 @@ def find_table(
     if last is not None:
         return last
     if start < len(lines):
-        remedy = "Say what the columns hold, for example --columns frequency,real,imag (in Python columns=...)."
         raise MeasurementError(Fault(f"{where}:{start + 1}", "the table has no header.", accepted, remedy))
     raise MeasurementError(Fault(where, "there is no header.", accepted))
 

@@ -187,7 +187,8 @@ def _from_table(path: Path, content: bytes, columns: Sequence[str]) -> tuple[Arr
     if columns:
         table = find_rows(str(path), lines, columns, [*chain(*_signal_columns(columns).values())])
     else:
-        table = find_table(str(path), lines, lambda cells: bool(_signal_columns(cells)["force"]), _HEADERS)
+        remedy = "Say what each column holds: --columns time,force,response,skip."
+        table = find_table(str(path), lines, lambda cells: bool(_signal_columns(cells)["force"]), _HEADERS, remedy)
     signals = _signal_columns(table.header)
     if not signals["force"] or len(signals["force"]) != len(signals["response"]):
         problem = f"the header has {len(signals['force'])} columns of force and {len(signals['response'])} of response."

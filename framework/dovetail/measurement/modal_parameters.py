@@ -1,0 +1,188 @@
+"""Natural frequencies and damping ratios as another program identified them: a measurement too."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.atomic_files import read_bounded
+from dovetail.errors import Fault, MeasurementError
+from dovetail.measurement.formats.column_names import plain_name
+from dovetail.measurement.formats.tables import HERTZ, names_and_units
+from dovetail.measurement.formats.text_tables import find_table, read_rows, split_lines
+
+__all__ = ["ModalParameters", "read_modal_parameters"]
+
+_SUFFIXES = (".csv", ".tsv", ".txt")
+_NAMES = {
+    "frequency": ("frequency", "natural_frequency", "freq", "f", "fn"),
+    "frequency_sd": ("frequency_sd", "natural_frequency_sd", "freq_sd", "frequency_std", "f_sd"),
+    "damping_ratio": ("damping_ratio", "zeta", "damping", "damping_percent"),
+    "damping_sd": ("damping_sd", "damping_ratio_sd", "damping_std", "zeta_sd", "damping_sd_percent"),
+    "mode": ("mode", "no", "nr", "number"),
+}
+_RATIO = ("damping_ratio", "zeta", "damping_ratio_sd", "zeta_sd")
+"""Names that say of themselves that 1 is the critical damping."""
+_ACCEPTED = "frequency_Hz[,damping_ratio or damping_percent][,frequency_sd_Hz][,damping_ratio_sd or damping_sd_percent]"
+_PERCENT = 0.01
+_MOST_MODES = 10_000
+
+
+@dataclass(frozen=True, eq=False)
+class ModalParameters:
+    """Modal parameters from a measurement.
+
+    Parameters
+    ----------
+    frequency : (n_modes,) array
+        Natural frequencies in Hz, positive and increasing.
+    damping_ratio : (n_modes,) array, optional
+        Of the critical damping, from 0 to below 1.
+    frequency_sd : (n_modes,) array, optional
+        Standard deviation of each natural frequency in Hz, positive.
+    damping_sd : (n_modes,) array, optional
+        Standard deviation of each damping ratio, positive.
+    label : str
+        Their source.
+
+    Raises
+    ------
+    MeasurementError
+        Wrong shapes, or values out of these limits.
+    """
+
+    frequency: NDArray[np.float64]
+    damping_ratio: NDArray[np.float64] | None = None
+    frequency_sd: NDArray[np.float64] | None = None
+    damping_sd: NDArray[np.float64] | None = None
+    label: str = field(default="modal parameters")
+
+    def __post_init__(self) -> None:
+        for name in ("frequency", "damping_ratio", "frequency_sd", "damping_sd"):
+            if (values := getattr(self, name)) is not None:
+                array = np.array(values, dtype=np.float64)
+                array.flags.writeable = False
+                object.__setattr__(self, name, array)
+                self._check(name, array)
+        if self.damping_sd is not None and self.damping_ratio is None:
+            raise MeasurementError(f"{self.label}: there are standard deviations of the damping, and no damping.")
+
+    def _check(self, name: str, array: NDArray[np.float64]) -> None:
+        if array.ndim != 1 or array.shape != self.frequency.shape or not array.size:
+            raise MeasurementError(f"{self.label}: {name} has the shape {array.shape}, not (n_modes,).")
+        allowed = np.isfinite(array) & ((array >= 0) & (array < 1) if name == "damping_ratio" else array > 0)
+        bad = np.flatnonzero(~allowed)
+        if bad.size:
+            limits = "from 0 to below 1" if name == "damping_ratio" else "positive"
+            raise MeasurementError(
+                f"{self.label}: {name} of mode {bad[0] + 1} is {array[bad[0]]:g}; it must be {limits}."
+            )
+        if name == "frequency" and (falling := np.flatnonzero(np.diff(array) <= 0)).size:
+            raise MeasurementError(f"{self.label}: the frequency does not increase after mode {falling[0] + 1}.")
+
+
+def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
+    """Read a table of modal parameters, a mode in each row.
+
+    Parameters
+    ----------
+    path : path
+        ``.csv``, ``.tsv`` or ``.txt``: any lines, a header such as ``frequency_Hz,damping_ratio`` or ``Natural
+        frequency [kHz];Damping [%];Frequency SD [Hz];Damping SD [%]``, and the rows. Units of a frequency are Hz, kHz
+        and rad/s; a damping is a ratio or in per cent, and its header says which. A standard deviation of a frequency
+        in per cent is relative.
+
+    Returns
+    -------
+    ModalParameters
+
+    Raises
+    ------
+    FileError
+        The file is missing, empty, no file, too large, or cannot be read.
+    MeasurementError
+        A column that is not understood or without its unit, what is not a number, values that are impossible.
+    """
+    source = Path(path)
+    if source.suffix.lower() not in _SUFFIXES:
+        raise MeasurementError(Fault(str(source), "this is no table of modal parameters.", ", ".join(_SUFFIXES)))
+    lines = split_lines(source, read_bounded(source))
+    table = find_table(str(source), lines, _is_header, _ACCEPTED)
+    names, units = names_and_units(table.header)
+    if table.units and not any(units):
+        units = list(table.units)
+    where = f"{source}:{table.line + 1}"
+    columns = [_meaning(where, name, unit) for name, unit in zip(names, units, strict=True)]
+    wanted = [column for column, (parameter, _) in enumerate(columns) if parameter != "mode"]
+    parameters = [columns[column][0] for column in wanted]
+    if len(set(parameters)) < len(parameters) or "frequency" not in parameters:
+        problem = "the header names a parameter twice, or no frequency."
+        raise MeasurementError(Fault(where, problem, _ACCEPTED))
+    _, rows = read_rows(table, names, wanted)
+    if rows.shape[1] > _MOST_MODES:
+        raise MeasurementError(
+            Fault(str(source), f"the table has {rows.shape[1]:,} modes.", f"at most {_MOST_MODES:,}")
+        )
+    values = {columns[column][0]: row * columns[column][1] for column, row in zip(wanted, rows, strict=True)}
+    if "frequency_sd" in values and _is_percent(*_split_unit(names, units, columns, "frequency_sd")):
+        values["frequency_sd"] = values["frequency_sd"] * values["frequency"]
+    return ModalParameters(**values, label=str(source))
+
+
+def _is_header(cells: Sequence[str]) -> bool:
+    return any(_parameter(name)[0] == "frequency" for name in names_and_units(cells)[0])
+
+
+def _split_unit(
+    names: Sequence[str], units: Sequence[str], columns: Sequence[tuple[str, float]], parameter: str
+) -> tuple[str, str]:
+    column = [known for known, _ in columns].index(parameter)
+    return names[column], units[column]
+
+
+def _parameter(name: str) -> tuple[str, str]:
+    """Return the parameter that a column holds, or nothing, and the unit at the end of its name."""
+    word = plain_name(name)
+    for unit in ("hz", "khz", "percent", ""):
+        stem = word.removesuffix(f"_{unit}") if unit and word.endswith(f"_{unit}") else word
+        for parameter, spellings in _NAMES.items():
+            if stem in spellings and (unit or stem == word):
+                return parameter, unit if stem != word else ("percent" if word.endswith("percent") else "")
+    return "", ""
+
+
+def _is_percent(name: str, unit: str) -> bool:
+    return unit.strip() in ("%", "percent", "per cent") or _parameter(name)[1] == "percent"
+
+
+def _meaning(where: str, name: str, unit: str) -> tuple[str, float]:
+    """Return the parameter of a column and what makes its numbers Hz or ratios.
+
+    Raises
+    ------
+    MeasurementError
+        Not a parameter, or a unit that is missing or not understood.
+    """
+    parameter, ending = _parameter(name)
+    if not parameter:
+        raise MeasurementError(Fault(where, f"the column '{name[:60]}' is not understood.", _ACCEPTED))
+    if parameter == "mode":
+        return parameter, 1.0
+    if parameter != "frequency" and _is_percent(name, unit):
+        return parameter, _PERCENT
+    label = (unit or ending).strip().lower()
+    if parameter.startswith("frequency"):
+        if label in HERTZ and label:
+            return parameter, HERTZ[label]
+        problem = f"the unit of '{name[:60]}' is {label[:40]!r}." if label else f"'{name[:60]}' has no unit."
+        raise MeasurementError(Fault(where, problem, "Hz, kHz, rad/s, as in frequency_Hz or Frequency [kHz]"))
+    if label in ("1", "-") or (not label and plain_name(name) in _RATIO):
+        return parameter, 1.0
+    problem = f"'{name[:60]}' may be a ratio or in per cent." if not label else f"'{name[:60]}' is in {label[:40]!r}."
+    remedy = "Call it damping_ratio or damping_percent, its error damping_ratio_sd or damping_sd_percent."
+    raise MeasurementError(Fault(where, problem, "a ratio, or [%]", remedy))

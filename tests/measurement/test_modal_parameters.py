@@ -1,0 +1,96 @@
+"""Tables of natural frequencies and damping ratios, written by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dovetail import MeasurementError, ModalParameters, read_modal_parameters
+
+TABLES = {
+    "mode,frequency_Hz,damping_ratio,frequency_sd_Hz,damping_ratio_sd\n1,100,0.01,0.1,0.001\n2,250.5,0.02,0.2,0.002\n",
+    "frequency_Hz,damping_percent,frequency_sd_Hz,damping_sd_percent\n100,1,0.1,0.1\n250.5,2,0.2,0.2\n",
+    "EMA 3\n\nNr;Natural frequency [kHz];Damping [%];Frequency SD [Hz];Damping SD [%]\n"
+    "1;0,1;1;0,1;0,1\n2;0,2505;2;0,2;0,2\n",
+    "Frequency\tZeta\tfrequency_sd\tzeta_sd\nHz\t-\tHz\t-\n100\t0.01\t0.1\t0.001\n250.5\t0.02\t0.2\t0.002\n",
+    "f_Hz damping_ratio[%] frequency_sd_percent zeta_sd\n100 1 0.1 0.001\n250.5 2 0.07984031936127745 0.002\n",
+}
+
+
+@pytest.mark.parametrize("text", sorted(TABLES))
+def test_a_table(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    modes = read_modal_parameters(tmp_path / "a.csv")
+    np.testing.assert_allclose(modes.frequency, [100, 250.5], rtol=1e-15)
+    np.testing.assert_allclose(modes.damping_ratio, [0.01, 0.02], rtol=1e-15)
+    np.testing.assert_allclose(modes.frequency_sd, [0.1, 0.2], rtol=1e-15)
+    np.testing.assert_allclose(modes.damping_sd, [0.001, 0.002], rtol=1e-15)
+    assert modes.label == str(tmp_path / "a.csv")
+
+
+def test_frequencies_alone_and_in_radians(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("Frequency [rad/s]  Mode\n628.3185307179587  1\n1000  2\n")
+    modes = read_modal_parameters(tmp_path / "a.txt")
+    np.testing.assert_allclose(modes.frequency, [100, 500 / np.pi], rtol=1e-15)
+    assert (modes.damping_ratio, modes.frequency_sd, modes.damping_sd) == (None, None, None)
+
+
+FAULTS = {
+    "frequency,zeta\n1,0.1\n": "a.csv:1\n  'frequency' has no unit.\n  Accepted: Hz, kHz, rad/s",
+    "frequency [rpm],zeta\n1,0.1\n": "a.csv:1\n  the unit of 'frequency' is 'rpm'.\n  Accepted: Hz, kHz, rad/s",
+    "f_Hz,damping\n1,0.1\n": "a.csv:1\n  'damping' may be a ratio or in per cent.\n  Call it damping_ratio or",
+    "f_Hz,damping_percent,damping_sd\n1,1,0.1\n": "a.csv:1\n  'damping_sd' may be a ratio or in per cent.\n",
+    "f_Hz,stiffness\n1,0.1\n": "a.csv:1\n  the column 'stiffness' is not understood.\n",
+    "f_Hz,frequency_Hz\n1,0.1\n": "a.csv:1\n  the header names a parameter twice, or no frequency.\n",
+    "f_Hz,zeta\n1,x\n": "a.csv:2\n  'x' in column zeta is not a number.",
+    "f_Hz,zeta\n1,1.5\n": "a.csv: damping_ratio of mode 1 is 1.5; it must be from 0 to below 1.",
+    "f_Hz,zeta\n1,-0.1\n": "a.csv: damping_ratio of mode 1 is -0.1; it must be from 0 to below 1.",
+    "f_Hz,zeta\n5,0\n5,0\n": "a.csv: the frequency does not increase after mode 1.",
+    "f_Hz,zeta\nnan,0\n5,0\n": "a.csv: frequency of mode 1 is nan; it must be positive.",
+    "f_Hz,frequency_sd_Hz\n5,0\n": "a.csv: frequency_sd of mode 1 is 0; it must be positive.",
+    "f_Hz,zeta_sd\n5,0.1\n": "a.csv: there are standard deviations of the damping, and no damping.",
+    "1,2\n3,4\n": "a.csv:1\n  the table has no header.\n  Accepted: frequency_Hz[,",
+    "f_Hz,zeta\n" + "".join(f"{n},0\n" for n in range(1, 10_002)): "a.csv\n  the table has 10,001 modes.",
+}
+
+
+@pytest.mark.parametrize("text", FAULTS, ids=range(len(FAULTS)))
+def test_faults(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(MeasurementError) as caught:
+        read_modal_parameters(tmp_path / "a.csv")
+    assert len(caught.value.faults) == 1
+    assert str(caught.value).strip().replace(f"{tmp_path}/", "").startswith(FAULTS[text])
+
+
+def test_what_is_no_table(tmp_path: Path) -> None:
+    with pytest.raises(MeasurementError, match="this is no table of modal parameters"):
+        read_modal_parameters(tmp_path / "a.uff")
+    with pytest.raises(MeasurementError, match=r"damping_ratio has the shape \(1,\), not \(n_modes,\)"):
+        ModalParameters(np.array([1.0, 2.0]), np.array([0.1]))
+
+
+@given(data=st.data())
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_tables(tmp_path: Path, data: st.DataObject) -> None:
+    content = bytearray(data.draw(st.sampled_from(sorted(TABLES))).encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        position = data.draw(st.integers(0, len(content) - 1))
+        if data.draw(st.booleans()):
+            content[position] = data.draw(st.integers(0, 255))
+        else:
+            del content[position : position + data.draw(st.integers(1, 30))]
+        if not content:
+            return
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    modes, message = None, ""
+    try:
+        modes = read_modal_parameters(path)
+    except MeasurementError as error:
+        message = str(error) if len(error.faults) == 1 else "several faults"
+    assert str(path) in message or (modes is not None and np.all(np.isfinite(modes.frequency)))
