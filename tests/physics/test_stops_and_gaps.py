@@ -265,6 +265,34 @@ def test_a_stop_beyond_the_probes_is_in_the_transfer_frfs_and_others_stay_the_sa
         np.testing.assert_array_equal(now, then)
 
 
+class CrossedStop(Spring):
+    """Above 97 % of the range of k the displacement of either end bears on the rotation of the other."""
+
+    def add_stop(self, matrices, theta):
+        matrices.add_contact_layer([(0, 3), (1, 2)], 10.0 * np.maximum(theta[:, 0] / STOP - 1.0, 0.0))
+
+
+@pytest.mark.parametrize("pairs", [[(0, 0)], [(1, 1), (0, 1), (1, 0)]])
+def test_a_wider_plan_keeps_the_order_of_elimination(pairs):
+    """Entries between x and rz would have another order of fewest neighbours, and so another rounding."""
+    joint = CrossedStop(CrossedStop.Config())
+    part = bodies(joint)[0].substructures["m0"]
+    ends = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (2, 5)]
+    connections = {
+        f"j{i}": Connection(joint, (Attachment(f"m{one}", (0,)), Attachment(f"m{other}", (0,))))
+        for i, (one, other) in enumerate(ends)
+    }
+    graph = Graph({f"m{i}": part for i in range(6)}, connections)
+    vectors = np.random.default_rng(0).uniform([1e5, 1.0], [9e6, 100.0], (11, 2))
+    below = {f"j{i}": vectors[i : 6 + i] for i in range(6)}
+    engine = Engine(graph, FREQUENCY, [("m0", 0), ("m3", 0)], below, pairs=pairs)
+    before, plan = engine.frfs_jacobian(below), engine.plan
+    engine.frfs_jacobian({name: np.array([ABOVE]) for name in below})
+    assert engine.plan is not plan
+    for now, then in zip(engine.frfs_jacobian(below), before, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
 class Lopsided(Spring):
     """Its stiffness obeys Newton's third law below 97 % of the range of k only."""
 
