@@ -83,7 +83,7 @@ def posterior_of(*columns, weight=None):
     fraction = np.stack(columns, axis=1)
     count = len(fraction)
     return Posterior(
-        names=tuple("abc"[: len(columns)]),
+        names=tuple("abcd"[: len(columns)]),
         theta=fraction,
         fraction=fraction,
         weight=np.full(count, 1.0 / count) if weight is None else weight,
@@ -126,6 +126,19 @@ def test_parameters_trade_where_their_correlation_is_large(correlation, trades):
     assert ("trades with b" in verdict.reason) is trades
     if trades:
         assert f"(correlation {correlation:+.2f})" in verdict.reason
+
+
+def test_the_two_that_a_parameter_trades_with_most_are_named():
+    normal = np.random.default_rng(0).standard_normal((4, 4000))
+    others = [0.5 + 0.1 * (normal[0] + level * normal[index]) for index, level in ((1, 0.6), (2, 0.4), (3, 0.2))]
+    reason = posterior_of(0.5 + 0.1 * normal[0], *others).verdicts["a"].reason
+    assert reason.startswith("It trades with d (correlation +0.98) and c (correlation +0.93).")
+
+
+@pytest.mark.parametrize("level", [0.5, 0.9, 0.99])
+def test_an_interval_leaves_as_much_out_on_either_side(level):
+    interval = posterior_of(np.linspace(0.0, 1.0, 4001)).interval(level)["a"]
+    assert interval == pytest.approx(((1.0 - level) / 2.0, (1.0 + level) / 2.0), abs=1e-3)
 
 
 @pytest.mark.parametrize(("share", "presses"), [(0.35, False), (0.39, True)])
