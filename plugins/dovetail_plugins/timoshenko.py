@@ -38,19 +38,20 @@ class Material(ComponentConfig):
     loss_factor: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
 
-def shear_coefficient(ratio: ArrayLike, poisson: float) -> NDArray[np.float64]:
+def shear_coefficient(ratio: ArrayLike, poisson: ArrayLike) -> NDArray[np.float64]:
     """Cowper's shear coefficient of a solid or hollow circle.
 
     Parameters
     ----------
     ratio : array_like
         Inner over outer diameter, 0 for a solid section.
-    poisson : float
+    poisson : float or array
 
     References
     ----------
     G. R. Cowper, The shear coefficient in Timoshenko's beam theory, J. Appl. Mech. 33 (1966) 335-340.
     """
+    poisson = np.asarray(poisson, dtype=np.float64)
     squared = np.asarray(ratio, dtype=np.float64) ** 2
     plus = (1.0 + squared) ** 2
     return 6.0 * (1.0 + poisson) * plus / ((7.0 + 6.0 * poisson) * plus + (20.0 + 12.0 * poisson) * squared)
@@ -91,20 +92,20 @@ def rectangle(width: ArrayLike, height: ArrayLike, poisson: float) -> CrossSecti
     """
     across, deep = np.asarray(width, dtype=np.float64), np.asarray(height, dtype=np.float64)
     area = across * deep
-    shear = np.full_like(area, 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson))
+    shear = 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson) * np.ones_like(area)
     return CrossSection(area, across * deep**3 / 12.0, shear)
 
 
-def element_matrices(length: float, section: CrossSection, material: Material) -> StructuralMatrices:
+def element_matrices(length: ArrayLike, section: CrossSection, material: Material) -> StructuralMatrices:
     """Return the matrices of one element between two nodes, DOFs x and rz at each.
 
     Parameters
     ----------
-    length : float
+    length : float or (...) array
         m.
     section : CrossSection
-        Its leading shape is a batch.
     material : Material
+        Its values may be arrays too; all shapes together are a batch.
 
     Returns
     -------
@@ -116,6 +117,7 @@ def element_matrices(length: float, section: CrossSection, material: Material) -
     Z. Friedman, J. B. Kosmatka, An improved two-node Timoshenko beam finite element, Comput. Struct. 47 (1993)
     473-481.
     """
+    length = np.asarray(length, dtype=np.float64)
     shear_modulus = material.young / (2.0 * (1.0 + material.poisson))
     shear_area = section.shear * section.area
     bending = material.young * section.inertia
@@ -124,7 +126,9 @@ def element_matrices(length: float, section: CrossSection, material: Material) -
     translation = (material.density * section.area * length / (210.0 * (1.0 + phi) ** 2))[..., None, None]
     rotation = (material.density * section.inertia / (30.0 * (1.0 + phi) ** 2 * length))[..., None, None]
     mass = translation * _translation_shape(phi, length) + rotation * _rotation_shape(phi, length)
-    return StructuralMatrices(mass, stiffness, D=material.loss_factor * stiffness)
+    damping = np.asarray(material.loss_factor)[..., None, None] * stiffness
+    mass, stiffness, damping = np.broadcast_arrays(mass, stiffness, damping)
+    return StructuralMatrices(mass, stiffness, D=damping)
 
 
 def chain(elements: StructuralMatrices) -> StructuralMatrices:
@@ -159,7 +163,7 @@ def _symmetric(upper: list[list[NDArray[np.float64] | float]], shape: tuple[int,
     return full
 
 
-def _stiffness_shape(phi: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def _stiffness_shape(phi: NDArray[np.float64], length: NDArray[np.float64]) -> NDArray[np.float64]:
     near, far = (4.0 + phi) * length**2, (2.0 - phi) * length**2
     rows: list[list[NDArray[np.float64] | float]] = [
         [12.0, 6.0 * length, -12.0, 6.0 * length],
@@ -170,7 +174,7 @@ def _stiffness_shape(phi: NDArray[np.float64], length: float) -> NDArray[np.floa
     return _symmetric(rows, phi.shape)
 
 
-def _translation_shape(phi: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def _translation_shape(phi: NDArray[np.float64], length: NDArray[np.float64]) -> NDArray[np.float64]:
     near, far = 70.0 * phi**2 + 147.0 * phi + 78.0, 35.0 * phi**2 + 63.0 * phi + 27.0
     near_turn = (35.0 * phi**2 + 77.0 * phi + 44.0) * length / 4.0
     far_turn = (35.0 * phi**2 + 63.0 * phi + 26.0) * length / 4.0
@@ -185,7 +189,7 @@ def _translation_shape(phi: NDArray[np.float64], length: float) -> NDArray[np.fl
     return _symmetric(rows, phi.shape)
 
 
-def _rotation_shape(phi: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def _rotation_shape(phi: NDArray[np.float64], length: NDArray[np.float64]) -> NDArray[np.float64]:
     side = (15.0 * phi - 3.0) * length
     turn, cross = (10.0 * phi**2 + 5.0 * phi + 4.0) * length**2, (5.0 * phi**2 - 5.0 * phi - 1.0) * length**2
     rows: list[list[NDArray[np.float64] | float]] = [

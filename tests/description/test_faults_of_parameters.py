@@ -29,7 +29,7 @@ CASES = {
         },
         "test.yaml:21:12  joints.collet.parameters.Dc.rnage\n"
         "  'rnage' is not a key of the parameter 'Dc'.\n"
-        "  Did you mean 'range'?  Accepted: range, scale, value",
+        "  Did you mean 'range'?  Accepted: range, scale, value, about, sd, same_as, ratio",
     ),
     "parameter_empty": (
         {
@@ -37,7 +37,7 @@ CASES = {
         },
         "test.yaml:21:7  joints.collet.parameters.Dc\n"
         "  nothing is said of the parameter 'Dc'.\n"
-        "  Accepted: range, scale or value",
+        "  Accepted: range, scale, value, about and sd, or same_as",
     ),
     "parameter_is_a_list": (
         {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.description import Description
+from dovetail.assembly.calibration import chain_derivatives, chain_factor, entries_at_response, graph_of
+from dovetail.assembly.description import Description, ParameterEntry
 from dovetail.assembly.joints import is_at
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
@@ -54,7 +55,9 @@ class Assembly:
         further_frequencies: Sequence[NDArray[np.float64]] = (),
     ) -> None:
         self.description = description
-        self._space = ParameterSpace(description.joints)
+        self._connected = entries_at_response(description)
+        tied = {name: entry for name, entry in self._connected.items() if name not in description.entries}
+        self._space = ParameterSpace(description.entries, description.joints, tied)
         self._rigid = rigid
         self._interpolation = interpolation
         further = len(description.responses) - 1
@@ -82,11 +85,7 @@ class Assembly:
     @cached_property
     def graph(self) -> Graph:
         """The substructures and their connections."""
-        connections = {
-            name: replace(joint.connection, rigid=self._rigid and len(joint.fixed) < len(joint.parameters))
-            for name, joint in self.description.joints.items()
-        }
-        return Graph(self.description.substructures, connections)
+        return graph_of(self.description, self._connected, rigid=self._rigid)
 
     @cached_property
     def engine(self) -> Engine:
@@ -116,9 +115,8 @@ class Assembly:
 
     @property
     def drive_point(self) -> Point:
-        """Substructure and DOF at which the structure is excited and its response is measured."""
-        response = self.description.response
-        return response.substructure, len(DIRECTIONS) * response.node + DIRECTIONS.index(response.direction)
+        """Substructure and DOF at which the response is measured."""
+        return self.description.response.point
 
     @cached_property
     def _conversion(self) -> NDArray[np.complex128]:
@@ -130,7 +128,7 @@ class Assembly:
         inside = np.random.default_rng(0).random((_STRUCTURE_SAMPLES, len(self.parameters)))
         ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
         probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
-        columns = {name: self._space.identified_columns(name) for name in self.graph.connections}
+        columns = {name: self._space.varying_columns(name) for name in self.graph.connections}
         system = (self.graph, self.frequency, points, probe_theta, columns)
         if interpolation is None:
             return Engine(*system)
@@ -141,7 +139,9 @@ class Assembly:
         return self.by_joint(self.from_unit(np.random.default_rng(seed).random((count, len(self.parameters)))))
 
     def by_joint(self, theta: Theta = None) -> dict[str, NDArray[np.float64]]:
-        """Split parameter vectors into all parameters of each joint, fixed ones included.
+        """Split parameter vectors into all parameters of each joint, fixed and tied ones included.
+
+        Substructures with unknown options and calibrations stand among the joints.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class Assembly:
             By the joint's name.
         """
         batch, single = self._space.batch(theta)
-        by_joint = self._space.by_joint(batch)
+        by_joint = self._space.by_owner(batch)
         return {name: values[0] for name, values in by_joint.items()} if single else by_joint
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -197,8 +197,17 @@ class Assembly:
         ParameterError
         """
         batch, single = self._space.batch(theta)
-        values = self.engine.drive_point(self._space.by_joint(batch), self._conversion)
-        return values[0] if single else _for_each(batch, values)
+        by_owner = self._space.by_owner(batch)
+        values = _for_each(batch, self.engine.drive_point(by_owner, self._conversion))
+        chain = self._chain
+        if chain is not None:
+            values = values * chain_factor(self.frequency, chain, by_owner[self.description.response.name])
+        return values[0] if single else values
+
+    @property
+    def _chain(self) -> ParameterEntry | None:
+        """What is known and sought of the response's measurement chain."""
+        return self.description.calibrations.get(self.description.response.name)
 
     def frfs(self, theta: Theta = None) -> NDArray[np.complex128]:
         """FRFs of all responses, each in its own quantity.
@@ -235,8 +244,44 @@ class Assembly:
             Derivatives in the response's quantity per SI unit of each parameter.
         """
         batch, single = self._space.batch(theta)
-        values, jacobian = self.engine.jacobian(self._space.by_joint(batch), self._conversion)
-        return (values[0], jacobian[0]) if single else (_for_each(batch, values), _for_each(batch, jacobian))
+        by_owner = self._space.by_owner(batch)
+        values, derivatives = self.engine.jacobian(by_owner, self._conversion)
+        values, jacobian = _for_each(batch, values), _for_each(batch, derivatives)
+        if self._chain is not None or self._space.has_ties or len(self._connected) < len(self.description.entries):
+            jacobian = self._by_parameter(jacobian)
+        if self._chain is not None:
+            values, jacobian = self._calibrated(values, jacobian, self._chain, by_owner)
+        return (values[0], jacobian[0]) if single else (values, jacobian)
+
+    def _by_parameter(self, derivatives: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return derivatives by the identified parameters, from those by all columns that the engine varies."""
+        jacobian = np.zeros((*derivatives.shape[:-1], len(self.parameters)), dtype=np.complex128)
+        first = 0
+        for name in self.graph.connections:
+            width = len(self._space.varying_columns(name))
+            self._space.add_derivatives(name, derivatives[..., first : first + width], jacobian)
+            first += width
+        return jacobian
+
+    def _calibrated(
+        self,
+        values: NDArray[np.complex128],
+        jacobian: NDArray[np.complex128],
+        chain: ParameterEntry,
+        by_owner: Mapping[str, NDArray[np.float64]],
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return FRFs and derivatives as the measurement chain shows them."""
+        name = self.description.response.name
+        theta = by_owner[name]
+        factor = chain_factor(self.frequency, chain, theta)
+        jacobian = jacobian * factor[..., np.newaxis]
+        of_chain = [
+            values * chain_derivatives(self.frequency, chain, theta, chain.parameters[column].name)
+            for column in self._space.varying_columns(name)
+        ]
+        if of_chain:
+            self._space.add_derivatives(name, np.stack(of_chain, axis=-1), jacobian)
+        return values * factor, jacobian
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
         """Amplitude of the accelerance in single precision, for all responses.
@@ -251,13 +296,18 @@ class Assembly:
             m/(N s^2); the lines of the first response, then those of the second.
         """
         batch, single = self._space.batch(theta)
-        by_joint = self._space.by_joint(batch)
-        amplitudes = [
-            assembly.engine.amplitude(by_joint, conversion(assembly.frequency, "receptance", "accelerance"))
-            for assembly in self.each_response
-        ]
+        amplitudes = [assembly._amplitude(batch) for assembly in self.each_response]
         amplitude = amplitudes[0] if len(amplitudes) == 1 else np.concatenate(amplitudes, axis=1)
-        return amplitude[0] if single else _for_each(batch, amplitude)
+        return amplitude[0] if single else amplitude
+
+    def _amplitude(self, batch: NDArray[np.float64]) -> NDArray[np.float32]:
+        by_owner = self._space.by_owner(batch)
+        factor = conversion(self.frequency, "receptance", "accelerance")
+        amplitude = _for_each(batch, self.engine.amplitude(by_owner, factor))
+        if self._chain is not None:
+            chain = chain_factor(self.frequency, self._chain, by_owner[self.description.response.name])
+            amplitude *= np.abs(chain).astype(np.float32)
+        return amplitude
 
     def receptance(
         self, theta: Theta, outputs: Sequence[tuple[str, float, str]], inputs: Sequence[tuple[str, float, str]]

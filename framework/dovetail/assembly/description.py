@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -13,44 +13,91 @@ from numpy.typing import NDArray
 
 from dovetail.assembly.sections import AugmentationSection
 from dovetail.frf import Quantity
-from dovetail.interfaces import Parameter, Reducer, Regressor, SubstructureModel
-from dovetail.synthesis import Connection
+from dovetail.interfaces import DIRECTIONS, Parameter, Reducer, Regressor, SubstructureModel
+from dovetail.synthesis import Connection, Point
 from dovetail.units import format_quantity
 
-__all__ = ["Description", "IdentificationSettings", "JointEntry", "Response"]
+__all__ = ["Description", "IdentificationSettings", "JointEntry", "ParameterEntry", "Place", "Response", "Tie"]
 
 
 @dataclass(frozen=True)
-class JointEntry:
-    """A joint of a description.
+class Tie:
+    """What a parameter is tied to: it is another one, times a ratio.
 
     Parameters
     ----------
-    connection : Connection
-    parameters : tuple of Parameter
-        All parameters of the model in its order, with the description's ranges and scales.
-    fixed : mapping of str to float
-        SI values of the known parameters, which are not identified.
+    owner, parameter : str
+        The joint, substructure or response of the other one, and its name there.
+    ratio : float
     """
 
+    owner: str
+    parameter: str
+    ratio: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterEntry:
+    """The parameters of a joint, of a substructure or of a response, and what is known of them.
+
+    Parameters
+    ----------
+    parameters : tuple of Parameter
+        All of them, in the order of the model, with the description's ranges and scales.
+    fixed : mapping of str to float
+        SI values of the known ones, which are not identified.
+    ties : mapping of str to Tie
+        Those that follow from others.
+    """
+
+    parameters: tuple[Parameter, ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    ties: Mapping[str, Tie] = field(default_factory=dict)
+
+    @property
+    def identified(self) -> tuple[Parameter, ...]:
+        """Those that are sought."""
+        return tuple(p for p in self.parameters if p.name not in self.fixed and p.name not in self.ties)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointEntry(ParameterEntry):
+    """A joint of a description, or a substructure with unknown options, which depends on parameters as a joint does."""
+
     connection: Connection
-    parameters: tuple[Parameter, ...]
-    fixed: Mapping[str, float]
 
 
 @dataclass(frozen=True)
-class Response:
-    """A drive point: a node of a substructure, a direction and the quantity of its FRF."""
+class Place:
+    """A DOF: a node of a substructure and a direction."""
 
     substructure: str
     node: int
     direction: Literal["x", "rz"]
-    quantity: Quantity
 
     @property
     def rotation(self) -> bool:
-        """Whether a moment turns the drive point, in place of a force that moves it."""
+        """Whether it is a rotation, by a moment, in place of a displacement, by a force."""
         return self.direction == "rz"
+
+    @property
+    def point(self) -> Point:
+        """The substructure and the number of the DOF there."""
+        return self.substructure, len(DIRECTIONS) * self.node + DIRECTIONS.index(self.direction)
+
+
+@dataclass(frozen=True)
+class Response(Place):
+    """Where motion is measured, the quantity of the FRF, and where the force acts: at the same DOF by default."""
+
+    quantity: Quantity
+    name: str = field(default="response", compare=False)
+    force: Place | None = None
+
+    @property
+    def is_drive_point(self) -> bool:
+        """Whether the force acts where the motion is measured."""
+        return self.force is None or self.force.point == self.point
 
 
 @dataclass(frozen=True)
@@ -83,6 +130,10 @@ class Description:
     joints : mapping of str to JointEntry
     responses : tuple of Response
         At least one.
+    unknown_parts : mapping of str to JointEntry
+        The substructures of which options are sought. In `substructures` they have the middle of the ranges.
+    calibrations : mapping of str to ParameterEntry
+        What is sought or known of the measurement chain of each response, by the response's name.
     identification : IdentificationSettings
     """
 
@@ -94,6 +145,8 @@ class Description:
     joints: Mapping[str, JointEntry]
     responses: tuple[Response, ...]
     identification: IdentificationSettings
+    unknown_parts: Mapping[str, JointEntry] = field(default_factory=dict)
+    calibrations: Mapping[str, ParameterEntry] = field(default_factory=dict)
 
     @property
     def response(self) -> Response:
@@ -107,20 +160,28 @@ class Description:
 
     @property
     def identified_parameters(self) -> tuple[tuple[str, str], ...]:
-        """Joint and name within the joint of each parameter to identify, in the order of ``Assembly.parameters``."""
-        return tuple(
-            (name, parameter.name)
-            for name, joint in self.joints.items()
-            for parameter in joint.parameters
-            if parameter.name not in joint.fixed
-        )
+        """Owner and name there of each parameter to identify, in the order of ``Assembly.parameters``.
+
+        The owner is a joint, a substructure or a response.
+        """
+        return tuple((name, parameter.name) for name, entry in self.entries.items() for parameter in entry.identified)
+
+    @property
+    def entries(self) -> Mapping[str, ParameterEntry]:
+        """All that has parameters: joints, substructures with unknown options, and calibrations, by their names."""
+        return {**self.joints, **self.unknown_parts, **self.calibrations}
 
     def _label(self, response: Response) -> str:
-        nodes = self.substructures[response.substructure].nodes
-        node = nodes[response.node]
+        if response.force is None or response.is_drive_point:
+            return self._place_label(response)
+        return f"{self._place_label(response)}, force at {self._place_label(response.force)}"
+
+    def _place_label(self, place: Place) -> str:
+        nodes = self.substructures[place.substructure].nodes
+        node = nodes[place.node]
         unique = sum(other.position == node.position for other in nodes) == 1
         position = format_quantity(node.position, "m") if unique else f"node {node.label}"
-        return f"{response.substructure}, {position}{', rz' if response.rotation else ''}"
+        return f"{place.substructure}, {position}{', rz' if place.rotation else ''}"
 
     def at(self, index: int) -> Description:
         """Return the description with one of its responses only, also in its text."""
@@ -128,8 +189,26 @@ class Description:
         if "responses" in whole:
             section = whole["responses"][index]
             whole = {"response" if key == "responses" else key: value for key, value in whole.items()}
-            whole["response"] = section
+            whole["response"] = {"name": self.responses[index].name, **section} if self.calibrations else section
         return replace(self, text=_as_json(whole), responses=(self.responses[index],))
+
+    def with_range(self, owner: str, parameter: str, lower: float, upper: float) -> Description:
+        """Return the description with another range of one of its parameters, whose text stays as it is."""
+
+        def changed(entries: Mapping[str, Any]) -> dict[str, Any]:
+            if owner not in entries:
+                return dict(entries)
+            of_owner = entries[owner].parameters
+            ranges = tuple(replace(p, lower=lower, upper=upper) if p.name == parameter else p for p in of_owner)
+            return {**entries, owner: replace(entries[owner], parameters=ranges)}
+
+        joints, parts, chains = map(changed, (self.joints, self.unknown_parts, self.calibrations))
+        return replace(self, joints=joints, unknown_parts=parts, calibrations=chains)
+
+    @property
+    def known_parts(self) -> Mapping[str, SubstructureModel]:
+        """The substructures without unknown options."""
+        return {name: part for name, part in self.substructures.items() if name not in self.unknown_parts}
 
     @property
     def fingerprint(self) -> str:

@@ -6,10 +6,9 @@ Also the search for a node by its position or label, and the check that every pa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 
 from dovetail.assembly.component_sections import LabelledComponent, build_component
-from dovetail.assembly.description import JointEntry
+from dovetail.assembly.description import JointEntry, Response
 from dovetail.assembly.parameter_sections import check_ranges, read_parameters
 from dovetail.assembly.sections import AttachmentSection
 from dovetail.documents.fault_list import FaultList
@@ -38,13 +37,13 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
     if len(faults) > before:
         return None
     attachments = _Connect(model, path, substructures, faults).read(model.component.ports)
-    parameters, fixed = read_parameters(model, path, model.component.parameters, faults)
+    stated = read_parameters(model, path, model.component.parameters, faults)
     if len(faults) == before:
-        check_ranges(model, path, parameters, fixed, faults)
+        check_ranges(model, path, stated, faults)
     if len(faults) > before or None in attachments:
         return None
     complete = tuple(attachment for attachment in attachments if attachment is not None)
-    return JointEntry(Connection(model.component, complete), parameters, MappingProxyType(fixed))
+    return JointEntry(connection=Connection(model.component, complete), **stated.entry)
 
 
 def add_model_faults(model: LabelledComponent, model_faults: Sequence[Fault], path: Path, faults: FaultList) -> None:
@@ -136,9 +135,13 @@ def _counted(count: int, noun: str) -> str:
 
 
 def check_connected(
-    substructures: Mapping[str, SubstructureModel], joints: Mapping[str, JointEntry], response: str, faults: FaultList
+    substructures: Mapping[str, SubstructureModel],
+    joints: Mapping[str, JointEntry],
+    responses: Sequence[Response],
+    faults: FaultList,
 ) -> None:
-    """Report substructures and joints without any path to the response; the ground transmits no motion."""
+    """Report parts and joints without any path to the first response; the ground transmits no motion."""
+    response = responses[0].substructure
     neighbours = {
         name: {attachment.substructure for attachment in joint.connection.attachments} for name, joint in joints.items()
     }

@@ -1,11 +1,14 @@
-"""The section ``parameters:`` of a joint: ranges, scales and known values."""
+"""What a description says of a parameter: the range in which it is sought, its value, or which other one it follows."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
 
 from dovetail.assembly.component_sections import LabelledComponent
+from dovetail.assembly.description import ParameterEntry, Tie
 from dovetail.assembly.sections import ParameterSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
@@ -14,13 +17,88 @@ from dovetail.errors import UnitError, did_you_mean, listing
 from dovetail.interfaces import Parameter, plugin_errors
 from dovetail.units import to_si
 
-__all__ = ["check_ranges", "read_parameters"]
+__all__ = ["StatedParameters", "check_ranges", "check_ties", "read_parameters", "steps_of"]
+
+_KINDS = ("value", "about", "same_as", "range")
+"""Keys of which a parameter's section has one."""
+_TOGETHER = {"range": ("scale",), "value": (), "about": ("sd", "scale"), "same_as": ("ratio",)}
+"""The keys that each of them may have beside it."""
+
+
+@dataclass
+class StatedParameters:
+    """What a description states of the parameters of a joint, of a substructure or of a response.
+
+    Attributes
+    ----------
+    known : dict of str to Parameter
+        All of them, with the description's ranges and scales.
+    fixed : dict of str to float
+        SI values of the known ones.
+    ties : dict of str to Tie
+    """
+
+    known: dict[str, Parameter]
+    fixed: dict[str, float] = field(default_factory=dict)
+    ties: dict[str, Tie] = field(default_factory=dict)
+
+    @property
+    def entry(self) -> Mapping[str, Any]:
+        """The arguments of a `ParameterEntry`."""
+        fixed, ties = MappingProxyType(self.fixed), MappingProxyType(self.ties)
+        return {"parameters": tuple(self.known.values()), "fixed": fixed, "ties": ties}
+
+    def read(self, path: Path, name: str, item: Item, faults: FaultList) -> None:
+        """Read what a value or a section says of a parameter; without a range its own is kept."""
+        if not item.is_mapping:
+            self._fix(path, name, item, faults)
+            return
+        before = len(faults)
+        section = validate(ParameterSection, path, faults, f"the parameter '{name}'")
+        if section is None:
+            return
+        keys = section.model_fields_set
+        if not keys:
+            accepted = "range, scale, value, about and sd, or same_as"
+            faults.add(path, f"nothing is said of the parameter '{name}'.", accepted, key=True)
+            return
+        kind = next((kind for kind in _KINDS if kind in keys), "range")
+        other = next((key for key in sorted(keys) if key != kind and key not in _TOGETHER[kind]), None)
+        if other is not None:
+            problem = f"the parameter '{name}' has {_article(kind)} and {_article(other)}."
+            faults.add(path, problem, "a range to seek it in, or a value that is known", key=True)
+        elif kind == "value":
+            value = faults.root.at((*path, "value"))
+            assert value is not None
+            self._fix((*path, "value"), name, value, faults)
+        elif kind == "same_as":
+            self._tie(path, name, section, faults)
+        elif len(faults) == before:
+            read = _about if kind == "about" else _with_range
+            self.known[name] = read(path, self.known[name], section, faults)
+
+    def _fix(self, path: Path, name: str, item: Item, faults: FaultList) -> None:
+        value = _quantity(path, plain_values(item), self.known[name].unit, faults)
+        if value is not None:
+            self.fixed[name] = value
+
+    def _tie(self, path: Path, name: str, section: ParameterSection, faults: FaultList) -> None:
+        owner, dot, parameter = str(section.same_as).partition(".")
+        if not dot:
+            accepted = "the name of a joint, substructure or response, a dot and the parameter: 'joint.k'"
+            faults.add((*path, "same_as"), f"{format_value(section.same_as)} is not a parameter.", accepted)
+            return
+        self.ties[name] = Tie(owner, parameter, section.ratio)
+
+
+def _article(key: str) -> str:
+    return {"same_as": "'same_as'", "sd": "'sd'"}.get(key, f"a {key}" if key != "about" else "'about'")
 
 
 def read_parameters(
     model: LabelledComponent, joint: Path, parameters: Sequence[Parameter], faults: FaultList
-) -> tuple[tuple[Parameter, ...], dict[str, float]]:
-    """Read the ranges, scales and values that a description states for a joint's parameters.
+) -> StatedParameters:
+    """Read what a description states of a joint's parameters.
 
     Parameters
     ----------
@@ -31,42 +109,26 @@ def read_parameters(
         Those of the model, with the model's ranges.
     faults : FaultList
         Collects the faults.
-
-    Returns
-    -------
-    parameters : tuple of Parameter
-        With the description's ranges and scales.
-    fixed : dict
-        SI values of the known parameters.
     """
     path: Path = (*joint, "parameters")
+    stated = StatedParameters({parameter.name: parameter for parameter in parameters})
     section = faults.root.at(path)
     if section is None:
-        return tuple(parameters), {}
+        return stated
     if not section.is_mapping:
         faults.add(path, f"{format_value(section.value)} is not a section of keys and values.", key=True)
-        return tuple(parameters), {}
-    known = {parameter.name: parameter for parameter in parameters}
-    fixed: dict[str, float] = {}
+        return stated
     for name, entry in section.entries.items():
-        if name not in known:
+        if name not in stated.known:
             accepted = listing(f"{p.name} [{p.unit}]" for p in parameters) or "no parameters"
             problem = f"{format_value(name)} is not a parameter of {model.label}."
-            faults.add((*path, name), problem, accepted, did_you_mean(name, known), key=True)
-        elif entry.item.is_mapping:
-            known[name] = _read_section((*path, name), known[name], fixed, faults)
+            faults.add((*path, name), problem, accepted, did_you_mean(name, stated.known), key=True)
         else:
-            _fix((*path, name), known[name], entry.item, fixed, faults)
-    return tuple(known.values()), fixed
+            stated.read((*path, name), name, entry.item, faults)
+    return stated
 
 
-def check_ranges(
-    model: LabelledComponent,
-    joint: Path,
-    parameters: Sequence[Parameter],
-    fixed: Mapping[str, float],
-    faults: FaultList,
-) -> None:
+def check_ranges(model: LabelledComponent, joint: Path, stated: StatedParameters, faults: FaultList) -> None:
     """Report the ranges and values to which the joint model objects.
 
     Parameters
@@ -74,15 +136,14 @@ def check_ranges(
     model : LabelledComponent
         The joint model.
     joint : Path
-    parameters : sequence of Parameter
-        With the description's ranges.
-    fixed : mapping of str to float
-        SI values of the known parameters.
+    stated : StatedParameters
+        With the description's ranges and values.
     faults : FaultList
         Collects the faults.
     """
-    lower = {p.name: fixed.get(p.name, p.lower) for p in parameters}
-    upper = {p.name: fixed.get(p.name, p.upper) for p in parameters}
+    fixed = stated.fixed
+    lower = {name: fixed.get(name, p.lower) for name, p in stated.known.items()}
+    upper = {name: fixed.get(name, p.upper) for name, p in stated.known.items()}
     with plugin_errors(model.component, model.label):
         objections = model.component.range_objections(lower, upper)
     if not isinstance(objections, Mapping):
@@ -92,26 +153,45 @@ def check_ranges(
         faults.add((*joint, "parameters", name), objection, key=True)
 
 
-def _read_section(path: Path, parameter: Parameter, fixed: dict[str, float], faults: FaultList) -> Parameter:
-    """Return the parameter with the range of its section, or enter its value in `fixed`."""
-    before = len(faults)
-    section = validate(ParameterSection, path, faults, f"the parameter '{parameter.name}'")
-    if section is None:
-        return parameter
-    keys = section.model_fields_set
-    if not keys:
-        faults.add(path, f"nothing is said of the parameter '{parameter.name}'.", "range, scale or value", key=True)
-    elif "value" in keys and len(keys) > 1:
-        other = "range" if "range" in keys else "scale"
-        problem = f"the parameter '{parameter.name}' has a value and a {other}."
-        faults.add(path, problem, "a range to seek it in, or a value that is known", key=True)
-    elif "value" in keys:
-        item = faults.root.at((*path, "value"))
-        if item is not None:
-            _fix((*path, "value"), parameter, item, fixed, faults)
-    elif len(faults) == before:
-        return _with_range(path, parameter, section, faults)
-    return parameter
+def check_ties(entries: Mapping[str, ParameterEntry], places: Mapping[str, Path], faults: FaultList) -> None:
+    """Report parameters that follow one that there is not, one of another unit, or themselves.
+
+    Parameters
+    ----------
+    entries : mapping of str to ParameterEntry
+        Of each joint, substructure and response, by its name.
+    places : mapping of str to Path
+        Where the parameters of each are in the description.
+    faults : FaultList
+    """
+    units = {f"{owner}.{p.name}": p.unit for owner, entry in entries.items() for p in entry.parameters}
+    for owner, entry in entries.items():
+        for name, tie in entry.ties.items():
+            path, other = (*places[owner], *steps_of(name), "same_as"), f"{tie.owner}.{tie.parameter}"
+            if other not in units:
+                names = [candidate for candidate in units if candidate != f"{owner}.{name}"]
+                faults.add(path, f"there is no parameter '{other}'.", listing(names, 20), did_you_mean(other, names))
+            elif units[other] != units[f"{owner}.{name}"]:
+                problem = f"'{other}' is in {units[other]}, but '{owner}.{name}' is in {units[f'{owner}.{name}']}."
+                faults.add(path, problem)
+            elif _is_circle(entries, owner, name):
+                faults.add(path, f"'{owner}.{name}' follows '{other}', and that follows it.")
+
+
+def steps_of(name: str) -> Path:
+    """Return the path of an option inside its section, from a name such as ``sections.0.length``."""
+    return tuple(int(step) if step.isdecimal() else step for step in name.split("."))
+
+
+def _is_circle(entries: Mapping[str, ParameterEntry], owner: str, name: str) -> bool:
+    seen: set[tuple[str, str]] = set()
+    while (owner, name) not in seen:
+        seen.add((owner, name))
+        tie = entries[owner].ties.get(name) if owner in entries else None
+        if tie is None:
+            return False
+        owner, name = tie.owner, tie.parameter
+    return True
 
 
 def _with_range(path: Path, parameter: Parameter, section: ParameterSection, faults: FaultList) -> Parameter:
@@ -136,10 +216,34 @@ def _with_range(path: Path, parameter: Parameter, section: ParameterSection, fau
     return replace(parameter, lower=lower, upper=upper, scale=scale)
 
 
-def _fix(path: Path, parameter: Parameter, item: Item, fixed: dict[str, float], faults: FaultList) -> None:
-    value = _quantity(path, plain_values(item), parameter.unit, faults)
-    if value is not None:
-        fixed[parameter.name] = value
+def _about(path: Path, parameter: Parameter, section: ParameterSection, faults: FaultList) -> Parameter:
+    """Return the parameter with a normal prior, or a log-normal one on a logarithmic scale."""
+    if "sd" not in section.model_fields_set:
+        remedy = "Say how well it is known: 'sd: 2 %', or in its unit."
+        faults.add(path, f"the parameter '{parameter.name}' lacks 'sd'.", remedy=remedy, key=True)
+        return parameter
+    scale = section.scale or "linear"
+    middle = _quantity((*path, "about"), section.about, parameter.unit, faults)
+    if middle is None:
+        return parameter
+    deviation = _deviation((*path, "sd"), section.sd, middle, parameter.unit, faults)
+    if deviation is None:
+        return parameter
+    if deviation <= 0:
+        faults.add((*path, "sd"), "a standard deviation must be greater than 0.")
+        return parameter
+    if scale == "log" and middle <= 0:
+        faults.add((*path, "about"), "a middle on a logarithmic scale must be positive.")
+        return parameter
+    return Parameter.about(parameter.name, parameter.unit, middle, deviation, scale, parameter.description)
+
+
+def _deviation(path: Path, value: object, middle: float, unit: str, faults: FaultList) -> float | None:
+    """Return a standard deviation in SI, of which a text such as '2 %' states the part of the middle."""
+    if isinstance(value, str) and value.strip().endswith("%"):
+        part = _quantity(path, value, "1", faults)
+        return None if part is None else part * abs(middle)
+    return _quantity(path, value, unit, faults)
 
 
 def _quantity(path: Path, value: object, unit: str, faults: FaultList) -> float | None:

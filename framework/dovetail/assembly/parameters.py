@@ -1,15 +1,17 @@
-"""The identified parameters of an assembly, and their mapping to the parameters of each joint."""
+"""The identified parameters of an assembly, and their mapping to those of each joint, substructure and response."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import TypeAlias
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.description import JointEntry
+from dovetail.assembly.description import ParameterEntry
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.interfaces import Parameter
 from dovetail.units import to_si
@@ -20,36 +22,61 @@ Theta: TypeAlias = ArrayLike | Mapping[str, float | str] | None
 """Parameter values: a vector, a batch, a mapping of names to values (SI, or texts with units), or None."""
 
 
+@dataclass(frozen=True)
+class _Source:
+    """Where the value of an entry's parameter comes from: a constant, or a factor times an identified parameter."""
+
+    factor: float
+    column: int | None = None
+
+    def of(self, batch: NDArray[np.float64]) -> NDArray[np.float64] | float:
+        """Return the values for parameter vectors (n, n_params)."""
+        if self.column is None:
+            return self.factor
+        return batch[:, self.column] if self.factor == 1.0 else self.factor * batch[:, self.column]
+
+
 class ParameterSpace:
-    """The identified parameters, in the order of the joints and of their models.
+    """The identified parameters, in the order of their owners and of the owners' models.
 
     Parameters
     ----------
-    joints : mapping of str to JointEntry
+    entries : mapping of str to ParameterEntry
+        Of each joint, substructure or response, by its name.
+    joints : collection of str
+        Those that are joints.
+    tied : mapping of str to ParameterEntry
+        Further ones, all of whose parameters are known or tied.
 
     Notes
     -----
-    With a single joint, parameters have the names of its model; with several, they are named ``joint.parameter``.
+    With a single joint, its parameters have the names of its model; all others are named ``owner.parameter``.
     """
 
-    def __init__(self, joints: Mapping[str, JointEntry]) -> None:
-        self._joints = joints
-        parametric = [name for name, joint in joints.items() if joint.parameters]
-        self._bare = len(parametric) <= 1
-        self._columns: dict[str, list[int]] = {}
+    def __init__(
+        self,
+        entries: Mapping[str, ParameterEntry],
+        joints: Collection[str],
+        tied: Mapping[str, ParameterEntry] = MappingProxyType({}),
+    ) -> None:
+        self._entries = entries
+        parametric = [name for name in joints if entries[name].parameters]
+        self._bare = parametric[0] if len(parametric) == 1 else ""
+        columns: dict[tuple[str, str], int] = {}
         parameters: list[Parameter] = []
         self._aliases: dict[str, str] = {}
-        for name, joint in joints.items():
-            self._columns[name] = []
-            for parameter in joint.parameters:
-                if parameter.name in joint.fixed:
-                    continue
-                full_name = f"{name}.{parameter.name}"
-                public_name = parameter.name if self._bare else full_name
+        for owner, entry in entries.items():
+            for parameter in entry.identified:
+                full_name = f"{owner}.{parameter.name}"
+                public_name = parameter.name if owner == self._bare else full_name
                 self._aliases[full_name] = public_name
-                self._columns[name].append(len(parameters))
+                columns[owner, parameter.name] = len(parameters)
                 parameters.append(replace(parameter, name=public_name))
         self.parameters = tuple(parameters)
+        self._sources = {
+            owner: tuple(_source(entries, columns, owner, parameter.name, entry) for parameter in entry.parameters)
+            for owner, entry in {**entries, **tied}.items()
+        }
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -110,26 +137,58 @@ class ParameterSpace:
         return np.array([values[name] for name in self.names])
 
     def _unknown(self, name: str) -> Fault:
-        for joint, entry in self._joints.items():
-            for parameter, value in entry.fixed.items():
-                if name in (f"{joint}.{parameter}", parameter if self._bare else ""):
-                    return Fault(f"parameter {name}", f"it is fixed to {value:g} in the description.")
+        for owner, entry in self._entries.items():
+            for parameter in entry.parameters:
+                if name not in (f"{owner}.{parameter.name}", parameter.name if owner == self._bare else ""):
+                    continue
+                if parameter.name in entry.fixed:
+                    known = entry.fixed[parameter.name]
+                    return Fault(f"parameter {name}", f"it is fixed to {known:g} in the description.")
+                tie = entry.ties[parameter.name]
+                return Fault(f"parameter {name}", f"the description ties it to '{tie.owner}.{tie.parameter}'.")
         hint = did_you_mean(name, self.names)
         return Fault(f"parameter {name}", "the assembly has no such parameter.", listing(self.names, 20), hint)
 
-    def by_joint(self, batch: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Return all parameters of each joint, the known ones included, as (n, parameters of the joint)."""
-        theta_of_joint = {}
-        for name, joint in self._joints.items():
-            values = np.empty((len(batch), len(joint.parameters)))
-            identified = iter(self._columns[name])
-            for column, parameter in enumerate(joint.parameters):
-                known = joint.fixed.get(parameter.name)
-                values[:, column] = batch[:, next(identified)] if known is None else known
-            theta_of_joint[name] = values
-        return theta_of_joint
+    def by_owner(self, batch: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Return all parameters of each owner, the known and tied ones included, as (n, parameters of the owner)."""
+        theta_of_owner = {}
+        for name, sources in self._sources.items():
+            values = np.empty((len(batch), len(sources)))
+            for column, source in enumerate(sources):
+                values[:, column] = source.of(batch)
+            theta_of_owner[name] = values
+        return theta_of_owner
 
-    def identified_columns(self, joint: str) -> list[int]:
-        """Return the columns of a joint's theta that hold identified parameters."""
-        entry = self._joints[joint]
-        return [column for column, parameter in enumerate(entry.parameters) if parameter.name not in entry.fixed]
+    def varying_columns(self, owner: str) -> list[int]:
+        """Return the columns of an owner's parameters that follow from identified ones."""
+        return [column for column, source in enumerate(self._sources[owner]) if source.column is not None]
+
+    def add_derivatives(self, owner: str, derivatives: NDArray[Any], total: NDArray[Any]) -> None:
+        """Add derivatives by an owner's varying columns (..., n_columns) to those by the parameters (..., n_params)."""
+        varying = [source for source in self._sources[owner] if source.column is not None]
+        for column, source in enumerate(varying):
+            total[..., source.column] += source.factor * derivatives[..., column]
+
+    @cached_property
+    def has_ties(self) -> bool:
+        """Whether anything else than an identified parameter of its own varies."""
+        varying = [source for sources in self._sources.values() for source in sources if source.column is not None]
+        return len(varying) != len(self.parameters)
+
+
+def _source(
+    entries: Mapping[str, ParameterEntry],
+    columns: Mapping[tuple[str, str], int],
+    owner: str,
+    parameter: str,
+    entry: ParameterEntry,
+) -> _Source:
+    """Follow the ties of a parameter to a known value or an identified parameter."""
+    factor = 1.0
+    while parameter in entry.ties:
+        tie = entry.ties[parameter]
+        factor, owner, parameter = factor * tie.ratio, tie.owner, tie.parameter
+        entry = entries[owner]
+    if parameter in entry.fixed:
+        return _Source(factor * entry.fixed[parameter])
+    return _Source(factor, columns[owner, parameter])

@@ -7,24 +7,35 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.assembly.calibration import read_calibration
 from dovetail.assembly.component_sections import build_component, read_property
-from dovetail.assembly.description import Description, IdentificationSettings, JointEntry, Response
+from dovetail.assembly.description import (
+    Description,
+    IdentificationSettings,
+    JointEntry,
+    ParameterEntry,
+    Place,
+    Response,
+)
 from dovetail.assembly.joints import Substructures, add_model_faults, check_connected, find_node, read_joint
+from dovetail.assembly.parameter_sections import check_ties
 from dovetail.assembly.sections import (
     FORMAT,
     DescriptionSection,
     DescriptionSectionOfSeveral,
+    ForceSection,
     FrequencySection,
     IdentificationSection,
     ResponseSection,
 )
+from dovetail.assembly.unknown_parts import add_unknown_part, take_unknown_options
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_path, format_value, plain_values
@@ -32,6 +43,7 @@ from dovetail.documents.validation import validate
 from dovetail.errors import did_you_mean, listing
 from dovetail.interfaces import SubstructureModel, node_faults
 from dovetail.registry import Registry
+from dovetail.synthesis import Point
 
 __all__ = ["MOST_LINES", "read_description", "read_frequency", "read_responses"]
 
@@ -70,17 +82,18 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
     several = faults.root.at(_RESPONSES) is not None
     top = validate(DescriptionSectionOfSeveral if several else DescriptionSection, (), faults, "the description")
     frequency = read_frequency(faults)
-    substructures = _read_substructures(faults, registry)
+    substructures, unknown_parts = _read_substructures(faults, registry)
     joints = _read_joints(substructures, faults, registry)
-    responses = read_responses(substructures, faults)
+    responses, calibrations = read_responses(substructures, faults)
     identification = _read_identification(faults, registry)
     faults.raise_if_any()
     sound_substructures = {key: model for key, model in substructures.items() if model is not None}
     sound_joints = {key: joint for key, joint in joints.items() if joint is not None}
+    _check_parameters(sound_joints, unknown_parts, calibrations, faults)
     assert top is not None
     assert frequency is not None
     assert identification is not None
-    check_connected(sound_substructures, sound_joints, responses[0].substructure, faults)
+    check_connected(sound_substructures, sound_joints, responses, faults)
     faults.raise_if_any()
     return Description(
         name=top.name,
@@ -91,7 +104,30 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
         joints=MappingProxyType(sound_joints),
         responses=responses,
         identification=identification,
+        unknown_parts=MappingProxyType(unknown_parts),
+        calibrations=MappingProxyType(calibrations),
     )
+
+
+def _check_parameters(
+    joints: Mapping[str, JointEntry],
+    parts: Mapping[str, JointEntry],
+    calibrations: Mapping[str, ParameterEntry],
+    faults: FaultList,
+) -> None:
+    """Report parameters of different owners with one name, and those that follow what is not there."""
+    for name in parts:
+        if name in joints:
+            problem = f"a joint has the name '{name}' too, so that their parameters cannot be told apart."
+            faults.add(("substructures", name), problem, key=True)
+    for name in calibrations:
+        if name in joints or name in parts:
+            problem = f"the response has the name of a {'joint' if name in joints else 'substructure'}, '{name}'."
+            faults.add(_RESPONSE, problem, remedy="Give it another one with 'name:'.", key=True)
+    places: dict[str, Path] = {name: ("joints", name, "parameters") for name in joints}
+    places |= {name: ("substructures", name) for name in parts}
+    places |= {name: _calibration_place(name, faults) for name in calibrations}
+    check_ties({**joints, **parts, **calibrations}, places, faults)
 
 
 def _check_format(faults: FaultList) -> None:
@@ -116,13 +152,23 @@ def _names(section: str, noun: str, faults: FaultList) -> list[str]:
     return names
 
 
-def _read_substructures(faults: FaultList, registry: Registry) -> Substructures:
+def _read_substructures(
+    faults: FaultList, registry: Registry
+) -> tuple[dict[str, SubstructureModel | None], dict[str, JointEntry]]:
+    """Return the substructures, with the middles of their unknown options, and the entries of those that have some."""
     section = faults.root.at(("substructures",))
     if section is not None and section.is_mapping and not section.entries:
         faults.add(("substructures",), "there are no substructures.", key=True)
-    return {
-        name: _read_substructure(name, faults, registry) for name in _names("substructures", "substructure", faults)
-    }
+    substructures, unknown_parts = {}, dict[str, JointEntry]()
+    for name in _names("substructures", "substructure", faults):
+        before = len(faults)
+        options = take_unknown_options(name, faults, registry)
+        substructures[name] = part = _read_substructure(name, faults, registry) if len(faults) == before else None
+        options.restore(faults)
+        if part is not None and options.stated.known:
+            entry = add_unknown_part(name, part, options.stated, faults)
+            unknown_parts |= {} if entry is None else {name: entry}
+    return substructures, unknown_parts
 
 
 def _read_substructure(name: str, faults: FaultList, registry: Registry) -> SubstructureModel | None:
@@ -199,8 +245,10 @@ def read_frequency(faults: FaultList) -> NDArray[np.float64] | None:
     return frequency
 
 
-def read_responses(substructures: Substructures, faults: FaultList) -> tuple[Response, ...]:
-    """Return the responses in their order, without those that have faults.
+def read_responses(
+    substructures: Substructures, faults: FaultList
+) -> tuple[tuple[Response, ...], dict[str, ParameterEntry]]:
+    """Return the responses in their order, without those that have faults, and their calibrations by name.
 
     Parameters
     ----------
@@ -210,52 +258,98 @@ def read_responses(substructures: Substructures, faults: FaultList) -> tuple[Res
     """
     single, several = faults.root.at(_RESPONSE), faults.root.at(_RESPONSES)
     if several is None:
-        response = None if single is None else _read_response(_RESPONSE, substructures, faults)
-        return () if response is None else (response,)
+        return _read_all([] if single is None else [_RESPONSE], substructures, faults)
     if single is not None:
         remedy = "Keep one of them: a single response, or the list of all."
         faults.add(_RESPONSE, "the description has 'response' and 'responses'.", remedy=remedy, key=True)
     if not isinstance(several.value, tuple):
         remedy = "Begin each entry with '- at:'."
         faults.add(_RESPONSES, f"{format_value(several.value)} is not a list of responses.", remedy=remedy, key=True)
-        return ()
+        return (), {}
     if not several.value:
         faults.add(_RESPONSES, "there are no responses.", key=True)
-    return _read_all(len(several.value), substructures, faults)
+    return _read_all([(*_RESPONSES, index) for index in range(len(several.value))], substructures, faults)
 
 
-def _read_all(count: int, substructures: Substructures, faults: FaultList) -> tuple[Response, ...]:
-    first_at: dict[tuple[str, int, str], Path] = {}
-    responses = []
-    for index in range(count):
-        path = (*_RESPONSES, index)
-        response = _read_response(path, substructures, faults)
+def _read_all(
+    paths: Sequence[Path], substructures: Substructures, faults: FaultList
+) -> tuple[tuple[Response, ...], dict[str, ParameterEntry]]:
+    first_at: dict[tuple[Point, Point], Path] = {}
+    responses, calibrations = list[Response](), dict[str, ParameterEntry]()
+    for number, path in enumerate(paths, start=1):
+        section = validate(ResponseSection, path, faults, f"'{format_path(path)}'")
+        if section is None:
+            continue
+        name = section.name or ("response" if path == _RESPONSE else f"response_{number}")
+        response = _read_response(path, name, section, substructures, faults)
+        if name in [other.name for other in responses]:
+            faults.add((*path, "name"), f"another response has the name '{name}'.")
+        calibration = read_calibration((*path, "calibration"), faults)
+        if calibration.parameters:
+            calibrations[name] = calibration
         if response is None:
             continue
         responses.append(response)
-        first = first_at.setdefault((response.substructure, response.node, response.direction), path)
+        points = response.point, response.point if response.force is None else response.force.point
+        first = first_at.setdefault(points, path)
         if first != path:
             remedy = "Average measurements of the same point, or remove one of the two."
             faults.add(path, f"this is the same point as {format_path(first)}.", remedy=remedy, key=True)
-    return tuple(responses)
+    return tuple(responses), calibrations
 
 
-def _read_response(path: Path, substructures: Substructures, faults: FaultList) -> Response | None:
-    section = validate(ResponseSection, path, faults, f"'{format_path(path)}'")
+def _calibration_place(name: str, faults: FaultList) -> Path:
+    """Return where the calibration of the response with this name is."""
+    several = faults.root.at(_RESPONSES)
+    if several is None or not isinstance(several.value, tuple):
+        return (*_RESPONSE, "calibration")
+    named = (
+        index
+        for index, item in enumerate(several.value)
+        if name == (item.entries["name"].item.value if "name" in item.entries else f"response_{index + 1}")
+    )
+    return (*_RESPONSES, next(named, 0), "calibration")
+
+
+def _read_response(
+    path: Path, name: str, section: ResponseSection, substructures: Substructures, faults: FaultList
+) -> Response | None:
+    place = _read_place(path, section.at, section.position, section.direction, substructures, faults)
+    force = _read_force((*path, "force"), section.at, substructures, faults)
+    if place is None:
+        return None
+    return Response(place.substructure, place.node, place.direction, section.quantity, name, force)
+
+
+def _read_force(path: Path, at: str, substructures: Substructures, faults: FaultList) -> Place | None:
+    if faults.root.at(path) is None:
+        return None
+    section = validate(ForceSection, path, faults, f"'{format_path(path)}'")
     if section is None:
         return None
-    if section.at not in substructures:
+    return _read_place(path, section.at or at, section.position, section.direction, substructures, faults)
+
+
+def _read_place(
+    path: Path,
+    at: str,
+    position: float | str,
+    direction: Literal["x", "rz"],
+    substructures: Substructures,
+    faults: FaultList,
+) -> Place | None:
+    if at not in substructures:
         if substructures:
-            problem = f"there is no substructure {format_value(section.at)}."
-            faults.add((*path, "at"), problem, listing(substructures), did_you_mean(section.at, substructures))
+            problem = f"there is no substructure {format_value(at)}."
+            faults.add((*path, "at"), problem, listing(substructures), did_you_mean(at, substructures))
         return None
-    substructure = substructures[section.at]
+    substructure = substructures[at]
     if substructure is None:
         return None
     if substructure.grounded:
         moving = (name for name, model in substructures.items() if model is not None and not model.grounded)
-        problem = f"the response cannot be at '{section.at}', which does not move."
-        faults.add((*path, "at"), problem, listing(moving))
+        noun = "force" if path[-1] == "force" else "response"
+        faults.add((*path, "at"), f"the {noun} cannot be at '{at}', which does not move.", listing(moving))
         return None
-    node = find_node(section.at, substructure, section.position, (*path, "position"), faults)
-    return None if node is None else Response(section.at, node, section.direction, section.quantity)
+    node = find_node(at, substructure, position, (*path, "position"), faults)
+    return None if node is None else Place(at, node, direction)

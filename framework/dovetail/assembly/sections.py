@@ -19,6 +19,7 @@ __all__ = [
     "AugmentationSection",
     "DescriptionSection",
     "DescriptionSectionOfSeveral",
+    "ForceSection",
     "FrequencySection",
     "IdentificationSection",
     "NodePlace",
@@ -95,7 +96,7 @@ class AttachmentSection(_Section):
 
 
 class ParameterSection(_Section):
-    """What is known of a joint's parameter: the range in which it is sought, or its value.
+    """What is known of a parameter: the range in which it is sought, its value, or which other one it follows.
 
     Attributes
     ----------
@@ -105,32 +106,70 @@ class ParameterSection(_Section):
         How the range is sampled.
     value : float
         Of a parameter that is known, and so is not identified.
+    about, sd : float
+        In place of a range: middle and standard deviation of a normal prior, log-normal on a logarithmic scale. `sd`
+        may be a part of the middle, such as '2 %'.
+    same_as : str
+        Another parameter that this one equals, as 'joint.parameter'.
+    ratio : float
+        This one over the other.
     """
 
     range: Annotated[tuple[Any, ...], AfterValidator(_two_ends)] = ()
     scale: Literal["linear", "log"] | None = None
     value: Any = None
+    about: Any = None
+    sd: Any = None
+    same_as: str | None = None
+    ratio: _Number = 1.0
 
 
-class ResponseSection(_Section):
-    """The drive point and the quantity that is reported.
+class ForceSection(_Section):
+    """Where the force of a transfer FRF acts.
 
     Attributes
     ----------
     at : str
-        Name of the substructure that is struck and measured.
+        Name of the substructure; that of the response by default.
+    position : place
+        Of its node, a position [m] or a label.
+    direction : 'x' or 'rz'
+        A force, or a moment.
+    """
+
+    at: str | None = None
+    position: NodePlace
+    direction: Literal["x", "rz"] = "x"
+
+
+class ResponseSection(_Section):
+    """Where the FRF is measured, and its quantity.
+
+    Attributes
+    ----------
+    at : str
+        Name of the substructure whose motion is measured.
     position : place
         Of its node, a position [m] or a label.
     direction : 'x' or 'rz'
         Displacement by a force, or rotation by a moment.
     quantity : 'receptance', 'mobility' or 'accelerance'
         Of the FRF.
+    force : section
+        Where the force acts, if not at the same place.
+    name : str
+        By which the parameters of its calibration are called; 'response', or 'response_1' and so on.
+    calibration : section
+        What is known or sought of its measurement chain: gain, sign, delay, mass of the sensor, exponential window.
     """
 
     at: str
     position: NodePlace
     direction: Literal["x", "rz"] = "x"
     quantity: Quantity = "accelerance"
+    force: Any = None
+    name: Annotated[str, Field(pattern=r"^[^\W\d]\w*$", max_length=50)] | None = None
+    calibration: Any = None
 
 
 _Level = Annotated[_Number, Field(ge=0, le=10)]

@@ -79,7 +79,7 @@ def _response(assembly: Assembly, response: Response) -> dict[str, Any]:
 def _fixed(assembly: Assembly) -> list[dict[str, Any]]:
     return [
         {"name": f"{joint}.{parameter.name}", "value": entry.fixed[parameter.name], "unit": parameter.unit}
-        for joint, entry in assembly.description.joints.items()
+        for joint, entry in assembly.description.entries.items()
         for parameter in entry.parameters
         if parameter.name in entry.fixed
     ]

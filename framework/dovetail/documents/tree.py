@@ -6,7 +6,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-__all__ = ["Entry", "Item", "Mark", "Path", "Scalar", "format_path", "format_value", "plain_values", "replace_value"]
+__all__ = [
+    "Entry",
+    "Item",
+    "Mark",
+    "Path",
+    "Scalar",
+    "format_path",
+    "format_value",
+    "plain_values",
+    "replace_item",
+    "replace_value",
+]
 
 Scalar: TypeAlias = str | int | float | bool | None
 Path: TypeAlias = tuple[str | int, ...]
@@ -83,11 +94,24 @@ class Item:
 
 
 def replace_value(item: Item, path: Path, value: Scalar) -> Item:
-    """Return the tree with another value at a path of keys, which must exist."""
+    """Return the tree with another value at a path, which must exist."""
+    there = item.at(path)
+    assert there is not None
+    return replace_item(item, path, Item(there.mark, value))
+
+
+def replace_item(item: Item, path: Path, replacement: Item) -> Item:
+    """Return the tree with another item at a path, which must exist."""
     if not path:
-        return Item(item.mark, value)
-    key, entry = str(path[0]), item.entries[str(path[0])]
-    return Item(item.mark, {**item.entries, key: Entry(entry.key, replace_value(entry.item, path[1:], value))})
+        return replacement
+    step, *others = path
+    if isinstance(item.value, tuple):
+        elements = list(item.value)
+        elements[int(step)] = replace_item(elements[int(step)], tuple(others), replacement)
+        return Item(item.mark, tuple(elements))
+    key, entry = str(step), item.entries[str(step)]
+    changed = replace_item(entry.item, tuple(others), replacement)
+    return Item(item.mark, {**item.entries, key: Entry(entry.key, changed)})
 
 
 def plain_values(item: Item) -> Any:

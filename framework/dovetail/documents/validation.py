@@ -14,7 +14,7 @@ from dovetail.documents.tree import Item, Path, format_path, format_value, plain
 from dovetail.errors import did_you_mean, listing
 from dovetail.units import InUnit
 
-__all__ = ["validate"]
+__all__ = ["number_unit", "validate"]
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -77,6 +77,25 @@ def validate(
     except Exception as error:  # a plugin's validator may raise anything
         faults.add(path, f"{owner} cannot check this section: {type(error).__name__}: {error}", key=True)
     return None
+
+
+def number_unit(model: type[BaseModel], path: Path) -> str | None:
+    """Return the unit of an option inside a section of a model, ``"1"`` without one; None if it is no float."""
+    last = max((index for index, step in enumerate(path) if isinstance(step, str)), default=-1)
+    if last < 0:
+        return None
+    for owner in _models_at(model, path[:last]):
+        for name, field in owner.model_fields.items():
+            if path[last] in (name, field.alias) and _is_float(field.annotation):
+                return _unit_of(field) or "1"
+    return None
+
+
+def _is_float(annotation: Any) -> bool:
+    """Return whether a float may stand there, and no section."""
+    if isinstance(annotation, type):
+        return annotation is float
+    return any(_is_float(part) for part in get_args(annotation)) and not any(_models_in(annotation))
 
 
 class _Translation:

@@ -10,7 +10,7 @@ import numpy as np
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError
 from dovetail.interfaces import SubstructureModel
-from dovetail.synthesis import Attachment
+from dovetail.synthesis import Attachment, Connection
 
 __all__ = ["finer"]
 
@@ -40,6 +40,10 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
     refined = {
         name: substructure.refined(factor) or substructure for name, substructure in description.substructures.items()
     }
+    parts = {
+        name: replace(entry, connection=_refined_part(entry.connection, name, factor))
+        for name, entry in description.unknown_parts.items()
+    }
     joints = {}
     for name, joint in description.joints.items():
         connection = joint.connection
@@ -60,7 +64,14 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
         )
         for response in description.responses
     )
-    return Assembly(replace(description, substructures=refined, joints=joints, responses=responses))
+    whole = replace(description, substructures=refined, joints=joints, responses=responses, unknown_parts=parts)
+    return Assembly(whole)
+
+
+def _refined_part(connection: Connection, name: str, factor: int) -> Connection:
+    """Return a substructure with unknown options with a finer mesh."""
+    model = connection.model.refined(factor) or connection.model
+    return Connection(model, (Attachment(name, tuple(range(model.ports[0].nodes))),))
 
 
 def _moved(

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly
+from dovetail.assembly.calibration import unknown_signs, with_signs
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
+from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import MeasuredLines
 from dovetail.identification.methods import METHODS
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.result import Identification
 
 __all__ = ["identify", "method_options"]
+
+_DELAYS = 201
+"""Delays over their range with which a sign is told; enough for 25 turns of the phase."""
 
 
 def identify(
@@ -79,9 +87,43 @@ def identify(
         if name not in accepted_options:
             problem = f"the method '{method}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
-    lines = MeasuredLines.of(assembly, measured)
     with threadpool_limits(1, user_api="blas"):
+        lines = _with_signs(MeasuredLines.of(assembly, measured))
         return METHODS[method](lines, model, **options)
+
+
+def _with_signs(lines: MeasuredLines) -> MeasuredLines:
+    """Tell the signs of responses that the description leaves open, from a fit that does not look at their phase."""
+    description = lines.assembly.description
+    unknown = unknown_signs(description)
+    if not unknown:
+        return lines
+    pairs = list(zip(description.responses, lines.frfs, strict=True))
+    amplitudes = [_amplitudes(frf) if response.name in unknown else frf for response, frf in pairs]
+    theta = refine(lines.assembly, amplitudes, seed=description.identification.seed).theta
+    signs = {
+        response.name: _sign(alone, theta, frf)
+        for (response, frf), alone in zip(pairs, lines.assembly.each_response, strict=True)
+        if response.name in unknown
+    }
+    described = Assembly(with_signs(lines.described.description, signs))
+    return MeasuredLines.of(described, lines.whole)
+
+
+def _amplitudes(frf: Frf) -> Frf:
+    return replace(frf, values=np.abs(frf.values), has_phase=False)
+
+
+def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
+    """Return 1 or -1, by which an FRF is more like the model's, with the delay that suits it."""
+    response = assembly.description.response
+    delays = [column for column, p in enumerate(assembly.parameters) if p.name == f"{response.name}.delay"]
+    vectors = np.repeat(theta[np.newaxis], _DELAYS if delays else 1, axis=0)
+    for column in delays:
+        vectors[:, column] = assembly.parameters[column].from_unit(np.linspace(0.0, 1.0, _DELAYS))
+    model, values = assembly.frf(vectors), frf.to(response.quantity).values
+    alike = np.real(np.conj(model) * values / np.abs(model) ** 2).mean(axis=1)
+    return 1.0 if not frf.has_phase or alike.max() >= -alike.min() else -1.0
 
 
 def method_options(method: str) -> tuple[str, ...]:

@@ -97,7 +97,7 @@ def joint_values(assembly: Assembly, result: Identification | Mapping[str, float
     matched: dict[str, float] = {}
     faults, missing = [], []
     for parameter, (joint, name) in zip(assembly.parameters, names, strict=True):
-        shared = sum(other == name for _, other in names) > 1
+        shared = joint not in assembly.description.joints or sum(other == name for _, other in names) > 1
         value = _match(values, joint, name, shared)
         if value is None:
             missing.append(parameter.name)
@@ -132,17 +132,17 @@ class _Value:
 def _values(result: Identification | Mapping[str, float]) -> list[_Value]:
     if not isinstance(result, Identification):
         return [_Value(*_split_name(name), float(value)) for name, value in result.items()]
-    identified = [_Value(p.joint, _split_name(p.name)[1], p.value, p.unit) for p in result.parameters.values()]
+    identified = [_Value(p.joint, p.bare_name, p.value, p.unit) for p in result.parameters.values()]
     return identified + [_Value(*_split_name(name), value) for name, value in result.known.items()]
 
 
 def _split_name(name: str) -> tuple[str | None, str]:
-    joint, dot, bare = name.rpartition(".")
-    return (joint if dot else None), bare
+    owner, dot, bare = name.partition(".")
+    return (owner, bare) if dot else (None, name)
 
 
 def _match(values: list[_Value], joint: str, name: str, shared: bool) -> _Value | None:
-    """Return the value for a joint's parameter; `shared` if several joints of the assembly have one of this name."""
+    """Return the value for a parameter; `shared` if its name does not tell its owner, which must then be the same."""
     same_name = [value for value in values if value.name == name]
     exact = [value for value in same_name if value.joint == joint]
     if exact:
@@ -241,7 +241,7 @@ def predicted_band(assembly: Assembly, result: Identification, level: float = LE
 
 def _frfs(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of the assembly with samples (n, p) of the identified joint."""
-    joints = [f"{parameter.joint}.{_split_name(name)[1]}" for name, parameter in result.parameters.items()]
+    joints = [f"{parameter.joint}.{parameter.bare_name}" for parameter in result.parameters.values()]
     samples = [{**result.known, **dict(zip(joints, row, strict=True))} for row in theta.tolist()]
     return assembly.frf(np.stack([assembly.vector(joint_values(assembly, sample)) for sample in samples]))
 

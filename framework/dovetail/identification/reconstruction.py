@@ -119,8 +119,8 @@ def _parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, Ide
 
 
 def _known(assembly: Assembly) -> dict[str, float]:
-    joints = assembly.description.joints.items()
-    return {f"{name}.{parameter}": float(value) for name, joint in joints for parameter, value in joint.fixed.items()}
+    entries = assembly.description.entries.items()
+    return {f"{name}.{parameter}": float(value) for name, entry in entries for parameter, value in entry.fixed.items()}
 
 
 def _modes(

@@ -13,7 +13,7 @@ from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification.adequacy.adequacy import Adequacy
 from dovetail.identification.fitting.fit import Fit
 from dovetail.identification.posterior.posterior import Posterior
-from dovetail.interfaces import Parameter, Scale
+from dovetail.interfaces import Parameter, Prior, Scale
 from dovetail.units import format_quantity
 
 __all__ = ["AtPoint", "Identification", "IdentifiedParameter", "Mode", "caveats_of"]
@@ -24,7 +24,7 @@ _CAVEAT = "The model does not fit the measurement: do not believe the numbers."
 
 @dataclass(frozen=True)
 class IdentifiedParameter:
-    """One parameter of the joint.
+    """One identified parameter.
 
     Parameters
     ----------
@@ -40,7 +40,9 @@ class IdentifiedParameter:
         Whether the value lies in the range.
     description : str
     joint : str
-        The joint it belongs to.
+        The joint it belongs to; the substructure or the response of another one.
+    prior : {"uniform", "normal"}
+        As in `Parameter`.
     """
 
     name: str
@@ -52,11 +54,17 @@ class IdentifiedParameter:
     in_range: bool
     description: str
     joint: str
+    prior: Prior = "uniform"
 
     @property
     def definition(self) -> Parameter:
         """The parameter with its range, as the assembly defines it."""
-        return Parameter(self.name, self.unit, self.lower, self.upper, self.scale, self.description)
+        return Parameter(self.name, self.unit, self.lower, self.upper, self.scale, self.description, self.prior)
+
+    @property
+    def bare_name(self) -> str:
+        """The name without the owner's."""
+        return self.name.removeprefix(f"{self.joint}.")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from dovetail.interfaces.component import (
 )
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
-from dovetail.interfaces.joint import JointModel, Parameter, Port, Scale
+from dovetail.interfaces.joint import JointModel, Parameter, Port, Prior, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.option_schema import option_schema
 from dovetail.interfaces.progress import Progress, silent
@@ -36,6 +36,7 @@ __all__ = [
     "Node",
     "Parameter",
     "Port",
+    "Prior",
     "Progress",
     "Reducer",
     "Regressor",

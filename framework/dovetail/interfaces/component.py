@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FunctionType, TracebackType
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict
 
@@ -34,6 +34,34 @@ class ComponentConfig(BaseModel):
     """Base of every component's options: frozen, and an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def with_options(self, options: Mapping[str, Any]) -> Self:
+        """Return the same options with others at some places, which are not checked; they may be arrays.
+
+        Parameters
+        ----------
+        options : mapping of str to Any
+            By their place in the section of a description, such as ``"material.young"`` or ``"sections.0.length"``.
+        """
+        changed = self
+        for place, value in options.items():
+            changed = _replaced(changed, place.split("."), value)
+        return changed
+
+
+def _replaced(options: Any, steps: Sequence[str], value: Any) -> Any:
+    if not steps:
+        return value
+    step, *others = steps
+    if isinstance(options, BaseModel):
+        by_alias = {field.alias or name: name for name, field in type(options).model_fields.items()}
+        name = by_alias.get(step, step)
+        return options.model_copy(update={name: _replaced(getattr(options, name), others, value)})
+    if isinstance(options, Mapping):
+        return {**options, step: _replaced(options[step], others, value)}
+    elements = list(options)
+    elements[int(step)] = _replaced(elements[int(step)], others, value)
+    return tuple(elements) if isinstance(options, tuple) else elements
 
 
 class Component(ABC):

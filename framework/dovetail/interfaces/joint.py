@@ -11,15 +11,21 @@ from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
 from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.differentiation import Differentiation, differences
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 
-__all__ = ["JointModel", "Parameter", "Port", "Scale"]
+__all__ = ["JointModel", "Parameter", "Port", "Prior", "Scale"]
 
 Scale = Literal["linear", "log"]
+Prior = Literal["uniform", "normal"]
+
+_DEVIATIONS = 4.0
+"""Standard deviations of a normal prior between the middle and each end of its range; 6e-5 lie outside."""
+_TAIL = float(ndtr(-_DEVIATIONS))
 
 
 @dataclass(frozen=True)
@@ -36,12 +42,15 @@ class Parameter:
     scale : {"linear", "log"}
         How the range is sampled, and how the network's target is scaled.
     description : str
+    prior : {"uniform", "normal"}
+        What is known of the value within the range, on its scale: nothing more, or that it is normally distributed
+        around the middle, with the ends four standard deviations away. On a logarithmic scale that is log-normal.
 
     Raises
     ------
     PluginError
-        A value of another type, a scale that there is not, or a range that is empty, not finite, or not positive
-        although its scale is logarithmic.
+        A value of another type, a scale or a prior that there is not, or a range that is empty, not finite, or not
+        positive although its scale is logarithmic.
     """
 
     name: str
@@ -50,6 +59,7 @@ class Parameter:
     upper: float
     scale: Scale = "linear"
     description: str = ""
+    prior: Prior = "uniform"
 
     def __post_init__(self) -> None:
         if fault := self._fault():
@@ -60,10 +70,13 @@ class Parameter:
         for key in ("name", "unit", "scale", "description"):
             if not isinstance(getattr(self, key), str):
                 return Fault(where, f"its {key} is {getattr(self, key)!r:.40}.", "a text")
-        if not all(part.isidentifier() for part in self.name.split(".")):
+        first, *others = self.name.split(".")
+        if not first.isidentifier() or not all(part.isidentifier() or part.isdecimal() for part in others):
             return Fault(where, "this cannot be a name.", "letters, digits and '_', not beginning with a digit")
         if self.scale not in get_args(Scale):
             return Fault(where, f"its scale is {self.scale!r:.40}.", listing(get_args(Scale)))
+        if self.prior not in get_args(Prior):
+            return Fault(where, f"its prior is {self.prior!r:.40}.", listing(get_args(Prior)))
         for end in (self.lower, self.upper):
             if isinstance(end, bool) or not isinstance(end, Real) or not np.isfinite(float(end)):
                 return Fault(where, f"an end of its range is {end!r:.40}.", f"a finite number in {self.unit}")
@@ -73,17 +86,50 @@ class Parameter:
             return Fault(where, f"its range on a logarithmic scale begins at {self.lower:g}.", "lower > 0")
         return None
 
+    @staticmethod
+    def about(name: str, unit: str, middle: float, deviation: float, scale: Scale, description: str) -> Parameter:
+        """Return a parameter with a normal prior, by its middle and deviation in `unit`; log-normal on scale `log`."""
+        half = _DEVIATIONS * deviation
+        if scale == "log":
+            factor = float(np.exp(half / middle))
+            return Parameter(name, unit, middle / factor, middle * factor, scale, description, "normal")
+        return Parameter(name, unit, middle - half, middle + half, scale, description, "normal")
+
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Map fractions of the range (0 to 1, on the parameter's scale) to values in `unit`."""
+        """Map fractions from 0 to 1, quantiles of the prior within the range, to values in `unit`."""
         low, high = self._ends()
-        mapped = low + np.asarray(fraction, dtype=np.float64) * (high - low)
+        part = np.asarray(fraction, dtype=np.float64)
+        if self.prior == "normal":
+            part = (ndtri(_TAIL + part * (1.0 - 2.0 * _TAIL)) / _DEVIATIONS + 1.0) / 2.0
+        mapped = low + part * (high - low)
         return np.exp(mapped) if self.scale == "log" else mapped
 
     def to_unit(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Map values in `unit` to fractions of the range (0 to 1, on the parameter's scale)."""
+        """Map values in `unit` to fractions from 0 to 1, quantiles of the prior within the range."""
         low, high = self._ends()
         position = np.asarray(value, dtype=np.float64)
-        return ((np.log(position) if self.scale == "log" else position) - low) / (high - low)
+        part = ((np.log(position) if self.scale == "log" else position) - low) / (high - low)
+        if self.prior == "normal":
+            part = (ndtr((2.0 * part - 1.0) * _DEVIATIONS) - _TAIL) / (1.0 - 2.0 * _TAIL)
+        return part
+
+    def normal_residual(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return how many standard deviations of a normal prior fractions are from the middle, and the derivative."""
+        deviations = ndtri(_TAIL + np.asarray(fraction, dtype=np.float64) * (1.0 - 2.0 * _TAIL))
+        density = np.exp(-(deviations**2) / 2.0) / np.sqrt(2.0 * np.pi)
+        return deviations, (1.0 - 2.0 * _TAIL) / density
+
+    def slope(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of `from_unit` by the fraction, at values in `unit`."""
+        low, high = self._ends()
+        at = np.asarray(value, dtype=np.float64)
+        width = at * (high - low) if self.scale == "log" else np.full(at.shape, high - low)
+        if self.prior == "normal":
+            part = ((np.log(at) if self.scale == "log" else at) - low) / (high - low)
+            quantile = (2.0 * part - 1.0) * _DEVIATIONS
+            density = np.exp(-(quantile**2) / 2.0) / np.sqrt(2.0 * np.pi)
+            width = width * (1.0 - 2.0 * _TAIL) / (2.0 * _DEVIATIONS * density)
+        return width
 
     def _ends(self) -> tuple[float, float]:
         if self.scale == "log":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -77,6 +77,25 @@ class SubstructureModel(Component):
     @abstractmethod
     def matrices(self) -> StructuralMatrices | SparseMatrices | None:
         """Return the (d, d) matrices over the nodes' DOFs and the inner DOFs; None for a part with FRFs only."""
+
+    def batched_matrices(self, options: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices | None:  # noqa: ARG002
+        """Return the matrices for many values of some options, or None, the default.
+
+        It is asked where a description seeks options of the part. Without it the part is made anew for each value,
+        which gives the same and takes longer.
+
+        Parameters
+        ----------
+        options : mapping of str to (n,) array
+            In SI, by their place in the part's section, such as ``"material.young"`` or ``"sections.0.length"``; see
+            ``ComponentConfig.with_options``. All others are those of the part itself.
+
+        Returns
+        -------
+        StructuralMatrices or None
+            Of (n, d, d) arrays.
+        """
+        return None
 
     def receptance(self, frequency: NDArray[np.float64], dofs: Sequence[int]) -> NDArray[np.complex128]:
         """Return the receptance matrix between `dofs`.

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
@@ -70,5 +71,10 @@ class Lumped(SubstructureModel):
 
     def matrices(self) -> StructuralMatrices:
         """Return the (d, d) matrices: a diagonal mass matrix and no stiffness."""
-        diagonal = [value for entry in self.config.masses for value in (entry.mass, entry.inertia)]
-        return StructuralMatrices(np.diag(diagonal), np.zeros((len(diagonal), len(diagonal))))
+        values = np.broadcast_arrays(*(value for entry in self.config.masses for value in (entry.mass, entry.inertia)))
+        mass = np.stack(values, axis=-1)[..., np.newaxis] * np.eye(len(values))
+        return StructuralMatrices(mass, np.zeros_like(mass))
+
+    def batched_matrices(self, options: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices:
+        """Return the (n, d, d) matrices for many values of some options."""
+        return Lumped(self.config.with_options(options)).matrices()

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
@@ -131,6 +132,16 @@ class TimoshenkoBeam(SubstructureModel):
         for section in self.config.sections:
             cross_section = section.cross_section(material.poisson)
             sections.append(element_matrices(section.length / section.elements, cross_section, material))
-        return chain(
-            StructuralMatrices(*(np.concatenate([getattr(section, name) for section in sections]) for name in "MKCD"))
-        )
+        joined = (_joined([getattr(section, name) for section in sections]) for name in "MKCD")
+        return chain(StructuralMatrices(*joined))
+
+    def batched_matrices(self, options: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices:
+        """Return the (n, d, d) matrices for many values of some options."""
+        columns = {place: values[:, np.newaxis] for place, values in options.items()}
+        return TimoshenkoBeam(self.config.with_options(columns)).matrices()
+
+
+def _joined(matrices: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Join the elements (..., n_elements, 4, 4) of sections, of which some are a batch."""
+    batch = np.broadcast_shapes(*(matrix.shape[:-3] for matrix in matrices))
+    return np.concatenate([np.broadcast_to(matrix, (*batch, *matrix.shape[-3:])) for matrix in matrices], axis=-3)

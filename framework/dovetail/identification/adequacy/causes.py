@@ -286,11 +286,8 @@ def _widened(parameter: Parameter, *, at_upper: bool) -> tuple[float, float]:
 
 
 def _with_range(assembly: Assembly, joint: str, name: str, lower: float, upper: float) -> Assembly:
-    description = assembly.description
-    entry = description.joints[joint]
-    parameters = tuple(replace(p, lower=lower, upper=upper) if p.name == name else p for p in entry.parameters)
-    joints = {**description.joints, joint: replace(entry, parameters=parameters)}
-    return Assembly(replace(description, joints=joints)).on(*(each.frequency for each in assembly.each_response))
+    there = Assembly(assembly.description.with_range(joint, name, lower, upper))
+    return there.on(*(each.frequency for each in assembly.each_response))
 
 
 def _masses_and_overhangs(trials: Trials) -> Iterator[Candidate]:

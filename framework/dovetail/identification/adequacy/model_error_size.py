@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, linearise_frf
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior, linearise_frf
 from dovetail.identification.posterior.frequency_average import average, needs_average
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals, marginalised_squares
 from dovetail.identification.posterior.model_error import (
@@ -133,7 +133,8 @@ class _Problem:
         shapes = np.concatenate(list(self.shapes(values, size).values()))
         errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
         model = self.model if len(lines) == len(values) else self.model.at(lines)
-        problem = MarginalisedResiduals(FrfResiduals(model, residual), errors)
+        misfit = MarginalisedResiduals(FrfResiduals(model, residual), errors)
+        problem = WithPrior(misfit, model.assemblies[0])
         minima = minimise(problem, starts, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
         return np.asarray(minima.position[np.argmin(minima.cost)])
 

@@ -57,7 +57,7 @@ def find_overhangs(description: Description, most_nodes: int) -> Iterator[Overha
     most_nodes : int
         Of a substructure; larger ones take too long.
     """
-    for name, model in description.substructures.items():
+    for name, model in description.known_parts.items():
         held = {node: joint for joint, nodes in _attachments(description, name) for node in nodes}
         if not held or len(model.nodes) > most_nodes or not _has_sections(model):
             continue

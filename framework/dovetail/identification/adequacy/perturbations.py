@@ -114,7 +114,7 @@ def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
 
 
 def _quantities(assembly: Assembly) -> Iterator[Perturbation]:
-    for name, model in assembly.description.substructures.items():
+    for name, model in assembly.description.known_parts.items():
         if 2 * len(model.nodes) > _SETTINGS.most_dofs:
             continue
         for quantity in list_quantities(model):

@@ -16,7 +16,7 @@ from dovetail.frf import Frf
 from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agreeing
 from dovetail.identification.fitting.least_squares import Minima, minimise
 from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, WithPrior
 from dovetail.identification.fitting.search_lines import missed_resonances, search_lines, thinned_lines
 from dovetail.identification.fitting.whiteness import is_white
 
@@ -56,6 +56,8 @@ class Settings:
     """Decrease of the sum of squares, per step, that ends a fit; 1 is a standard deviation of a parameter."""
     fit_steps: int = 100
     """At most; for the collet half of the fits take 14, and all of them fewer than 70."""
+    most_delays: int = 100
+    """Delays of a response that are tried, eight for each turn of the phase at the highest frequency."""
     significance: float = 5.0
     """Standard deviations of chi-squared within which a fit is as good as the random error allows."""
     scatter_error: float = 0.15
@@ -211,7 +213,22 @@ class _Refinement:
         minima = minimise(self._search, batch, tolerance=_SETTINGS.search_tolerance, most_steps=_SETTINGS.search_steps)
         self._steps += int(minima.steps.sum())
         self._starts += len(batch)
-        return minima.position[np.argsort(minima.cost, kind="stable")]
+        return self._with_delays(minima.position[np.argsort(minima.cost, kind="stable")])
+
+    def _with_delays(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Set delays to what fits best: amplitudes, by which was searched, do not tell them."""
+        residual = self._target.weighted(self._variance, self._used).at(self._some)
+        problem = FrfResiduals(self._model_of_some, residual)
+        calibrations = self._assembly.description.calibrations
+        owners = enumerate(self._assembly.description.identified_parameters)
+        for column in (column for column, (owner, name) in owners if owner in calibrations and name == "delay"):
+            delay = self._assembly.parameters[column]
+            turns = (delay.upper - delay.lower) * float(self._target.frequency.max())
+            tried = np.repeat(position[np.newaxis], 1 + min(_SETTINGS.most_delays, int(8 * turns) + 1), axis=0)
+            tried[1:, :, column] = np.linspace(0.0, 1.0, len(tried) - 1)[:, np.newaxis]
+            costs = np.array([np.sum(problem.residuals(each) ** 2, axis=1) for each in tried])
+            position = tried[np.argmin(costs, axis=0), np.arange(len(position))]
+        return position
 
     def _told_apart(self, start: NDArray[np.float64]) -> _Ranked:
         """Fit on some of the lines: enough to tell which minimum is the best."""
@@ -224,7 +241,8 @@ class _Refinement:
         return self._minimised(FrfResiduals(self._model, residual), start)
 
     def _minimised(self, problem: FrfResiduals, start: NDArray[np.float64]) -> _Ranked:
-        minima = minimise(problem, start, tolerance=_SETTINGS.fit_tolerance, most_steps=_SETTINGS.fit_steps)
+        with_prior = WithPrior(problem, self._assembly)
+        minima = minimise(with_prior, start, tolerance=_SETTINGS.fit_tolerance, most_steps=_SETTINGS.fit_steps)
         self._steps += int(minima.steps.sum())
         return _Ranked.of(minima)
 

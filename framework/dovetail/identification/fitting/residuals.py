@@ -14,7 +14,7 @@ from scipy.special import ive
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.identification.fitting.least_squares import Linearisation
+from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
 
 __all__ = [
     "FrfResiduals",
@@ -23,6 +23,7 @@ __all__ = [
     "Residual",
     "StackedResiduals",
     "Weighted",
+    "WithPrior",
     "linearise_frf",
     "split_by_response",
 ]
@@ -65,11 +66,8 @@ def linearise_frf(
     """
     assembly = model if isinstance(model, Assembly) else model.assemblies[0]
     frf, jacobian = model.frf_jacobian(theta)
-    widths = [
-        theta[:, column] * np.log(p.upper / p.lower) if p.scale == "log" else np.full(len(theta), p.upper - p.lower)
-        for column, p in enumerate(assembly.parameters)
-    ]
-    return frf, np.swapaxes(jacobian, 1, 2) * np.stack(widths, axis=1)[:, :, np.newaxis]
+    slopes = [parameter.slope(theta[:, column]) for column, parameter in enumerate(assembly.parameters)]
+    return frf, np.swapaxes(jacobian, 1, 2) * np.stack(slopes, axis=1)[:, :, np.newaxis]
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +153,40 @@ class FrfResiduals:
         """Return residuals and their derivatives at fractions (n, p) of the ranges."""
         frf, jacobian = linearise_frf(self._model, self._assembly.from_unit(fraction))
         return Linearisation(self._residual.of(frf), self._residual.jacobian(frf, jacobian))
+
+
+class WithPrior:
+    """Residuals of a measurement and, behind them, of the normal priors of parameters: deviations from their middles.
+
+    Parameters
+    ----------
+    misfit : SumOfSquares
+        Of fractions of the ranges.
+    assembly : Assembly
+        Whose parameters they are.
+    """
+
+    def __init__(self, misfit: SumOfSquares, assembly: Assembly) -> None:
+        self._misfit = misfit
+        self._normal = [(column, p) for column, p in enumerate(assembly.parameters) if p.prior == "normal"]
+
+    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at fractions (n, p) of the ranges."""
+        return np.concatenate([self._misfit.residuals(fraction), self._prior(fraction)[0]], axis=1)
+
+    def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and their derivatives at fractions (n, p) of the ranges."""
+        linear = self._misfit.linearise(fraction)
+        deviations, jacobian = self._prior(fraction)
+        residuals = np.concatenate([linear.residuals, deviations], axis=1)
+        return Linearisation(residuals, np.concatenate([linear.jacobian, jacobian], axis=2))
+
+    def _prior(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        deviations = np.empty((len(fraction), len(self._normal)))
+        jacobian = np.zeros((*fraction.shape, len(self._normal)))
+        for row, (column, parameter) in enumerate(self._normal):
+            deviations[:, row], jacobian[:, column, row] = parameter.normal_residual(fraction[:, column])
+        return deviations, jacobian
 
 
 class LogAmplitude:

@@ -1,0 +1,277 @@
+"""The measurement chain of a response: its gain and delay, the sensor's mass, and an exponential window.
+
+Gain and delay change the FRF. A sensor's mass and a window change the structure that is computed for a response: the
+mass is one more part of it, and the window of decay rate s, which multiplies signals by exp(-s t), moves the frequency
+to omega - i s, which is the same as other matrices: K + s C + s^2 M and C + 2 s M in place of K and C.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.assembly.description import Description, JointEntry, ParameterEntry, Tie
+from dovetail.assembly.parameter_sections import StatedParameters
+from dovetail.assembly.unknown_parts import NodesAlone, UnknownPart
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import Item, Path, format_value, plain_values
+from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.interfaces import JointModel, Parameter, Port, StructuralMatrices, SubstructureModel
+from dovetail.synthesis import Attachment, Connection, Graph
+from dovetail.synthesis.joint_evaluation import depends_on_frequency
+
+__all__ = [
+    "CHAIN",
+    "chain_derivatives",
+    "chain_factor",
+    "entries_at_response",
+    "graph_of",
+    "read_calibration",
+    "unknown_signs",
+    "with_signs",
+]
+
+CHAIN = (
+    Parameter("gain", "1", 0.8, 1.25, "log", "Measured over true amplitude"),
+    Parameter("delay", "s", 0.0, 1e-4, "linear", "Of the response behind the force"),
+    Parameter("mass", "kg", 0.0, 0.05, "linear", "Of the sensor at the response"),
+    Parameter("window", "1/s", 0.0, 100.0, "linear", "Decay rate of an exponential window over the signals"),
+)
+"""What may be unknown of a response's measurement chain; a description states the ranges."""
+SIGN = Parameter("sign", "1", -1.0, 1.0, "linear", "1, or -1 where the sensor or the force points the other way")
+"""Known, or told from the measurement before anything is sought; NaN until then."""
+
+
+class _SensorMass(JointModel):
+    """The mass of a sensor at a node."""
+
+    name = "sensor_mass"
+    summary = "Mass of a sensor"
+    parameters = (replace(CHAIN[2]),)
+    ports = (Port("sensor", 1),)
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        matrices = StructuralMatrices.zeros(len(theta), self.size)
+        matrices.M[:, 0, 0] = theta[:, 0]
+        return matrices
+
+
+class _Windowed(JointModel):
+    """A joint or a part as a measurement under an exponential window shows it; the decay rate is the last parameter.
+
+    Parameters
+    ----------
+    model : JointModel
+    """
+
+    summary = "Seen through an exponential window"
+
+    def __init__(self, model: JointModel) -> None:
+        super().__init__()
+        self.name = model.name  # type: ignore[misc]  # for messages
+        self._model = model
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Those of the model, and the decay rate."""
+        return (*self._model.parameters, CHAIN[3])
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """Those of the model."""
+        return self._model.ports
+
+    @property
+    def internal_dofs(self) -> int:
+        """Those of the model."""
+        return self._model.internal_dofs
+
+    @property
+    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Those of the model."""
+        return self._model.merged_dofs
+
+    @property
+    def contact_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Those of the model."""
+        return self._model.contact_dofs
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the matrices (n, d, d) at the frequency omega - i s."""
+        plain = self._model.matrices(theta[:, :-1])
+        rate = theta[:, -1, np.newaxis, np.newaxis]
+        stiffness = plain.K + rate * plain.C + rate**2 * plain.M
+        return StructuralMatrices(plain.M, stiffness, plain.C + 2.0 * rate * plain.M, plain.D)
+
+
+def read_calibration(path: Path, faults: FaultList) -> ParameterEntry:
+    """Read what a description says of a response's measurement chain.
+
+    Parameters
+    ----------
+    path : Path
+        Of the section ``calibration:``, which need not be there.
+    faults : FaultList
+        Collects the faults.
+    """
+    section = faults.root.at(path)
+    if section is None:
+        return ParameterEntry()
+    if not section.is_mapping:
+        faults.add(path, f"{format_value(section.value)} is not a section of keys and values.", key=True)
+        return ParameterEntry()
+    known = {parameter.name: parameter for parameter in CHAIN}
+    stated = StatedParameters({name: known[name] for name in known if name in section.entries})
+    for name, entry in section.entries.items():
+        if name in known:
+            stated.read((*path, name), name, entry.item, faults)
+        elif name == "sign":
+            stated.known[name] = SIGN
+            stated.fixed[name] = _read_sign((*path, name), entry.item, faults)
+        else:
+            accepted = listing([*(f"{p.name} [{p.unit}]" for p in CHAIN), "sign"])
+            problem = f"{format_value(name)} is not a key of a calibration."
+            faults.add((*path, name), problem, accepted, did_you_mean(name, [*known, "sign"]), key=True)
+    for name, parameter in stated.known.items():
+        lowest = stated.fixed.get(name, parameter.lower)
+        if name in ("gain", "mass", "window") and (lowest < 0 or (name == "gain" and lowest == 0)):
+            problem = f"{name} must not be negative, but is {lowest:g} {parameter.unit} here."
+            faults.add((*path, name), problem, remedy="Write 'sign: unknown'." if name == "gain" else "")
+    return ParameterEntry(**stated.entry)
+
+
+def _read_sign(path: Path, sign: Item, faults: FaultList) -> float:
+    """Return 1 or -1, and NaN for a sign that is to be told from the measurement."""
+    if sign.value == "unknown":
+        return np.nan
+    if isinstance(sign.value, (int, float)) and not isinstance(sign.value, bool) and abs(sign.value) == 1:
+        return float(sign.value)
+    faults.add(path, f"{format_value(plain_values(sign))} is no sign.", "1, -1 or unknown")
+    return 1.0
+
+
+def unknown_signs(description: Description) -> tuple[str, ...]:
+    """Return the responses whose sign is to be told from the measurement."""
+    calibrations = description.calibrations.items()
+    return tuple(name for name, entry in calibrations if np.isnan(entry.fixed.get("sign", 1.0)))
+
+
+def with_signs(description: Description, signs: Mapping[str, float]) -> Description:
+    """Return the description with known signs of some responses, by their names; its text stays as it is."""
+    calibrations = dict(description.calibrations)
+    for name, sign in signs.items():
+        calibrations[name] = replace(calibrations[name], fixed={**calibrations[name].fixed, "sign": sign})
+    return replace(description, calibrations=calibrations)
+
+
+def chain_factor(
+    frequency: NDArray[np.float64], entry: ParameterEntry, theta: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Return what a chain makes of an FRF: gain times delay, (n, n_freq).
+
+    Parameters
+    ----------
+    frequency : (n_freq,) array
+        Hz.
+    entry : ParameterEntry
+        Of the response.
+    theta : (n, n_chain) array
+        Its parameters, in SI.
+    """
+    gain, delay = _column(entry, "gain", theta, 1.0), _column(entry, "delay", theta, 0.0)
+    return np.asarray(_sign(entry) * gain * np.exp(-2j * np.pi * frequency * delay))
+
+
+def _sign(entry: ParameterEntry) -> float:
+    """Return the sign of a response; 1 as long as it is not known."""
+    sign = entry.fixed.get("sign", 1.0)
+    return 1.0 if np.isnan(sign) else sign
+
+
+def chain_derivatives(
+    frequency: NDArray[np.float64], entry: ParameterEntry, theta: NDArray[np.float64], column: str
+) -> NDArray[np.complex128]:
+    """Return the derivative of `chain_factor` by one of the response's parameters, (n, n_freq); 0 by most."""
+    gain, delay = _column(entry, "gain", theta, 1.0), _column(entry, "delay", theta, 0.0)
+    turned: NDArray[np.complex128] = _sign(entry) * np.exp(-2j * np.pi * frequency * delay)
+    if column == "gain":
+        return turned
+    return np.asarray(-2j * np.pi * frequency * gain * turned if column == "delay" else np.zeros_like(turned))
+
+
+def _column(entry: ParameterEntry, name: str, theta: NDArray[np.float64], otherwise: float) -> NDArray[np.float64]:
+    """Return a parameter of a chain (n, 1)."""
+    names = [parameter.name for parameter in entry.parameters]
+    if name not in names:
+        return np.full((len(theta), 1), otherwise)
+    return theta[:, [names.index(name)]]
+
+
+def entries_at_response(description: Description) -> dict[str, JointEntry]:
+    """Return all that depends on parameters in the structure as the first response sees it, by its name in the graph.
+
+    Raises
+    ------
+    ParameterError
+        A window, and a part or a joint without matrices.
+    """
+    entries: dict[str, JointEntry] = {**description.joints, **description.unknown_parts}
+    response = description.response
+    chain = description.calibrations.get(response.name, ParameterEntry())
+    names = {parameter.name for parameter in chain.parameters}
+    if "mass" in names:
+        sensor = Connection(_SensorMass(), (Attachment(response.substructure, (response.node,)),))
+        ties = {"mass": Tie(response.name, "mass")}
+        entries[f"{response.name} sensor"] = JointEntry(connection=sensor, parameters=_SensorMass.parameters, ties=ties)
+    if "window" not in names:
+        return entries
+    for name, part in description.substructures.items():
+        if name not in entries and not part.grounded:
+            nodes = Attachment(name, tuple(range(len(part.nodes))))
+            entries[name] = JointEntry(connection=Connection(UnknownPart(part, ()), (nodes,)))
+    return {f"{name} windowed": _windowed(name, entry, response.name) for name, entry in entries.items()}
+
+
+def _windowed(name: str, entry: JointEntry, response: str) -> JointEntry:
+    model = entry.connection.model
+    if depends_on_frequency(model):
+        problem = f"'{name}' has no matrices, so that the effect of the exponential window cannot be computed."
+        remedy = "Remove the window from the measured FRF, or leave 'window' out."
+        raise ParameterError(Fault(f"{response}.window", problem, remedy=remedy))
+    ties = {parameter.name: entry.ties.get(parameter.name, Tie(name, parameter.name)) for parameter in model.parameters}
+    windowed = _Windowed(model)
+    connection = replace(entry.connection, model=windowed)
+    return JointEntry(
+        connection=connection, parameters=windowed.parameters, ties={**ties, "window": Tie(response, "window")}
+    )
+
+
+def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rigid: bool) -> Graph:
+    """Return the substructures and their connections.
+
+    Parameters
+    ----------
+    description : Description
+    entries : mapping of str to JointEntry
+        Of the same description, by `entries_at_response`.
+    rigid : bool
+        Whether the contacts of the joints with identified parameters are rigid.
+    """
+    rigid_joints = {name for name, joint in description.joints.items() if rigid and _is_sought(joint)}
+    connections, alone = {}, set[str]()
+    for name, entry in entries.items():
+        joint = name.removesuffix(" windowed")
+        connections[name] = replace(entry.connection, rigid=joint in rigid_joints)
+        if joint in description.substructures:
+            alone.add(joint)
+    parts: dict[str, SubstructureModel] = {
+        name: NodesAlone(part) if name in alone else part for name, part in description.substructures.items()
+    }
+    return Graph(parts, connections)
+
+
+def _is_sought(joint: JointEntry) -> bool:
+    return len(joint.fixed) < len(joint.parameters)

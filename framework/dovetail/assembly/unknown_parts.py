@@ -1,0 +1,310 @@
+"""Substructures whose options are sought: for the synthesis they depend on parameters as a joint does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from dovetail.assembly.description import JointEntry, Tie
+from dovetail.assembly.parameter_sections import StatedParameters, steps_of
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.tree import Item, Path, replace_item, replace_value
+from dovetail.documents.validation import number_unit
+from dovetail.errors import DovetailError
+from dovetail.interfaces import (
+    JointModel,
+    Node,
+    Parameter,
+    Port,
+    SparseMatrices,
+    StructuralMatrices,
+    SubstructureModel,
+    plugin_errors,
+)
+from dovetail.registry import Registry
+from dovetail.synthesis import Attachment, Connection
+from dovetail.synthesis.condensation import inverted_receptance, substructure_matrices
+from dovetail.units import format_quantity
+
+__all__ = ["NodesAlone", "UnknownOptions", "UnknownPart", "add_unknown_part", "take_unknown_options"]
+
+
+class NodesAlone(SubstructureModel):
+    """The nodes of a part whose matrices are elsewhere.
+
+    Parameters
+    ----------
+    part : SubstructureModel
+    """
+
+    name = "nodes"
+    summary = "Nodes without mass or stiffness"
+
+    def __init__(self, part: SubstructureModel) -> None:
+        super().__init__()
+        self._nodes = part.nodes
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """Those of the part."""
+        return self._nodes
+
+    def matrices(self) -> StructuralMatrices:
+        """Return (d, d) matrices of zeros."""
+        return StructuralMatrices.zeros(2 * len(self._nodes))
+
+
+class UnknownPart(JointModel):
+    """A substructure as a function of some of its options: a joint with all its nodes as a port.
+
+    Parameters
+    ----------
+    part : SubstructureModel
+        With the middle of the ranges.
+    parameters : sequence of Parameter
+        The options that are sought or known to depend on others, named by their place in the section.
+    """
+
+    kind = "substructure"  # for messages
+    summary = "A substructure with unknown options"
+
+    def __init__(self, part: SubstructureModel, parameters: Sequence[Parameter]) -> None:
+        super().__init__()
+        self.name = part.name  # type: ignore[misc]  # for messages
+        self.part = part
+        self._parameters = tuple(parameters)
+        with plugin_errors(part, f"substructure model '{part.name}'"):
+            matrices = substructure_matrices(part)
+        self._internal = 0 if matrices is None else matrices.size - 2 * len(part.nodes)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The options, in the order of the description."""
+        return self._parameters
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """All nodes."""
+        return (Port("nodes", len(self.part.nodes)),)
+
+    @property
+    def internal_dofs(self) -> int:
+        """Number of the part's inner DOFs."""
+        return self._internal
+
+    def refined(self, factor: int) -> UnknownPart | None:
+        """Return the same part with a finer mesh, of which the same options are sought, or None where it has none."""
+        finer = self.part.refined(factor)
+        return None if finer is None else UnknownPart(finer, self._parameters)
+
+    def with_options(self, values: Sequence[float]) -> SubstructureModel:
+        """Return the part with other values of its unknown options.
+
+        Raises
+        ------
+        ValueError
+            The part's options do not allow them.
+        """
+        names = [parameter.name for parameter in self._parameters]
+        changed = self.part.config.with_options(dict(zip(names, map(float, values), strict=True)))
+        return type(self.part)(type(changed).model_validate(changed.model_dump(by_alias=True)))
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the part's matrices (n, d, d), by its own batch of matrices where it gives one."""
+        if not self._parameters:
+            return _for_each(_dense(substructure_matrices(self.part)), len(theta))
+        options = {parameter.name: theta[:, column] for column, parameter in enumerate(self._parameters)}
+        with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
+            batch = self.part.batched_matrices(options)
+            if batch is not None:
+                return _for_each(batch, len(theta))
+            single = [_dense(substructure_matrices(self.with_options(values))) for values in theta]
+        return StructuralMatrices(*(np.stack([getattr(one, name) for one in single]) for name in "MKCD"))
+
+
+class UnknownReceptance(UnknownPart):
+    """The same for a substructure that is known by its FRFs only."""
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:  # noqa: ARG002
+        """Raise: there are none."""
+        raise DovetailError(f"substructure model '{self.part.name}' has no matrices, so the assembly has none either.")
+
+    def dynamic_stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the inverse of its receptance between all its DOFs, (n, n_freq, d, d)."""
+        dofs = range(self.size)
+        with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
+            return np.stack([inverted_receptance(self.with_options(values), dofs, frequency) for values in theta])
+
+
+@dataclass(frozen=True)
+class UnknownOptions:
+    """The options of a substructure that its section does not state as numbers.
+
+    Parameters
+    ----------
+    stated : StatedParameters
+        By their place in the section, such as ``material.young``.
+    sections : mapping of Path to Item
+        What the description says of them, by the place in the description.
+    """
+
+    stated: StatedParameters
+    sections: Mapping[Path, Item]
+
+    def restore(self, faults: FaultList) -> None:
+        """Put what the description says of them back into its tree."""
+        for path, item in self.sections.items():
+            faults.root = replace_item(faults.root, path, item)
+
+
+def take_unknown_options(name: str, faults: FaultList, registry: Registry) -> UnknownOptions:
+    """Read the options of a substructure that are sought, and put the middles of their ranges into the tree.
+
+    Parameters
+    ----------
+    name : str
+        Of the substructure.
+    faults : FaultList
+        With the description's tree.
+    registry : Registry
+    """
+    path: Path = ("substructures", name)
+    stated, sections = StatedParameters({}), dict[Path, Item]()
+    section = faults.root.at(path)
+    model = section.entries.get("model") if section is not None else None
+    offers = [o for o in registry.offers("substructure") if model is not None and o.component.name == model.item.value]
+    if section is None or not offers:
+        return UnknownOptions(stated, sections)
+    middles = {}
+    for steps, item in _sections_within(section, ()):
+        unit = number_unit(offers[0].component.Config, steps)
+        if unit is None or not set(item.entries) & _STATES:
+            continue
+        place, option = (*path, *steps), ".".join(map(str, steps))
+        stated.known[option] = Parameter(option, unit, 0.0, 1.0)
+        stated.read(place, option, item, faults)
+        middle = _middle(item, stated.known[option], faults)
+        if middle is None and "same_as" in item.entries:
+            problem = "the option that this one follows has no value or range in the description."
+            faults.add((*place, "same_as"), problem)
+        if middle is not None and _follows_number(stated, option, faults):
+            del stated.ties[option]
+            stated.fixed[option] = middle
+        sections[place] = item
+        middles[place] = middle
+    for place, middle in middles.items():
+        faults.root = replace_value(faults.root, place, stated.known[option].lower if middle is None else middle)
+    return UnknownOptions(stated, sections)
+
+
+_STATES = {"range", "about", "same_as", "value"}
+"""Keys of which the section of an unknown option has one."""
+
+
+def _sections_within(item: Item, steps: Path) -> Iterator[tuple[Path, Item]]:
+    """Yield all mappings beneath an item with their paths from there."""
+    children: Iterator[tuple[str | int, Item]] = iter(())
+    if item.is_mapping:
+        children = ((key, entry.item) for key, entry in item.entries.items())
+    elif isinstance(item.value, tuple):
+        children = iter(enumerate(item.value))
+    for step, child in children:
+        if child.is_mapping:
+            yield (*steps, step), child
+        yield from _sections_within(child, (*steps, step))
+
+
+def _middle(item: Item | None, parameter: Parameter, faults: FaultList, depth: int = 0) -> float | None:
+    """Return the value in the middle of what a description says of a parameter; None if that is no number."""
+    if item is None or depth > _LONGEST_CHAIN:
+        return None
+    stated = StatedParameters({parameter.name: parameter})
+    alone = FaultList()
+    alone.root = item
+    stated.read((), parameter.name, item, alone)
+    if parameter.name in stated.fixed:
+        return stated.fixed[parameter.name]
+    if parameter.name in stated.ties:
+        tie = stated.ties[parameter.name]
+        other = _middle(_followed(tie, faults), parameter, faults, depth + 1)
+        return None if other is None else tie.ratio * other
+    return float(stated.known[parameter.name].from_unit(np.array(0.5)))
+
+
+_LONGEST_CHAIN = 20
+"""Ties that are followed one behind the other; a circle has no end."""
+
+
+def _followed(tie: Tie, faults: FaultList) -> Item | None:
+    """Return what the description says of the parameter that another one follows."""
+    steps = steps_of(tie.parameter)
+    option = faults.root.at(("substructures", tie.owner, *steps))
+    return option if option is not None else faults.root.at(("joints", tie.owner, "parameters", *steps))
+
+
+def _follows_number(stated: StatedParameters, option: str, faults: FaultList) -> bool:
+    """Return whether an option follows one that the description states as a number."""
+    other = _followed(stated.ties[option], faults) if option in stated.ties else None
+    return other is not None and not other.is_mapping
+
+
+def add_unknown_part(
+    name: str, part: SubstructureModel, stated: StatedParameters, faults: FaultList
+) -> JointEntry | None:
+    """Return the entry of a substructure with unknown options, or None, with faults, where ranges make no such part.
+
+    Parameters
+    ----------
+    name : str
+        Of the substructure.
+    part : SubstructureModel
+        With the middles of the ranges.
+    stated : StatedParameters
+    faults : FaultList
+    """
+    with plugin_errors(part, f"substructure '{name}' ({part.name})"):
+        kind = UnknownReceptance if part.matrices() is None else UnknownPart
+    model = kind(part, tuple(stated.known.values()))
+    for parameter in model.parameters:
+        for end in _ends(stated, parameter):
+            if problem := _objection(model, parameter.name, end):
+                faults.add(("substructures", name, *steps_of(parameter.name)), problem)
+                return None
+    connection = Connection(model, (Attachment(name, tuple(range(len(part.nodes)))),))
+    return JointEntry(connection=connection, **stated.entry)
+
+
+def _ends(stated: StatedParameters, parameter: Parameter) -> tuple[float, ...]:
+    return () if parameter.name in stated.fixed or parameter.name in stated.ties else (parameter.lower, parameter.upper)
+
+
+def _objection(model: UnknownPart, option: str, value: float) -> str:
+    """Return why an option of a part cannot have a value, in a sentence; an empty text if it can."""
+    end = format_quantity(value, next(p.unit for p in model.parameters if p.name == option))
+    changed = model.part.config.with_options({option: value})
+    try:
+        part = type(model.part)(type(changed).model_validate(changed.model_dump(by_alias=True)))
+    except ValidationError as error:
+        return f"the part cannot have {end} there: {error.errors()[0]['msg']}."
+    except Exception as error:  # a plugin's constructor may raise anything
+        return f"the part cannot have {end} there: {type(error).__name__}: {error}"
+    if [node.label for node in part.nodes] != [node.label for node in model.part.nodes]:
+        return f"with {end} there the part has other nodes, so that joints cannot attach to the same ones."
+    return ""
+
+
+def _dense(matrices: StructuralMatrices | SparseMatrices | None) -> StructuralMatrices:
+    assert matrices is not None
+    if isinstance(matrices, StructuralMatrices):
+        return matrices
+    return StructuralMatrices(*(getattr(matrices, name).toarray() for name in "MKCD"))
+
+
+def _for_each(batch: StructuralMatrices, count: int) -> StructuralMatrices:
+    """Return matrices (n, d, d); those that do not depend on the options stand once."""
+    shape = (count, batch.size, batch.size)
+    return StructuralMatrices(*(np.broadcast_to(getattr(batch, name), shape) for name in "MKCD"))
