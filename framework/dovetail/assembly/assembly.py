@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.calibration import chain_derivatives, chain_factor, entries_at_response, graph_of
-from dovetail.assembly.description import Description, ParameterEntry
+from dovetail.assembly.calibration import entries_at_response, graph_of
+from dovetail.assembly.description import Description, Response
 from dovetail.assembly.joints import is_at
 from dovetail.assembly.parameters import ParameterSpace, Theta
+from dovetail.assembly.response_frfs import ResponseFrfs, points_and_pairs
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
-from dovetail.frf import conversion
 from dovetail.interfaces import DIRECTIONS, Parameter
 from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, assembly_matrices, elastic_frequencies
 
@@ -57,7 +57,7 @@ class Assembly:
         self.description = description
         self._connected = entries_at_response(description)
         tied = {name: entry for name, entry in self._connected.items() if name not in description.entries}
-        self._space = ParameterSpace(description.entries, description.joints, tied)
+        self._space = ParameterSpace(description.entries, description.joints, self._connected, tied)
         self._rigid = rigid
         self._interpolation = interpolation
         further = len(description.responses) - 1
@@ -87,10 +87,28 @@ class Assembly:
         """The substructures and their connections."""
         return graph_of(self.description, self._connected, rigid=self._rigid)
 
-    @cached_property
+    @property
     def engine(self) -> Engine:
         """The synthesis engine of the first response."""
-        return self.engine_of([self.drive_point], self._interpolation)
+        return self._first.engine
+
+    @cached_property
+    def _first(self) -> ResponseFrfs:
+        """The FRF of the first response."""
+        return self.together(self.description.responses[:1])
+
+    def shares_structure_with(self, other: Assembly) -> bool:
+        """Return whether another of `each_response` sees the same structure on the same lines."""
+        plain = all(
+            type(one) is Assembly and one._connected.keys() <= one.description.entries.keys() for one in (self, other)
+        )
+        return plain and self._rigid == other._rigid and _same_axes(self._axes[:1], other._axes[:1])
+
+    def together(self, responses: Sequence[Response]) -> ResponseFrfs:
+        """Return the FRFs of some responses that see the same structure as the first, at its frequencies."""
+        points, pairs = points_and_pairs(responses)
+        engine = self.engine_of(points, self._interpolation, pairs)
+        return ResponseFrfs(engine, self._space, responses, self.description.calibrations)
 
     @cached_property
     def _further(self) -> tuple[Assembly, ...]:
@@ -118,21 +136,22 @@ class Assembly:
         """Substructure and DOF at which the response is measured."""
         return self.description.response.point
 
-    @cached_property
-    def _conversion(self) -> NDArray[np.complex128]:
-        """(n_freq,) factor from receptance to the response's quantity."""
-        return conversion(self.frequency, "receptance", self.description.response.quantity)
-
-    def engine_of(self, points: Sequence[Point], interpolation: float | None = None) -> Engine:
-        """Return a synthesis engine for some points."""
+    def engine_of(
+        self,
+        points: Sequence[Point],
+        interpolation: float | None = None,
+        pairs: Sequence[tuple[int, int]] = ((0, 0),),
+    ) -> Engine:
+        """Return a synthesis engine for FRFs between pairs of some points, by their numbers: output and input."""
         inside = np.random.default_rng(0).random((_STRUCTURE_SAMPLES, len(self.parameters)))
         ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
         probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
         columns = {name: self._space.varying_columns(name) for name in self.graph.connections}
         system = (self.graph, self.frequency, points, probe_theta, columns)
         if interpolation is None:
-            return Engine(*system)
-        return InterpolatedEngine(*system, tolerance=interpolation, trial=self._samples(1, _INTERPOLATION_SAMPLES))
+            return Engine(*system, pairs=pairs)
+        trial = self._samples(1, _INTERPOLATION_SAMPLES)
+        return InterpolatedEngine(*system, tolerance=interpolation, trial=trial, pairs=pairs)
 
     def _samples(self, seed: int, count: int) -> dict[str, NDArray[np.float64]]:
         """Return parameter vectors drawn evenly from the ranges, by joint."""
@@ -181,7 +200,7 @@ class Assembly:
         return vector
 
     def frf(self, theta: Theta = None) -> NDArray[np.complex128]:
-        """Drive-point FRF of the first response, in its quantity.
+        """FRF of the first response, in its quantity.
 
         Parameters
         ----------
@@ -197,17 +216,8 @@ class Assembly:
         ParameterError
         """
         batch, single = self._space.batch(theta)
-        by_owner = self._space.by_owner(batch)
-        values = _for_each(batch, self.engine.drive_point(by_owner, self._conversion))
-        chain = self._chain
-        if chain is not None:
-            values = values * chain_factor(self.frequency, chain, by_owner[self.description.response.name])
+        values = self._first.frfs(batch)[:, 0]
         return values[0] if single else values
-
-    @property
-    def _chain(self) -> ParameterEntry | None:
-        """What is known and sought of the response's measurement chain."""
-        return self.description.calibrations.get(self.description.response.name)
 
     def frfs(self, theta: Theta = None) -> NDArray[np.complex128]:
         """FRFs of all responses, each in its own quantity.
@@ -231,7 +241,7 @@ class Assembly:
         return np.stack([assembly.frf(theta) for assembly in self.each_response], axis=-2)
 
     def frf_jacobian(self, theta: Theta = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Drive-point FRF and its Jacobian with respect to the parameters, by the adjoint method.
+        """FRF of the first response and its Jacobian with respect to the parameters, by the adjoint method.
 
         Parameters
         ----------
@@ -244,44 +254,8 @@ class Assembly:
             Derivatives in the response's quantity per SI unit of each parameter.
         """
         batch, single = self._space.batch(theta)
-        by_owner = self._space.by_owner(batch)
-        values, derivatives = self.engine.jacobian(by_owner, self._conversion)
-        values, jacobian = _for_each(batch, values), _for_each(batch, derivatives)
-        if self._chain is not None or self._space.has_ties or len(self._connected) < len(self.description.entries):
-            jacobian = self._by_parameter(jacobian)
-        if self._chain is not None:
-            values, jacobian = self._calibrated(values, jacobian, self._chain, by_owner)
+        values, jacobian = (array[:, 0] for array in self._first.jacobian(batch))
         return (values[0], jacobian[0]) if single else (values, jacobian)
-
-    def _by_parameter(self, derivatives: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return derivatives by the identified parameters, from those by all columns that the engine varies."""
-        jacobian = np.zeros((*derivatives.shape[:-1], len(self.parameters)), dtype=np.complex128)
-        first = 0
-        for name in self.graph.connections:
-            width = len(self._space.varying_columns(name))
-            self._space.add_derivatives(name, derivatives[..., first : first + width], jacobian)
-            first += width
-        return jacobian
-
-    def _calibrated(
-        self,
-        values: NDArray[np.complex128],
-        jacobian: NDArray[np.complex128],
-        chain: ParameterEntry,
-        by_owner: Mapping[str, NDArray[np.float64]],
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return FRFs and derivatives as the measurement chain shows them."""
-        name = self.description.response.name
-        theta = by_owner[name]
-        factor = chain_factor(self.frequency, chain, theta)
-        jacobian = jacobian * factor[..., np.newaxis]
-        of_chain = [
-            values * chain_derivatives(self.frequency, chain, theta, chain.parameters[column].name)
-            for column in self._space.varying_columns(name)
-        ]
-        if of_chain:
-            self._space.add_derivatives(name, np.stack(of_chain, axis=-1), jacobian)
-        return values * factor, jacobian
 
     def accelerance_amplitude(self, theta: Theta = None) -> NDArray[np.float32]:
         """Amplitude of the accelerance in single precision, for all responses.
@@ -296,18 +270,9 @@ class Assembly:
             m/(N s^2); the lines of the first response, then those of the second.
         """
         batch, single = self._space.batch(theta)
-        amplitudes = [assembly._amplitude(batch) for assembly in self.each_response]
+        amplitudes = [assembly._first.amplitudes(batch)[:, 0] for assembly in self.each_response]
         amplitude = amplitudes[0] if len(amplitudes) == 1 else np.concatenate(amplitudes, axis=1)
         return amplitude[0] if single else amplitude
-
-    def _amplitude(self, batch: NDArray[np.float64]) -> NDArray[np.float32]:
-        by_owner = self._space.by_owner(batch)
-        factor = conversion(self.frequency, "receptance", "accelerance")
-        amplitude = _for_each(batch, self.engine.amplitude(by_owner, factor))
-        if self._chain is not None:
-            chain = chain_factor(self.frequency, self._chain, by_owner[self.description.response.name])
-            amplitude *= np.abs(chain).astype(np.float32)
-        return amplitude
 
     def receptance(
         self, theta: Theta, outputs: Sequence[tuple[str, float, str]], inputs: Sequence[tuple[str, float, str]]
@@ -443,8 +408,3 @@ class Assembly:
 
 def _same_axes(some: Sequence[NDArray[np.float64]], others: Sequence[NDArray[np.float64]]) -> bool:
     return all(one is other or np.array_equal(one, other) for one, other in zip(some, others, strict=True))
-
-
-def _for_each(batch: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
-    """Return values (n, ...) for a batch of n vectors; without joints the engine computes them once."""
-    return values if len(values) == len(batch) else np.repeat(values, len(batch), axis=0)

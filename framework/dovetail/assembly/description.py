@@ -95,9 +95,14 @@ class Response(Place):
     force: Place | None = None
 
     @property
+    def force_point(self) -> Point:
+        """The substructure and the number of the DOF where the force acts."""
+        return self.point if self.force is None else self.force.point
+
+    @property
     def is_drive_point(self) -> bool:
         """Whether the force acts where the motion is measured."""
-        return self.force is None or self.force.point == self.point
+        return self.force_point == self.point
 
 
 @dataclass(frozen=True)

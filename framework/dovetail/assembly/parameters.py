@@ -45,6 +45,8 @@ class ParameterSpace:
         Of each joint, substructure or response, by its name.
     joints : collection of str
         Those that are joints.
+    connected : collection of str
+        Those on which the structure depends, joints among them.
     tied : mapping of str to ParameterEntry
         Further ones, all of whose parameters are known or tied.
 
@@ -57,9 +59,11 @@ class ParameterSpace:
         self,
         entries: Mapping[str, ParameterEntry],
         joints: Collection[str],
+        connected: Collection[str],
         tied: Mapping[str, ParameterEntry] = MappingProxyType({}),
     ) -> None:
         self._entries = entries
+        self._connected = connected
         parametric = [name for name in joints if entries[name].parameters]
         self._bare = parametric[0] if len(parametric) == 1 else ""
         columns: dict[tuple[str, str], int] = {}
@@ -170,10 +174,11 @@ class ParameterSpace:
             total[..., source.column] += source.factor * derivatives[..., column]
 
     @cached_property
-    def has_ties(self) -> bool:
-        """Whether anything else than an identified parameter of its own varies."""
+    def is_plain(self) -> bool:
+        """Whether nothing varies but the identified parameters of joints and parts, each by itself."""
         varying = [source for sources in self._sources.values() for source in sources if source.column is not None]
-        return len(varying) != len(self.parameters)
+        sought = [source for name in self._connected for source in self._sources[name] if source.column is not None]
+        return len(varying) == len(self.parameters) == len(sought)
 
 
 def _source(

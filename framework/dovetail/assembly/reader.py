@@ -290,7 +290,7 @@ def _read_all(
         if response is None:
             continue
         responses.append(response)
-        points = response.point, response.point if response.force is None else response.force.point
+        points = response.point, response.force_point
         first = first_at.setdefault(points, path)
         if first != path:
             remedy = "Average measurements of the same point, or remove one of the two."

@@ -194,6 +194,9 @@ def take_unknown_options(name: str, faults: FaultList, registry: Registry) -> Un
         if middle is not None and _follows_number(stated, option, faults):
             del stated.ties[option]
             stated.fixed[option] = middle
+        if middle and (option in stated.ties or option in stated.fixed):
+            ends = sorted((_NEAR * middle, middle / _NEAR))
+            stated.known[option] = Parameter(option, unit, ends[0], ends[1])
         sections[place] = item
         middles[place] = middle
     for place, middle in middles.items():
@@ -201,6 +204,8 @@ def take_unknown_options(name: str, faults: FaultList, registry: Registry) -> Un
     return UnknownOptions(stated, sections)
 
 
+_NEAR = 0.9
+"""Part of a value from which on the matrices are differentiated, where the option follows another one."""
 _STATES = {"range", "about", "same_as", "value"}
 """Keys of which the section of an unknown option has one."""
 

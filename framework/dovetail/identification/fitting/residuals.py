@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -13,6 +14,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import ive
 
 from dovetail.assembly import Assembly
+from dovetail.assembly.response_frfs import ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
 
@@ -94,12 +96,26 @@ class ModelFrfs:
 
     def frf(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_lines) at parameter vectors (n, n_params)."""
+        if self._together is not None:
+            return _end_to_end(self._together.frfs(theta))
         return _joined([assembly.frf(theta) for assembly in self.assemblies])
 
     def frf_jacobian(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_lines) and their derivatives (n, n_lines, n_params)."""
+        if self._together is not None:
+            frfs, jacobians = self._together.jacobian(theta)
+            return _end_to_end(frfs), _end_to_end(jacobians)
         frfs, jacobians = zip(*(assembly.frf_jacobian(theta) for assembly in self.assemblies), strict=True)
         return _joined(frfs), _joined(jacobians)
+
+    @cached_property
+    def _together(self) -> ResponseFrfs | None:
+        """All responses by one elimination, where they see the same structure on the same lines."""
+        first, *others = self.assemblies
+        same = all(first.shares_structure_with(other) for other in others)
+        return (
+            first.together([assembly.description.response for assembly in self.assemblies]) if others and same else None
+        )
 
     def at(self, lines: NDArray[np.intp]) -> ModelFrfs:
         """Return those at some lines (increasing numbers); a response without any of them is left out."""
@@ -111,6 +127,11 @@ def split_by_response(numbers: NDArray[np.intp], counts: tuple[int, ...]) -> lis
     """Split increasing numbers of lines by their response; in each response the lines count from 0 again."""
     ends = np.cumsum((0, *counts))
     return [numbers[(numbers >= first) & (numbers < end)] - first for first, end in pairwise(ends.tolist())]
+
+
+def _end_to_end(array: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return (n, n_responses, n_freq, ...) values with the lines of each response behind those of the one before."""
+    return array.reshape(len(array), -1, *array.shape[3:])
 
 
 def _joined(arrays: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:

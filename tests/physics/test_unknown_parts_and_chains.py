@@ -1,0 +1,226 @@
+"""Unknown options of parts, ties and measurement chains, against descriptions with numbers in their place."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.synthesis import assembly_matrices
+
+MATERIAL = {"young": "206 GPa", "density": "7850 kg/m^3", "poisson": 0.3, "loss_factor": 0.004}
+SECTIONS = [
+    {"length": "120 mm", "outer": "30 mm", "inner": "12 mm", "elements": 4},
+    {"length": "200 mm", "outer": "22 mm", "elements": 6},
+]
+PLAIN: dict[str, Any] = {
+    "dovetail": 1,
+    "name": "arm",
+    "frequency": {"start": "20 Hz", "stop": "2500 Hz", "step": "10 Hz"},
+    "substructures": {
+        "arm": {"model": "timoshenko_beam", "material": MATERIAL, "sections": SECTIONS},
+        "tip": {"model": "lumped", "masses": [{"mass": "80 g", "inertia": "2e-5 kg m^2"}]},
+        "wall": {"model": "ground"},
+    },
+    "joints": {
+        "foot": {
+            "model": "spring_damper",
+            "connect": {"a": {"to": "arm", "at": "0 mm"}, "b": {"to": "wall", "at": 0}},
+            "parameters": {"k": "2e8 N/m", "c": "300 N s/m", "kr": "1e5 N m/rad", "cr": "1 N m s/rad"},
+        },
+        "weld": {"model": "rigid", "connect": {"a": {"to": "arm", "at": "node n11"}, "b": {"to": "tip", "at": 0}}},
+    },
+    "response": {"at": "arm", "position": "node n8"},
+}
+RANGES = {
+    "material.young": (190e9, 220e9),
+    "material.density": (7500.0, 8100.0),
+    "material.poisson": (0.25, 0.35),
+    "material.loss_factor": (1e-3, 1e-2),
+    "sections.0.length": (0.10, 0.14),
+    "sections.0.inner": (0.010, 0.016),
+    "sections.1.outer": (0.020, 0.025),
+}
+
+
+def with_option(description: Mapping[str, Any], place: str, value: Any) -> dict[str, Any]:
+    """Return a description with another value of an option."""
+    changed: Any = copy.deepcopy(description)
+    node = changed
+    *steps, last = place.split(".")
+    for step in steps:
+        node = node[int(step)] if step.isdecimal() else node[step]
+    node[last] = value
+    return changed
+
+
+def difference(values: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(values - expected).max() / np.abs(expected).max())
+
+
+def by_differences(assembly: dovetail.Assembly, theta: np.ndarray, column: int) -> np.ndarray:
+    step = np.zeros_like(theta)
+    step[column] = 1e-4 * theta[column]
+    near = assembly.frf(np.stack([theta - 2 * step, theta - step, theta + step, theta + 2 * step]))
+    return np.array([1.0, -8.0, 8.0, -1.0]) @ near / (12.0 * step[column])
+
+
+@pytest.mark.parametrize("option", RANGES)
+def test_an_unknown_option_gives_the_frf_of_a_description_with_its_value(option):
+    sought = with_option(PLAIN, f"substructures.arm.{option}", {"range": list(RANGES[option])})
+    assembly = dovetail.load(sought)
+    assert [parameter.name for parameter in assembly.parameters] == [f"arm.{option}"]
+    theta = np.linspace(*RANGES[option], 3)[:, np.newaxis]
+    known = [dovetail.load(with_option(PLAIN, f"substructures.arm.{option}", float(value))).frf() for [value] in theta]
+    assert difference(assembly.frf(theta), np.stack(known)) < 1e-9
+    _, jacobian = assembly.frf_jacobian(theta[1])
+    assert difference(jacobian[:, 0], by_differences(assembly, theta[1], 0)) < 1e-6
+
+
+def test_all_of_them_and_a_joint_and_a_tip_mass_at_once():
+    sought = copy.deepcopy(PLAIN)
+    for option, ends in RANGES.items():
+        sought = with_option(sought, f"substructures.arm.{option}", {"range": list(ends)})
+    sought["substructures"]["tip"]["masses"][0]["mass"] = {"range": ["50 g", "120 g"], "scale": "log"}
+    del sought["joints"]["foot"]["parameters"]["k"]
+    assembly = dovetail.load(sought)
+    theta = assembly.from_unit(np.random.default_rng(1).random((2, len(assembly.parameters))))
+    for vector in theta:
+        plain = copy.deepcopy(PLAIN)
+        for parameter, value in zip(assembly.parameters, vector.tolist(), strict=True):
+            owner, _, option = parameter.name.partition(".")
+            place = f"substructures.{owner}.{option}" if option else f"joints.foot.parameters.{owner}"
+            plain = with_option(plain, place, value)
+        known = dovetail.load(plain)
+        assert difference(assembly.frf(vector), known.frf()) < 1e-8
+        assert assembly.natural_frequencies(vector, 4) == pytest.approx(known.natural_frequencies(None, 4), rel=1e-9)
+    values, jacobian = assembly.frf_jacobian(theta)
+    assert difference(values, assembly.frf(theta)) < 1e-12
+    for column in range(len(assembly.parameters)):
+        assert difference(jacobian[0, :, column], by_differences(assembly, theta[0], column)) < 2e-5
+
+
+def test_a_part_without_a_batch_of_matrices_is_made_anew_for_each_value(monkeypatch):
+    sought = with_option(PLAIN, "substructures.arm.material.young", {"range": [190e9, 220e9]})
+    theta = np.array([[195e9], [214e9]])
+    with_batch = dovetail.load(sought).frf(theta)
+    assembly = dovetail.load(sought)
+    part = type(assembly.description.substructures["arm"])
+    monkeypatch.setattr(part, "batched_matrices", dovetail.SubstructureModel.batched_matrices)
+    assert difference(assembly.frf(theta), with_batch) < 1e-12
+
+
+def test_a_tie_is_the_same_as_one_parameter_in_both_places():
+    tied = copy.deepcopy(PLAIN)
+    tied["substructures"]["arm"]["material"]["young"] = {"range": [190e9, 220e9]}
+    tied["substructures"]["arm"]["sections"][1]["outer"] = {"same_as": "arm.sections.0.inner", "ratio": 1.8}
+    tied["substructures"]["arm"]["sections"][0]["inner"] = {"range": [0.010, 0.016]}
+    tied["joints"]["foot"]["parameters"] = {
+        "k": {"range": [1e7, 1e9], "scale": "log"},
+        "c": "300 N s/m",
+        "kr": {"range": [1e4, 1e6], "scale": "log"},
+        "cr": {"same_as": "foot.c", "ratio": 0.004},
+    }
+    with pytest.raises(dovetail.DescriptionError, match="'foot.c' is in N s/m, but 'foot.cr' is in N m s/rad"):
+        dovetail.load(tied)
+    tied["joints"]["foot"]["parameters"]["cr"] = 1.2
+    assembly = dovetail.load(tied)
+    assert [p.name for p in assembly.parameters] == ["k", "kr", "arm.material.young", "arm.sections.0.inner"]
+    theta = np.array([2e8, 1e5, 2.1e11, 0.0121])
+    plain = with_option(PLAIN, "substructures.arm.material.young", 2.1e11)
+    plain = with_option(plain, "substructures.arm.sections.0.inner", 0.0121)
+    plain = with_option(plain, "substructures.arm.sections.1.outer", 1.8 * 0.0121)
+    plain["joints"]["foot"]["parameters"]["cr"] = 1.2
+    assert difference(assembly.frf(theta), dovetail.load(plain).frf()) < 1e-9
+    _, jacobian = assembly.frf_jacobian(theta)
+    assert difference(jacobian[:, 3], by_differences(assembly, theta, 3)) < 1e-6
+
+
+def test_an_option_that_follows_a_number_is_known():
+    described = with_option(PLAIN, "substructures.arm.sections.1.length", {"same_as": "arm.sections.0.length"})
+    plain = with_option(PLAIN, "substructures.arm.sections.1.length", "120 mm")
+    assert dovetail.load(described).parameters == ()
+    assert difference(dovetail.load(described).frf(), dovetail.load(plain).frf()) < 1e-9
+
+
+CHAIN = {
+    "gain": {"range": [0.8, 1.25], "scale": "log"},
+    "delay": {"range": ["-50 us", "50 us"]},
+    "mass": {"range": ["0 g", "40 g"]},
+    "window": {"range": ["0 1/s", "30 1/s"]},
+}
+
+
+def test_a_chain_changes_the_frf_as_its_formulas_say():
+    assembly = dovetail.load({**PLAIN, "response": {**PLAIN["response"], "calibration": CHAIN}})
+    assert [p.name for p in assembly.parameters] == [f"response.{name}" for name in CHAIN]
+    gain, delay, mass, window = theta = np.array([1.13, 21e-6, 0.017, 12.0])
+    plain = dovetail.load(PLAIN)
+    matrices = assembly_matrices(plain.graph, plain.by_joint())
+    omega = 2.0 * np.pi * plain.frequency - 1j * window
+    point = int(plain.graph.substructure_dofs("arm")[2 * 7])
+    M = matrices.M.copy()
+    M[point, point] += mass
+    Z = (
+        matrices.K
+        + 1j * matrices.D
+        + 1j * omega[:, None, None] * matrices.C
+        - omega[:, None, None] ** 2 * M
+    )
+    moving = np.flatnonzero(matrices.K.any(axis=0))
+    where = np.searchsorted(moving, point)
+    receptance = np.linalg.inv(Z[:, moving[:, None], moving])[:, where, where]
+    real_omega = 2.0 * np.pi * plain.frequency
+    expected = gain * np.exp(-1j * real_omega * delay) * -(real_omega**2) * receptance
+    assert difference(assembly.frf(theta), expected) < 1e-9
+    _, jacobian = assembly.frf_jacobian(theta)
+    for column in range(4):
+        assert difference(jacobian[:, column], by_differences(assembly, theta, column)) < 1e-6
+
+
+def test_known_values_of_a_chain_and_a_sign():
+    known = {"gain": 1.1, "delay": "10 us", "sign": -1}
+    response = {**PLAIN["response"], "calibration": known}
+    assembly = dovetail.load({**PLAIN, "response": response})
+    plain = dovetail.load(PLAIN)
+    expected = -1.1 * np.exp(-2j * np.pi * plain.frequency * 1e-5) * plain.frf()
+    assert assembly.parameters == ()
+    assert difference(assembly.frf(), expected) < 1e-13
+
+
+@pytest.mark.parametrize("force", ["node n2", "node n11"])
+def test_a_transfer_frf_is_the_receptance_between_its_points(force):
+    response = {"at": "arm", "position": "node n8", "force": {"position": force}, "quantity": "receptance"}
+    assembly = dovetail.load({**PLAIN, "response": response})
+    nodes = assembly.description.substructures["arm"].nodes
+    output, there = (("arm", nodes[index].position, "x") for index in (7, int(force.split("n")[-1]) - 1))
+    expected = assembly.receptance(None, [output], [there])[:, 0, 0]
+    assert difference(assembly.frf(), expected) < 1e-9
+    assert difference(assembly.receptance(None, [there], [output])[:, 0, 0], expected) < 1e-9
+
+
+def test_responses_with_a_chain_of_their_own_and_in_common():
+    responses = [
+        {"at": "arm", "position": "node n8", "name": "near", "calibration": {"gain": {"about": 1, "sd": "5 %"}}},
+        {
+            "at": "arm",
+            "position": "node n8",
+            "force": {"position": "node n3"},
+            "calibration": {"gain": {"same_as": "near.gain"}, "mass": {"value": "10 g"}},
+        },
+    ]
+    several = {key: value for key, value in PLAIN.items() if key != "response"}
+    assembly = dovetail.load({**several, "responses": responses})
+    [gain] = assembly.parameters
+    assert (gain.name, gain.prior) == ("near.gain", "normal")
+    assert (gain.lower, gain.upper) == pytest.approx((0.8, 1.2))
+    doubled, single = assembly.frfs([1.2]), assembly.frfs([0.6])
+    assert difference(doubled, 2.0 * single) < 1e-13
+    plain = [{key: value for key, value in response.items() if key != "calibration"} for response in responses]
+    without = dovetail.load({**several, "responses": plain})
+    assert difference(assembly.frfs([1.0])[0], without.frfs()[0]) < 1e-13
+    assert difference(assembly.frfs([1.0])[1], without.frfs()[1]) > 1e-3
