@@ -97,7 +97,10 @@ def fixed(assembly: dovetail.Assembly, theta: NDArray[np.float64], exact: NDArra
     amplitude = np.empty((len(block), len(assembly.frequency)), dtype=np.float32)
     sparse = dovetail.Assembly(assembly.description)
     nodes = type(sparse.engine)(
-        sparse.graph, sparse.frequency[interpolant.lines], [sparse.drive_point], sparse.by_joint(theta[:5])
+        sparse.graph,
+        sparse.frequency[interpolant.lines],
+        [sparse.description.response.point],
+        sparse.by_joint(theta[:5]),
     )
     nodes.threads = 1
 

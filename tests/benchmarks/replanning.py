@@ -49,12 +49,12 @@ def study(rounds: int) -> None:
     times: dict[str, list[float]] = {label: [] for label in calls}
     for _ in range(rounds):
         compiled.cache_clear()
-        engine = Engine(assembly.graph, assembly.frequency, [assembly.drive_point], below)
+        engine = Engine(assembly.graph, assembly.frequency, [assembly.description.response.point], below)
         for label, theta in calls.items():
             start = time.perf_counter()
             frf, _ = engine.jacobian(theta)
             times[label].append(time.perf_counter() - start)
-    point = [int(assembly.graph.substructure_dofs(name)[dof]) for name, dof in (assembly.drive_point,)]
+    point = [int(assembly.graph.substructure_dofs(name)[dof]) for name, dof in (assembly.description.response.point,)]
     lines = slice(None, None, 50)
     single = {name: values[0] for name, values in above.items()}
     direct = direct_receptance(assembly.graph, assembly.frequency[lines], single, point, point)[:, 0, 0]

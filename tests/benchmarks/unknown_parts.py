@@ -1,6 +1,6 @@
 """Time an FRF of an assembly with an unknown part of ten elements, over that with all parts known.
 
-    python tests/benchmarks/unknown_parts.py
+python tests/benchmarks/unknown_parts.py
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def test_the_frf_is_that_of_the_direct_solve(name, assemblies):
     description = json.loads(dovetail.load(assemblies / f"{name}.yaml").description.text)
     description["frequency"]["step"] = "50 Hz"
     assembly = dovetail.load(description)
-    part, dof = assembly.drive_point
+    part, dof = assembly.description.response.point
     number = [int(assembly.graph.substructure_dofs(part)[dof])]
     for theta in latin_hypercube(assembly, 3, seed=4):
         by_joint = assembly.by_joint(theta)

@@ -125,7 +125,7 @@ def test_a_tie_is_the_same_as_one_parameter_in_both_places():
         "kr": {"range": [1e4, 1e6], "scale": "log"},
         "cr": {"same_as": "foot.c", "ratio": 0.004},
     }
-    with pytest.raises(dovetail.DescriptionError, match="'foot.c' is in N s/m, but 'foot.cr' is in N m s/rad"):
+    with pytest.raises(dovetail.DescriptionError, match=r"'foot\.c' is in N s/m, but 'foot\.cr' is in N m s/rad"):
         dovetail.load(tied)
     tied["joints"]["foot"]["parameters"]["cr"] = 1.2
     assembly = dovetail.load(tied)
@@ -165,12 +165,7 @@ def test_a_chain_changes_the_frf_as_its_formulas_say():
     point = int(plain.graph.substructure_dofs("arm")[2 * 7])
     M = matrices.M.copy()
     M[point, point] += mass
-    Z = (
-        matrices.K
-        + 1j * matrices.D
-        + 1j * omega[:, None, None] * matrices.C
-        - omega[:, None, None] ** 2 * M
-    )
+    Z = matrices.K + 1j * matrices.D + 1j * omega[:, None, None] * matrices.C - omega[:, None, None] ** 2 * M
     moving = np.flatnonzero(matrices.K.any(axis=0))
     where = np.searchsorted(moving, point)
     receptance = np.linalg.inv(Z[:, moving[:, None], moving])[:, where, where]

@@ -94,15 +94,14 @@ class Assembly:
 
     @cached_property
     def _first(self) -> ResponseFrfs:
-        """The FRF of the first response."""
         return self.together(self.description.responses[:1])
 
     def shares_structure_with(self, other: Assembly) -> bool:
         """Return whether another of `each_response` sees the same structure on the same lines."""
-        plain = all(
-            type(one) is Assembly and one._connected.keys() <= one.description.entries.keys() for one in (self, other)
-        )
-        return plain and self._rigid == other._rigid and _same_axes(self._axes[:1], other._axes[:1])
+        same = type(self) is type(other) is Assembly and self._rigid == other._rigid
+        described = self.description.entries.keys()
+        plain = self._connected.keys() <= described and other._connected.keys() <= described
+        return same and plain and _same_axes(self._axes[:1], other._axes[:1])
 
     def together(self, responses: Sequence[Response]) -> ResponseFrfs:
         """Return the FRFs of some responses that see the same structure as the first, at its frequencies."""
@@ -112,7 +111,6 @@ class Assembly:
 
     @cached_property
     def _further(self) -> tuple[Assembly, ...]:
-        """The same assembly at each response after the first."""
         return tuple(self.at(index) for index in range(1, len(self.description.responses)))
 
     @property
@@ -131,11 +129,6 @@ class Assembly:
         alone = replace(self.description.at(index), frequency=self._axes[index])
         return Assembly(alone, rigid=self._rigid, interpolation=self._interpolation)
 
-    @property
-    def drive_point(self) -> Point:
-        """Substructure and DOF at which the response is measured."""
-        return self.description.response.point
-
     def engine_of(
         self,
         points: Sequence[Point],
@@ -150,12 +143,9 @@ class Assembly:
         system = (self.graph, self.frequency, points, probe_theta, columns)
         if interpolation is None:
             return Engine(*system, pairs=pairs)
-        trial = self._samples(1, _INTERPOLATION_SAMPLES)
+        drawn = np.random.default_rng(1).random((_INTERPOLATION_SAMPLES, len(self.parameters)))
+        trial = self.by_joint(self.from_unit(drawn))
         return InterpolatedEngine(*system, tolerance=interpolation, trial=trial, pairs=pairs)
-
-    def _samples(self, seed: int, count: int) -> dict[str, NDArray[np.float64]]:
-        """Return parameter vectors drawn evenly from the ranges, by joint."""
-        return self.by_joint(self.from_unit(np.random.default_rng(seed).random((count, len(self.parameters)))))
 
     def by_joint(self, theta: Theta = None) -> dict[str, NDArray[np.float64]]:
         """Split parameter vectors into all parameters of each joint, fixed and tied ones included.
@@ -172,8 +162,8 @@ class Assembly:
             By the joint's name.
         """
         batch, single = self._space.batch(theta)
-        by_joint = self._space.by_owner(batch)
-        return {name: values[0] for name, values in by_joint.items()} if single else by_joint
+        by_owner = self._space.by_owner(batch)
+        return {name: values[0] for name, values in by_owner.items()} if single else by_owner
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions of the ranges, (..., n_params) from 0 to 1 on the parameters' scales, to SI values."""
@@ -233,7 +223,7 @@ class Assembly:
         Raises
         ------
         ParameterError
-            The responses have different frequencies; `each_response` has the FRF of each.
+            The responses have different frequencies.
         """
         if not _same_axes(self._axes, self._axes[:1] * len(self._axes)):
             problem = "the responses have different frequencies, so that their FRFs make no array."

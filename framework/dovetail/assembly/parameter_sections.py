@@ -153,21 +153,21 @@ def check_ranges(model: LabelledComponent, joint: Path, stated: StatedParameters
         faults.add((*joint, "parameters", name), objection, key=True)
 
 
-def check_ties(entries: Mapping[str, ParameterEntry], places: Mapping[str, Path], faults: FaultList) -> None:
+def check_ties(entries: Mapping[str, ParameterEntry], sections: Mapping[str, Path], faults: FaultList) -> None:
     """Report parameters that follow one that there is not, one of another unit, or themselves.
 
     Parameters
     ----------
     entries : mapping of str to ParameterEntry
         Of each joint, substructure and response, by its name.
-    places : mapping of str to Path
+    sections : mapping of str to Path
         Where the parameters of each are in the description.
     faults : FaultList
     """
     units = {f"{owner}.{p.name}": p.unit for owner, entry in entries.items() for p in entry.parameters}
     for owner, entry in entries.items():
         for name, tie in entry.ties.items():
-            path, other = (*places[owner], *steps_of(name), "same_as"), f"{tie.owner}.{tie.parameter}"
+            path, other = (*sections[owner], *steps_of(name), "same_as"), f"{tie.owner}.{tie.parameter}"
             if other not in units:
                 names = [candidate for candidate in units if candidate != f"{owner}.{name}"]
                 faults.add(path, f"there is no parameter '{other}'.", listing(names, 20), did_you_mean(other, names))

@@ -111,23 +111,23 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
 
 def _check_parameters(
     joints: Mapping[str, JointEntry],
-    parts: Mapping[str, JointEntry],
+    substructures: Mapping[str, JointEntry],
     calibrations: Mapping[str, ParameterEntry],
     faults: FaultList,
 ) -> None:
     """Report parameters of different owners with one name, and those that follow what is not there."""
-    for name in parts:
+    for name in substructures:
         if name in joints:
             problem = f"a joint has the name '{name}' too, so that their parameters cannot be told apart."
             faults.add(("substructures", name), problem, key=True)
     for name in calibrations:
-        if name in joints or name in parts:
+        if name in joints or name in substructures:
             problem = f"the response has the name of a {'joint' if name in joints else 'substructure'}, '{name}'."
             faults.add(_RESPONSE, problem, remedy="Give it another one with 'name:'.", key=True)
     places: dict[str, Path] = {name: ("joints", name, "parameters") for name in joints}
-    places |= {name: ("substructures", name) for name in parts}
+    places |= {name: ("substructures", name) for name in substructures}
     places |= {name: _calibration_place(name, faults) for name in calibrations}
-    check_ties({**joints, **parts, **calibrations}, places, faults)
+    check_ties({**joints, **substructures, **calibrations}, places, faults)
 
 
 def _check_format(faults: FaultList) -> None:

@@ -40,7 +40,7 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
     refined = {
         name: substructure.refined(factor) or substructure for name, substructure in description.substructures.items()
     }
-    parts = {
+    unknown_parts = {
         name: replace(entry, connection=_refined_part(entry.connection, name, factor))
         for name, entry in description.unknown_parts.items()
     }
@@ -64,7 +64,7 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
         )
         for response in description.responses
     )
-    whole = replace(description, substructures=refined, joints=joints, responses=responses, unknown_parts=parts)
+    whole = replace(description, substructures=refined, joints=joints, responses=responses, unknown_parts=unknown_parts)
     return Assembly(whole)
 
 

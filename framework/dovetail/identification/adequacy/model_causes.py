@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
-from dovetail.assembly.parameters import Theta
+from dovetail.assembly.description import Place
 from dovetail.frf import conversion
 from dovetail.identification.adequacy.trials import Trial, Trials, values_of
 from dovetail.identification.fitting.search_lines import missed_resonances
@@ -18,7 +18,7 @@ from dovetail.identification.posterior.model_error import Resonances, fit_resona
 from dovetail.interfaces import DIRECTIONS
 from dovetail.synthesis import Point
 
-__all__ = ["TransferAssembly", "nearest_points", "try_missing_resonances", "try_window"]
+__all__ = ["nearest_points", "try_missing_resonances", "try_window"]
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,6 @@ class Settings:
     """Random joints whose FRFs are compared."""
     most_difference: float = 1.0
     """Difference of logarithms of amplitudes at which it is cut off: a resonance elsewhere makes larger ones."""
-    step: float = 1e-5
-    """Part of a parameter by which it is changed for a derivative."""
     most_resonances: int = 2
     """Resonances that are tried, the lowest first."""
     reach: float = 0.1
@@ -51,7 +49,7 @@ class Settings:
 
 _SETTINGS = Settings()
 
-Place = tuple[str, int]
+Node = tuple[str, int]
 """Substructure and number of a node."""
 
 
@@ -87,15 +85,24 @@ def nearest_points(
     transfer, driven = _distances(assembly, amplitude, joints, elsewhere)
     for index in np.argsort(transfer.min(axis=0), kind="stable")[:count].tolist():
         start = joints[np.argmin(transfer[:, index])]
-        yield TransferAssembly(assembly, elsewhere[index]), f"the response {_words(assembly, elsewhere[index])}", start
+        yield _measured_at(assembly, elsewhere[index]), f"the response {_words(assembly, elsewhere[index])}", start
+    if not assembly.description.response.is_drive_point:
+        return
     for index in np.argsort(driven.min(axis=0), kind="stable")[:count].tolist():
-        response = replace(assembly.description.response, substructure=elsewhere[index][0], node=elsewhere[index][1])
-        driven_there = Assembly(replace(assembly.description, responses=(response,)))
+        driven_there = _measured_at(assembly, elsewhere[index], with_force=True)
         start = joints[np.argmin(driven[:, index])]
         yield driven_there, f"force and response {_words(assembly, elsewhere[index])}", start
 
 
-def _places(assembly: Assembly) -> list[Place]:
+def _measured_at(assembly: Assembly, place: Node, *, with_force: bool = False) -> Assembly:
+    """Return the assembly with another point of response, and of the force where that goes along."""
+    described = assembly.description.response
+    force = described.force or Place(described.substructure, described.node, described.direction)
+    there = replace(described, substructure=place[0], node=place[1], force=None if with_force else force)
+    return Assembly(replace(assembly.description, responses=(there,)))
+
+
+def _places(assembly: Assembly) -> list[Node]:
     """Return nodes of all substructures but the response's, at most as many as can be compared."""
     response = assembly.description.response
     substructures = assembly.description.substructures.items()
@@ -106,19 +113,19 @@ def _places(assembly: Assembly) -> list[Place]:
 
 
 def _distances(
-    assembly: Assembly, amplitude: NDArray[np.float64], joints: NDArray[np.float64], places: list[Place]
+    assembly: Assembly, amplitude: NDArray[np.float64], joints: NDArray[np.float64], places: list[Node]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return how far joints are from the measured amplitude at places (n, n_places), with the force here and there."""
     lines = np.unique(np.linspace(0, len(amplitude) - 1, _SETTINGS.lines).round().astype(np.intp))
     few = assembly.on(assembly.frequency[lines])
-    points = [_point(few, place) for place in places]
-    engine = few.engine_of([*dict.fromkeys([*points, few.drive_point])])
+    points, force = [_point(few, place) for place in places], few.description.response.force_point
+    engine = few.engine_of([*dict.fromkeys([*points, force])])
     measured = np.log(np.maximum(amplitude[lines], np.finfo(float).tiny))
     power = np.log(np.abs(conversion(few.frequency, "receptance", few.description.response.quantity)))
     transfer: list[NDArray[np.float64]] = []
     driven: list[NDArray[np.float64]] = []
     for vector in joints:
-        receptance = engine.receptance(few.by_joint(vector[np.newaxis]), points, [few.drive_point, *points])
+        receptance = engine.receptance(few.by_joint(vector[np.newaxis]), points, [force, *points])
         for receptances, distances in (
             (receptance[:, :, 0], transfer),
             (np.einsum("fpp->fp", receptance[:, :, 1:]), driven),
@@ -129,61 +136,20 @@ def _distances(
     return np.stack(transfer), np.stack(driven)
 
 
-def _point(assembly: Assembly, place: Place) -> Point:
+def _point(assembly: Assembly, place: Node) -> Point:
     """Return the DOF of a node in the direction of the response."""
     direction = assembly.description.response.direction
     return place[0], len(DIRECTIONS) * place[1] + DIRECTIONS.index(direction)
 
 
-def _moves(assembly: Assembly, place: Place) -> bool:
+def _moves(assembly: Assembly, place: Node) -> bool:
     substructure, dof = _point(assembly, place)
     return bool(assembly.graph.substructure_dofs(substructure)[dof] >= 0)
 
 
-def _words(assembly: Assembly, place: Place) -> str:
+def _words(assembly: Assembly, place: Node) -> str:
     node = assembly.description.substructures[place[0]].nodes[place[1]]
     return f"on the {place[0]} at {1e3 * node.position:.4g} mm"
-
-
-class TransferAssembly(Assembly):
-    """An assembly whose FRF is the response at another node to the force at the description's.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        With one response.
-    place : (str, int)
-        Substructure and number of the node.
-    """
-
-    def __init__(self, assembly: Assembly, place: Place) -> None:
-        super().__init__(assembly.description)
-        self._force, self._response = assembly.drive_point, _point(assembly, place)
-        self._transfer = assembly.engine_of([self._response, self._force])
-        self._factor = conversion(assembly.frequency, "receptance", assembly.description.response.quantity)
-
-    def frf(self, theta: Theta = None) -> NDArray[np.complex128]:
-        """Return the transfer FRFs, (n_freq,) or (n, n_freq)."""
-        vectors = np.asarray(theta, dtype=np.float64)
-        return self._frf(vectors) if vectors.ndim == 1 else np.stack([self._frf(vector) for vector in vectors])
-
-    def frf_jacobian(self, theta: Theta = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return the transfer FRFs and their derivatives by differences, with a last axis n_params."""
-        vectors = np.asarray(theta, dtype=np.float64)
-        if vectors.ndim == 1:
-            return self._linearised(vectors)
-        frfs, jacobians = zip(*(self._linearised(vector) for vector in vectors), strict=True)
-        return np.stack(frfs), np.stack(jacobians)
-
-    def _frf(self, vector: NDArray[np.float64]) -> NDArray[np.complex128]:
-        receptance = self._transfer.receptance(self.by_joint(vector[np.newaxis]), [self._response], [self._force])
-        return np.asarray(receptance[:, 0, 0] * self._factor)
-
-    def _linearised(self, vector: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        steps = _SETTINGS.step * np.where(vector != 0.0, vector, 1.0)
-        here = self._frf(vector)
-        ahead = np.stack([self._frf(changed) for changed in vector + np.diag(steps)], axis=1)
-        return here, (ahead - here[:, np.newaxis]) / steps
 
 
 Candidate = tuple[str, str, Trial]

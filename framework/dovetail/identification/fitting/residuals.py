@@ -103,8 +103,8 @@ class ModelFrfs:
     def frf_jacobian(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_lines) and their derivatives (n, n_lines, n_params)."""
         if self._together is not None:
-            frfs, jacobians = self._together.jacobian(theta)
-            return _end_to_end(frfs), _end_to_end(jacobians)
+            values, derivatives = self._together.jacobian(theta)
+            return _end_to_end(values), _end_to_end(derivatives)
         frfs, jacobians = zip(*(assembly.frf_jacobian(theta) for assembly in self.assemblies), strict=True)
         return _joined(frfs), _joined(jacobians)
 
