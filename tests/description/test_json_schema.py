@@ -188,3 +188,22 @@ def run():
         return result
 
     return invoke
+
+
+def test_what_is_unknown_of_parts_and_chains():
+    description = read(ROOT / "assemblies" / "bt40_er32.yaml")
+    beam = description["substructures"]["tool"]
+    for young in (
+        {"range": ["190 GPa", 2.2e11]},
+        {"about": "206 GPa", "sd": "1 %"},
+        {"same_as": "holder.material.young"},
+    ):
+        unknown = {**beam, "material": {**beam["material"], "young": young}}
+        assert faults({**description, "substructures": {**description["substructures"], "tool": unknown}}) == []
+    wrong = {**beam, "material": {**beam["material"], "young": {"rnage": [1, 2]}}}
+    assert faults({**description, "substructures": {**description["substructures"], "tool": wrong}}) != []
+    chain = {"gain": {"about": 1, "sd": "5 %"}, "delay": "3 us", "sign": "unknown", "mass": {"range": [0, "10 g"]}}
+    response = {**description["response"], "force": {"position": "0 mm"}, "name": "tip", "calibration": chain}
+    assert faults({**description, "response": response}) == []
+    assert faults({**description, "response": {**response, "calibration": {"gian": 1}}}) != []
+    assert faults({**description, "response": {**response, "force": {"at": "tool"}}}) != []

@@ -25,6 +25,7 @@ from dovetail.synthesis.joint_evaluation import depends_on_frequency
 
 __all__ = [
     "CHAIN",
+    "SIGN",
     "chain_derivatives",
     "chain_factor",
     "entries_at_response",

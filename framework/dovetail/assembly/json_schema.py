@@ -9,16 +9,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from dovetail.assembly.calibration import CHAIN, SIGN
 from dovetail.assembly.sections import (
     FORMAT,
     AttachmentSection,
     DescriptionSection,
+    ForceSection,
     FrequencySection,
     IdentificationSection,
     ParameterSection,
     ResponseSection,
 )
-from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, Port, option_schema
+from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, Port, SubstructureModel, option_schema
 from dovetail.registry import Offer, Registry
 from dovetail.units import format_quantity
 
@@ -54,7 +56,8 @@ def description_schema(registry: Registry) -> Schema:
     has no examples.
     """
     definitions: dict[str, Schema] = {}
-    for model in (FrequencySection, ResponseSection, AttachmentSection, ParameterSection, IdentificationSection):
+    sections = (FrequencySection, ForceSection, ResponseSection, AttachmentSection, ParameterSection)
+    for model in (*sections, IdentificationSection):
         _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
     _complete_sections(definitions)
     for kind in KINDS:
@@ -110,9 +113,22 @@ def _complete_sections(definitions: dict[str, Schema]) -> None:
     parameter = definitions["parameter"]["properties"]
     parameter["range"] |= {"type": "array", "items": _QUANTITY, "minItems": 2, "maxItems": 2}
     parameter["value"] |= _QUANTITY
+    for key in ("about", "sd"):
+        parameter[key] |= _QUANTITY
+    definitions["calibration"] = _calibration()
+    response = definitions["response"]["properties"]
+    response["force"] = {**response["force"], "$ref": "#/$defs/force"}
+    response["calibration"] = {**response["calibration"], "$ref": "#/$defs/calibration"}
     identification = definitions["identification"]["properties"]
     identification["reducer"]["$ref"] = "#/$defs/reducer"
     identification["regressor"]["$ref"] = "#/$defs/regressor"
+
+
+def _calibration() -> Schema:
+    """Return the schema of a response's measurement chain."""
+    sign = {"enum": [1, -1, "unknown"], "description": SIGN.description}
+    known = {parameter.name: _parameter(parameter) for parameter in CHAIN}
+    return {"type": "object", "properties": {**known, "sign": sign}, "additionalProperties": False}
 
 
 def _choice(kind: Kind, offers: Iterable[Offer]) -> Schema:
@@ -142,11 +158,28 @@ def _component_schema(offer: Offer) -> Schema:
     schema["description"] = f"{component.summary} ({offer.source})"
     schema["properties"]["model"] = {"const": component.name, "description": component.summary}
     schema.setdefault("required", []).append("model")
+    if issubclass(component, SubstructureModel):
+        schema |= {key: _with_unknowns(schema[key]) for key in ("properties", "$defs") if key in schema}
     if issubclass(component, JointModel):
         schema["properties"]["connect"] = _connect(component)
         schema["properties"]["parameters"] = _parameters(component)
         schema["required"].append("connect")
     return schema
+
+
+def _with_unknowns(node: Any) -> Any:
+    """Return the schema of options in which each number may be a section that says what is known of it."""
+    section = {"$ref": "#/$defs/parameter"}
+    if isinstance(node, list):
+        return [_with_unknowns(entry) for entry in node]
+    if not isinstance(node, dict):
+        return node
+    if "x-unit" in node and "anyOf" in node:
+        return {**node, "anyOf": [*node["anyOf"], section]}
+    if node.get("type") == "number":
+        about = {key: node[key] for key in ("title", "description", "default") if key in node}
+        return {**about, "anyOf": [{key: value for key, value in node.items() if key not in about}, section]}
+    return {key: _with_unknowns(value) for key, value in node.items()}
 
 
 def _connect(model: type[JointModel]) -> Schema:
