@@ -139,6 +139,8 @@ class Description:
         The substructures of which options are sought. In `substructures` they have the middle of the ranges.
     calibrations : mapping of str to ParameterEntry
         What is sought or known of the measurement chain of each response, by the response's name.
+    left_out : tuple of (float, float)
+        Hz; between these ends nothing is compared.
     identification : IdentificationSettings
     """
 
@@ -152,6 +154,7 @@ class Description:
     identification: IdentificationSettings
     unknown_parts: Mapping[str, JointEntry] = field(default_factory=dict)
     calibrations: Mapping[str, ParameterEntry] = field(default_factory=dict)
+    left_out: tuple[tuple[float, float], ...] = ()
 
     @property
     def response(self) -> Response:

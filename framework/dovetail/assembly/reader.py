@@ -7,54 +7,49 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.calibration import read_calibration
 from dovetail.assembly.component_sections import build_component, read_property
 from dovetail.assembly.description import (
     Description,
     IdentificationSettings,
     JointEntry,
     ParameterEntry,
-    Place,
-    Response,
 )
-from dovetail.assembly.joints import Substructures, add_model_faults, check_connected, find_node, read_joint
+from dovetail.assembly.joints import Substructures, add_model_faults, check_connected, read_joint
 from dovetail.assembly.parameter_sections import check_ties
+from dovetail.assembly.responses import RESPONSE, RESPONSES, calibration_place, read_responses
 from dovetail.assembly.sections import (
     FORMAT,
     DescriptionSection,
     DescriptionSectionOfSeveral,
-    ForceSection,
+    FrequencyList,
     FrequencySection,
     IdentificationSection,
-    ResponseSection,
 )
 from dovetail.assembly.unknown_parts import add_unknown_part, take_unknown_options
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.tree import Path, format_path, format_value, plain_values
+from dovetail.documents.tree import Path, format_value, plain_values
 from dovetail.documents.validation import validate
-from dovetail.errors import did_you_mean, listing
+from dovetail.frf import in_bands
 from dovetail.interfaces import SubstructureModel, node_faults
 from dovetail.registry import Registry
-from dovetail.synthesis import Point
 
 __all__ = ["MOST_LINES", "read_description", "read_frequency", "read_responses"]
 
 MOST_LINES = 1_000_000
+_FEWEST_LINES = 2
 _FEWEST_SAMPLES = 2
 """For training and for testing."""
 _OFF_GRID = 1e-6
 """How far `stop` may be from a line, in steps."""
 _FREQUENCY: Path = ("frequency",)
-_RESPONSE: Path = ("response",)
-_RESPONSES: Path = ("responses",)
 
 
 def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registry: Registry) -> Description:
@@ -79,9 +74,9 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
     faults = FaultList()
     name, faults.root = read_source(source, faults)
     _check_format(faults)
-    several = faults.root.at(_RESPONSES) is not None
+    several = faults.root.at(RESPONSES) is not None
     top = validate(DescriptionSectionOfSeveral if several else DescriptionSection, (), faults, "the description")
-    frequency = read_frequency(faults)
+    frequency, left_out = read_frequency(faults)
     substructures, unknown_parts = _read_substructures(faults, registry)
     joints = _read_joints(substructures, faults, registry)
     responses, calibrations = read_responses(substructures, faults)
@@ -106,6 +101,7 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
         identification=identification,
         unknown_parts=MappingProxyType(unknown_parts),
         calibrations=MappingProxyType(calibrations),
+        left_out=left_out,
     )
 
 
@@ -123,10 +119,10 @@ def _check_parameters(
     for name in calibrations:
         if name in joints or name in substructures:
             problem = f"the response has the name of a {'joint' if name in joints else 'substructure'}, '{name}'."
-            faults.add(_RESPONSE, problem, remedy="Give it another one with 'name:'.", key=True)
+            faults.add(RESPONSE, problem, remedy="Give it another one with 'name:'.", key=True)
     places: dict[str, Path] = {name: ("joints", name, "parameters") for name in joints}
     places |= {name: ("substructures", name) for name in substructures}
-    places |= {name: _calibration_place(name, faults) for name in calibrations}
+    places |= {name: calibration_place(name, faults) for name in calibrations}
     check_ties({**joints, **substructures, **calibrations}, places, faults)
 
 
@@ -215,13 +211,60 @@ def _read_identification(faults: FaultList, registry: Registry) -> Identificatio
     )
 
 
-def read_frequency(faults: FaultList) -> NDArray[np.float64] | None:
-    """Return the (n_freq,) lines in Hz, read-only, or None if the section has faults."""
-    if faults.root.at(_FREQUENCY) is None:
-        return None
+_Bands = tuple[tuple[float, float], ...]
+
+
+def read_frequency(faults: FaultList) -> tuple[NDArray[np.float64] | None, _Bands]:
+    """Return the (n_freq,) lines in Hz, read-only, or None if they have faults; and the bands that are left out."""
+    item = faults.root.at(_FREQUENCY)
+    if item is None:
+        return None, ()
+    if isinstance(item.value, tuple):
+        return _read_lines(faults), ()
     section = validate(FrequencySection, _FREQUENCY, faults, "'frequency'")
-    if section is None:
+    lines = None if section is None else _read_axis(section, faults)
+    if section is None or lines is None:
+        return None, ()
+    left_out = (*_between(section.bands, float(lines[0]), float(lines[-1])), *section.without)
+    kept = lines[~in_bands(lines, left_out)]
+    if kept.size < _FEWEST_LINES:
+        key = "bands" if section.bands else "without"
+        faults.add((*_FREQUENCY, key), f"{kept.size} of {lines.size} lines are left to compare.")
+        return None, ()
+    kept.setflags(write=False)
+    return kept, left_out
+
+
+def _read_lines(faults: FaultList) -> NDArray[np.float64] | None:
+    """Return the lines of a list."""
+    listed = validate(FrequencyList, _FREQUENCY, faults, "'frequency'")
+    if listed is None:
         return None
+    lines = np.array(listed.root)
+    falling = np.flatnonzero(np.diff(lines) <= 0)
+    if falling.size:
+        first = int(falling[0])
+        problem = f"{lines[first + 1]:.10g} Hz does not lie above {lines[first]:.10g} Hz."
+        faults.add((*_FREQUENCY, first + 1), problem, "increasing frequencies")
+        return None
+    lines.setflags(write=False)
+    return lines
+
+
+def _between(bands: _Bands, first: float, last: float) -> _Bands:
+    """Return what is between bands, and between them and the ends."""
+    if not bands:
+        return ()
+    gaps, reached = [], np.nextafter(first, 0.0)
+    for low, high in sorted(bands):
+        if low > reached:
+            gaps.append((reached, np.nextafter(low, 0.0)))
+        reached = max(reached, np.nextafter(high, np.inf))
+    return (*gaps, *([(reached, last)] if reached <= last else []))
+
+
+def _read_axis(section: FrequencySection, faults: FaultList) -> NDArray[np.float64] | None:
+    """Return the evenly spaced lines of a section."""
     start, stop = section.start, section.stop
     if stop <= start:
         faults.add((*_FREQUENCY, "stop"), f"stop ({stop:.10g} Hz) must be greater than start ({start:.10g} Hz).")
@@ -240,116 +283,4 @@ def read_frequency(faults: FaultList) -> NDArray[np.float64] | None:
         remedy = f"The lines nearest to it are {before:.10g} Hz and {before + (section.step or 0.0):.10g} Hz."
         faults.add((*_FREQUENCY, "stop"), f"{problem}.", remedy=remedy)
         return None
-    frequency = np.linspace(start, stop, round(steps) + 1)
-    frequency.setflags(write=False)
-    return frequency
-
-
-def read_responses(
-    substructures: Substructures, faults: FaultList
-) -> tuple[tuple[Response, ...], dict[str, ParameterEntry]]:
-    """Return the responses in their order, without those that have faults, and their calibrations by name.
-
-    Parameters
-    ----------
-    substructures : mapping of str to SubstructureModel or None
-        None in place of a substructure with faults.
-    faults : FaultList
-    """
-    single, several = faults.root.at(_RESPONSE), faults.root.at(_RESPONSES)
-    if several is None:
-        return _read_all([] if single is None else [_RESPONSE], substructures, faults)
-    if single is not None:
-        remedy = "Keep one of them: a single response, or the list of all."
-        faults.add(_RESPONSE, "the description has 'response' and 'responses'.", remedy=remedy, key=True)
-    if not isinstance(several.value, tuple):
-        remedy = "Begin each entry with '- at:'."
-        faults.add(_RESPONSES, f"{format_value(several.value)} is not a list of responses.", remedy=remedy, key=True)
-        return (), {}
-    if not several.value:
-        faults.add(_RESPONSES, "there are no responses.", key=True)
-    return _read_all([(*_RESPONSES, index) for index in range(len(several.value))], substructures, faults)
-
-
-def _read_all(
-    paths: Sequence[Path], substructures: Substructures, faults: FaultList
-) -> tuple[tuple[Response, ...], dict[str, ParameterEntry]]:
-    first_at: dict[tuple[Point, Point], Path] = {}
-    responses, calibrations = list[Response](), dict[str, ParameterEntry]()
-    for number, path in enumerate(paths, start=1):
-        section = validate(ResponseSection, path, faults, f"'{format_path(path)}'")
-        if section is None:
-            continue
-        name = section.name or ("response" if path == _RESPONSE else f"response_{number}")
-        response = _read_response(path, name, section, substructures, faults)
-        if name in [other.name for other in responses]:
-            faults.add((*path, "name"), f"another response has the name '{name}'.")
-        calibration = read_calibration((*path, "calibration"), faults)
-        if calibration.parameters:
-            calibrations[name] = calibration
-        if response is None:
-            continue
-        responses.append(response)
-        points = response.point, response.force_point
-        first = first_at.setdefault(points, path)
-        if first != path:
-            remedy = "Average measurements of the same point, or remove one of the two."
-            faults.add(path, f"this is the same point as {format_path(first)}.", remedy=remedy, key=True)
-    return tuple(responses), calibrations
-
-
-def _calibration_place(name: str, faults: FaultList) -> Path:
-    """Return where the calibration of the response with this name is."""
-    several = faults.root.at(_RESPONSES)
-    if several is None or not isinstance(several.value, tuple):
-        return (*_RESPONSE, "calibration")
-    named = (
-        index
-        for index, item in enumerate(several.value)
-        if name == (item.entries["name"].item.value if "name" in item.entries else f"response_{index + 1}")
-    )
-    return (*_RESPONSES, next(named, 0), "calibration")
-
-
-def _read_response(
-    path: Path, name: str, section: ResponseSection, substructures: Substructures, faults: FaultList
-) -> Response | None:
-    place = _read_place(path, section.at, section.position, section.direction, substructures, faults)
-    force = _read_force((*path, "force"), section.at, substructures, faults)
-    if place is None:
-        return None
-    return Response(place.substructure, place.node, place.direction, section.quantity, name, force)
-
-
-def _read_force(path: Path, at: str, substructures: Substructures, faults: FaultList) -> Place | None:
-    if faults.root.at(path) is None:
-        return None
-    section = validate(ForceSection, path, faults, f"'{format_path(path)}'")
-    if section is None:
-        return None
-    return _read_place(path, section.at or at, section.position, section.direction, substructures, faults)
-
-
-def _read_place(
-    path: Path,
-    at: str,
-    position: float | str,
-    direction: Literal["x", "rz"],
-    substructures: Substructures,
-    faults: FaultList,
-) -> Place | None:
-    if at not in substructures:
-        if substructures:
-            problem = f"there is no substructure {format_value(at)}."
-            faults.add((*path, "at"), problem, listing(substructures), did_you_mean(at, substructures))
-        return None
-    substructure = substructures[at]
-    if substructure is None:
-        return None
-    if substructure.grounded:
-        moving = (name for name, model in substructures.items() if model is not None and not model.grounded)
-        noun = "force" if path[-1] == "force" else "response"
-        faults.add((*path, "at"), f"the {noun} cannot be at '{at}', which does not move.", listing(moving))
-        return None
-    node = find_node(at, substructure, position, (*path, "position"), faults)
-    return None if node is None else Place(at, node, direction)
+    return np.linspace(start, stop, round(steps) + 1)

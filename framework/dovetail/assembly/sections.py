@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, RootModel
 
 from dovetail.frf import Quantity
 from dovetail.units import Frequency, InUnit, Mass
@@ -20,6 +20,7 @@ __all__ = [
     "DescriptionSection",
     "DescriptionSectionOfSeveral",
     "ForceSection",
+    "FrequencyList",
     "FrequencySection",
     "IdentificationSection",
     "NodePlace",
@@ -61,6 +62,15 @@ class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+def _increasing(value: tuple[float, float]) -> tuple[float, float]:
+    if value[0] >= value[1]:
+        raise ValueError(f"the band from {value[0]:.10g} to {value[1]:.10g} Hz is empty")
+    return value
+
+
+_Band = Annotated[tuple[Frequency, Frequency], AfterValidator(_increasing)]
+
+
 class FrequencySection(_Section):
     """The lines at which FRFs are computed: from `start` to `stop`, with a `step` or as a number of `lines`.
 
@@ -72,12 +82,22 @@ class FrequencySection(_Section):
         Distance of the lines [Hz].
     lines : int
         Number of lines, in place of the step.
+    bands : sequence of two frequencies each
+        Lower and upper end of what is computed and compared; all by default.
+    without : sequence of two frequencies each
+        Lower and upper end of what is left out, such as a resonance of the support.
     """
 
     start: Frequency
     stop: Frequency
     step: Frequency | None = None
     lines: Annotated[_Count, Field(ge=2, le=1_000_000)] | None = None
+    bands: tuple[_Band, ...] = ()
+    without: tuple[_Band, ...] = ()
+
+
+class FrequencyList(RootModel[Annotated[tuple[Frequency, ...], Field(min_length=2, max_length=1_000_000)]]):
+    """The lines at which FRFs are computed, one by one [Hz]."""
 
 
 class AttachmentSection(_Section):

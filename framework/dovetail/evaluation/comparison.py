@@ -192,7 +192,8 @@ def _measurement(case: Case, assembly: Assembly) -> Frf:
     assert case.joint is not None
     assert case.joint.measured is not None
     (read,) = one_per_response(assembly, case.joint.measured.read(compensated=True))
-    check_cover(within_band(read, assembly.frequency), assembly.frequency)
+    left_out = assembly.description.left_out
+    check_cover(within_band(read, assembly.frequency, left_out), assembly.frequency)
     return read.to(assembly.description.response.quantity)
 
 
@@ -227,7 +228,7 @@ def _trained(
 
 def _compared(case: Case, method: str, assembly: Assembly, model: Identifier | None, whole: Frf) -> Compared:
     """Identify a joint by one method; `whole` is the measurement, also beyond the assembly's band."""
-    measured = within_band(whole, assembly.frequency)
+    measured = within_band(whole, assembly.frequency, assembly.description.left_out)
     began = time.perf_counter()
     if method == RIGID:
         result, values = None, assembly.on(measured.frequency).rigid().frf()

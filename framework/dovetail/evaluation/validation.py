@@ -215,9 +215,9 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
         )
     joint = None if case.joint is None else joints.get(case.joint)
     known: Identification | dict[str, float] = {} if joint is None else joint
-    quantity = assembly.description.response.quantity
+    quantity, left_out = assembly.description.response.quantity, assembly.description.left_out
     raw, bare = (
-        within_band(case.measured.read(compensated=compensated), assembly.frequency).to(quantity)
+        within_band(case.measured.read(compensated=compensated), assembly.frequency, left_out).to(quantity)
         for compensated in (False, True)
     )
     check_cover(raw, assembly.frequency)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.errors import MeasurementError
 from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 
-__all__ = ["Frf"]
+__all__ = ["Frf", "in_bands"]
 
 
 def _frozen(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:
@@ -154,3 +155,11 @@ class Frf:
         values = self.values * (factor if self.has_phase else np.abs(factor))
         variance = None if self.variance is None else self.variance * np.abs(factor) ** 2
         return replace(self, values=values, quantity=quantity, variance=variance)
+
+
+def in_bands(frequency: NDArray[np.float64], bands: Iterable[tuple[float, float]]) -> NDArray[np.bool_]:
+    """Return which frequencies (n_freq,) lie in one of some bands, their ends included; all in Hz."""
+    inside = np.zeros(frequency.shape, dtype=np.bool_)
+    for low, high in bands:
+        inside |= (frequency >= low) & (frequency <= high)
+    return inside

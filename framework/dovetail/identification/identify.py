@@ -16,7 +16,8 @@ from dovetail.assembly.calibration import unknown_signs, with_signs
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.observations import MeasuredLines
+from dovetail.identification.fitting.observations import MeasuredLines, one_per_response
+from dovetail.identification.fitting.random_error import Weights, weighted_variance
 from dovetail.identification.methods import METHODS
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.result import Identification
@@ -33,6 +34,8 @@ def identify(
     method: str = "refined",
     *,
     model: TrainedNetwork | None = None,
+    weights: Weights | Sequence[Weights] | None = None,
+    phase: bool = True,
     **options: Any,
 ) -> Identification:
     """Identify the joint of an assembly from the measured FRF of its response point, or of each of its response points.
@@ -50,6 +53,11 @@ def identify(
         parameter. ``"network"``: the answer of `model` as it is.
     model : TrainedNetwork, optional
         A trained network of this assembly: its answer is one more start of the refined fit.
+    weights : {"coherence", "amplitude"} or (n_freq,) array, optional
+        How much lines count in a fit: by their random error by default; by their coherence; by amplitude, so that
+        relative errors count; or an array for each measurement. The network does not ask.
+    phase : bool
+        False for a fit that takes no notice of the measurement's phase.
     **options
         Of the method: ``seed`` for all but the network; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or
         ``"weighted"``) for ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
@@ -88,8 +96,31 @@ def identify(
             problem = f"the method '{method}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
     with threadpool_limits(1, user_api="blas"):
-        lines = _with_signs(MeasuredLines.of(assembly, measured))
+        lines = _with_signs(MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase)))
         return METHODS[method](lines, model, **options)
+
+
+def _prepared(
+    assembly: Assembly,
+    measured: Frf | Sequence[Frf],
+    weights: Weights | Sequence[Weights] | None,
+    *,
+    phase: bool,
+) -> tuple[Frf, ...]:
+    """Return the measurements with the weights that are wanted, and without phase where that is not to count."""
+    frfs = one_per_response(assembly, measured)
+    if isinstance(weights, str):
+        accepted_weights = ("coherence", "amplitude")
+        if weights not in accepted_weights:
+            problem = f"'{weights}' is no way to weight lines."
+            hint = did_you_mean(weights, accepted_weights)
+            raise ParameterError(Fault("weights", problem, f"{listing(accepted_weights)}; or an array", hint))
+    if weights is not None:
+        each: list[Any] = list(weights) if isinstance(weights, (list, tuple)) else [weights] * len(frfs)
+        if len(each) != len(frfs):
+            raise ParameterError(Fault("weights", f"{len(each)} were given for {len(frfs)} measurements."))
+        frfs = tuple(replace(frf, variance=weighted_variance(frf, one)) for frf, one in zip(frfs, each, strict=True))
+    return frfs if phase else tuple(_amplitudes(frf) for frf in frfs)
 
 
 def _with_signs(lines: MeasuredLines) -> MeasuredLines:

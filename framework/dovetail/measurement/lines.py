@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.frf import Frf
+from dovetail.frf import Frf, in_bands
 
 __all__ = ["check_cover", "find_gaps", "find_missing_ends", "within_band"]
 
@@ -34,7 +35,7 @@ class Settings:
 _SETTINGS = Settings()
 
 
-def within_band(frf: Frf, frequency: ArrayLike) -> Frf:
+def within_band(frf: Frf, frequency: ArrayLike, left_out: Sequence[tuple[float, float]] = ()) -> Frf:
     """Select the measured lines within a band; nothing is interpolated.
 
     Parameters
@@ -43,6 +44,8 @@ def within_band(frf: Frf, frequency: ArrayLike) -> Frf:
         The measurement.
     frequency : (n_freq,) array
         Hz; the band reaches from the least to the greatest.
+    left_out : sequence of (float, float)
+        Hz; between these ends, which are left out too, no lines are selected.
 
     Returns
     -------
@@ -57,10 +60,12 @@ def within_band(frf: Frf, frequency: ArrayLike) -> Frf:
     low, high = _band(frequency)
     tolerance = _SETTINGS.tolerance
     inside = (frf.frequency >= low * (1.0 - tolerance)) & (frf.frequency <= high * (1.0 + tolerance))
+    inside &= ~in_bands(frf.frequency, left_out)
     count = int(np.count_nonzero(inside))
     if count * (2 if frf.has_phase else 1) < _SETTINGS.fewest_residuals:
         lines = "no line" if not count else "a single line, without a phase,"
-        problem = f"{lines} of the measurement is within {low:.10g} to {high:.10g} Hz: {_covers(frf)}."
+        but = ", without what the description leaves out" if left_out else ""
+        problem = f"{lines} of the measurement is within {low:.10g} to {high:.10g} Hz{but}: {_covers(frf)}."
         remedy = "Check the unit of the frequencies, measure there, or change 'frequency' in the description."
         raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
     if inside.all():

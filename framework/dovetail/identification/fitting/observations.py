@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -227,7 +227,8 @@ class MeasuredLines:
         """
         whole = one_per_response(assembly, measured)
         pairs = zip(whole, assembly.each_response, strict=True)
-        return MeasuredLines(assembly, whole, _each(within_band, pairs))
+        select = partial(within_band, left_out=assembly.description.left_out)
+        return MeasuredLines(assembly, whole, _each(select, pairs))
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -265,7 +266,7 @@ class MeasuredLines:
                     f"The measurement{where} has no lines from {ends}: it was compared from "
                     f"{first:.6g} to {last:.6g} Hz only."
                 )
-            gaps = find_gaps(frf)
+            gaps = self._gaps(frf)
             if gaps:
                 messages.append(
                     f"The measurement{where} lacks lines between {_listed(gaps)}: nothing was compared there."
@@ -279,8 +280,17 @@ class MeasuredLines:
             f"The measurement{where} lacks lines between {_listed(gaps)}: the network was given values "
             "interpolated over that."
             for frf, _, where in self._responses
-            if (gaps := find_gaps(frf))
+            if (gaps := self._gaps(frf))
         )
+
+    def _gaps(self, frf: Frf) -> list[tuple[float, float]]:
+        """Return the gaps of a measurement, but for what the description leaves out."""
+        left_out = self.described.description.left_out
+        return [
+            (below, above)
+            for below, above in find_gaps(frf)
+            if not any(low < above and high > below for low, high in left_out)
+        ]
 
     @property
     def _responses(self) -> Iterable[tuple[Frf, Assembly, str]]:

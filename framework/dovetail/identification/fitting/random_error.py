@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,21 @@ from scipy.optimize import least_squares, minimize
 from scipy.special import polygamma
 from scipy.stats import chi2
 
+from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 
-__all__ = ["estimated_variance", "isolated_lines", "known_variance", "random_error_variance", "residual_variance"]
+__all__ = [
+    "Weights",
+    "estimated_variance",
+    "isolated_lines",
+    "known_variance",
+    "random_error_variance",
+    "residual_variance",
+    "weighted_variance",
+]
+
+Weights = Literal["coherence", "amplitude"] | NDArray[np.float64]
+"""How much lines count, other than by their random error; as of `weighted_variance`."""
 
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth difference: it keeps the variance of white noise and removes nearly all of a smooth curve."""
@@ -42,6 +54,8 @@ class Settings:
     """Distances, in lines, of the neighbours: the adjacent line is none, so that a bad pair is isolated too."""
     scattering: float = 0.5
     """Part of the scatter of a variance that was estimated line by line from which a stated one is taken for such."""
+    least_coherence: float = 1e-3
+    """Coherence, and distance of it from 1, below which lines are weighted no less and no more."""
     most_decrease: float = 5.0
     """Natural logarithm of the factor by which the most likely floor and share may be below the least."""
     most_isolated: float = 0.05
@@ -123,6 +137,44 @@ def estimated_variance(frf: Frf, model: NDArray[Any] | None = None) -> NDArray[n
     quantiles = np.array([np.quantile(squares[rows], _SETTINGS.quantile) for rows in bins])
     floor, share = _floor_and_share(magnitude, np.maximum(quantiles / _unit_quantile(frf.has_phase), least))
     return np.asarray(np.maximum(floor + share * frf.amplitude**2, least))
+
+
+def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
+    """Return a variance (n_freq,) by which lines count as weights say; its level is that of the random error.
+
+    Parameters
+    ----------
+    frf : Frf
+    weights : {"coherence", "amplitude"} or (n_freq,) array
+        By coherence, (1 - c) / c of the square of a line's amplitude is the variance's shape; by amplitude the square
+        itself, so that relative errors count, as in logarithms; for an array its inverse.
+
+    Raises
+    ------
+    MeasurementError
+        There is no coherence, or the array has another length or is not positive.
+    """
+    shape = _shape(frf, weights)
+    of_error = random_error_variance(frf)
+    return np.asarray(shape * np.exp(np.median(np.log(of_error / shape))))
+
+
+def _shape(frf: Frf, weights: Weights) -> NDArray[np.float64]:
+    least = _least_variance(frf)
+    if isinstance(weights, str):
+        relative = np.ones_like(frf.frequency)
+        if weights == "coherence":
+            if frf.coherence is None:
+                raise MeasurementError(Fault(frf.label, "it has no coherence by which its lines could be weighted."))
+            coherence = np.clip(frf.coherence, _SETTINGS.least_coherence, 1.0 - _SETTINGS.least_coherence)
+            relative = (1.0 - coherence) / coherence
+        return np.asarray(np.maximum(relative * frf.amplitude**2, least))
+    values = np.asarray(weights, dtype=np.float64)
+    if values.shape != frf.frequency.shape or not (np.isfinite(values).all() and (values > 0).all()):
+        problem = f"weights of shape {values.shape} were given for {frf.frequency.size} lines."
+        accepted = "a positive number for each line of the measurement"
+        raise MeasurementError(Fault(frf.label, problem, accepted))
+    return np.asarray(1.0 / values)
 
 
 def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
