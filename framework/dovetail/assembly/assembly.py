@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.assembly.calibration import entries_at_response, graph_of
 from dovetail.assembly.description import Description, Response
 from dovetail.assembly.joints import is_at
-from dovetail.assembly.parameters import ParameterSpace, Theta
-from dovetail.assembly.response_frfs import ResponseFrfs, points_and_pairs
+from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, points_and_pairs
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.interfaces import DIRECTIONS, Parameter
 from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, assembly_matrices, elastic_frequencies

@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import ive
 
 from dovetail.assembly import Assembly
-from dovetail.assembly.response_frfs import ResponseFrfs
+from dovetail.assembly.parameters import ResponseFrfs
 from dovetail.frf import Frf
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
 
