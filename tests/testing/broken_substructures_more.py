@@ -544,3 +544,14 @@ class GramOption(Bar):
     def matrices(self):
         """Convert."""
         return euler_beam(3, self.config.length, 1e-3 * self.config.mass, self.config.bending)
+
+
+@breaks("batched_matrices_are_those_of_each_value")
+class BatchOfTheMiddle(Bar):
+    """Whatever the values of an option, its batch has the matrices of the part itself."""
+
+    def batched_matrices(self, options):
+        """Repeat."""
+        [values] = options.values()
+        matrices = self.matrices()
+        return StructuralMatrices(*(np.repeat(getattr(matrices, name)[np.newaxis], len(values), 0) for name in "MKCD"))

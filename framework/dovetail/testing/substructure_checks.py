@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.identification.adequacy.perturbations import list_quantities
 from dovetail.interfaces import DIRECTIONS, Node, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.testing.answers import PARTS
 from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, relative_difference
@@ -21,6 +22,8 @@ _SOLVED = 1e-6
 _FACTORS = (2, 4)
 _TOLERANCE = 1e-3
 """Error of a condensation that a measured FRF would show."""
+_NEIGHBOURS = (0.99, 1.0, 1.02)
+"""Values of an option, over its own, whose matrices are asked for at once."""
 _ORDER = 64.0
 """By how much an error shrinks at most when a mesh is made twice as fine: order six; more is another part."""
 
@@ -256,6 +259,31 @@ def check_refinement_keeps_the_mass(specimen: SubstructureSpecimen) -> None:
         said = " and ".join(f"{mass:.6g}" for mass in masses[1:])
         problem = f"of its {masses[0]:.6g} kg meshes twice and four times as fine have {said} kg."
         raise Nonconformity(problem, "Give each element the mass of its own length, and keep all masses.")
+
+
+def check_batched_matrices_are_those_of_each_value(specimen: SubstructureSpecimen) -> None:
+    """`batched_matrices` gives the matrices of the part made with each value of its options, or None."""
+    part, checked = specimen.component, 0
+    for quantity in list_quantities(part):
+        values = quantity.value * np.array(_NEIGHBOURS)
+        place = ".".join(map(str, quantity.path))
+        batch = part.batched_matrices({place: values.copy()})
+        if batch is None:
+            continue
+        checked += 1
+        for index, value in enumerate(values.tolist()):
+            single = quantity.replace(part, value).matrices()
+            shape = (len(values), *single.K.shape)
+            for name, noun in PARTS.items():
+                array = getattr(batch, name)
+                if array.shape not in (shape, shape[1:]):
+                    problem = f"for {len(values)} values of '{place}' the {noun} matrices have the shape {array.shape}."
+                    raise Nonconformity(problem, f"Return {shape}.")
+                if relative_difference(np.broadcast_to(array, shape)[index], getattr(single, name)) > _ROUNDING:
+                    problem = f"for {value:g} in '{place}' the {noun} matrix is not that of the part made with it."
+                    raise Nonconformity(problem, "Let every option enter the batch as it enters matrices().")
+    if not checked:
+        raise NotApplicable("the part gives no batch of matrices.")
 
 
 def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:
