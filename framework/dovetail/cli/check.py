@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from math import isnan
 from typing import TYPE_CHECKING, Any
 
 from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
@@ -12,7 +13,7 @@ from dovetail.errors import listing
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
-    from dovetail.assembly.description import Response
+    from dovetail.assembly.description import Place, Response
 
 __all__ = ["check"]
 
@@ -33,6 +34,10 @@ def check(assembly: AssemblyFile, plugin: PluginFiles = None, as_json: AsJson = 
         _print(loaded, summary)
 
 
+_NORMAL = {"linear": "normal", "log": "log-normal"}
+"""What is said of a normal prior in place of the scale."""
+
+
 def _summary(assembly: Assembly) -> dict[str, Any]:
     description, graph = assembly.description, assembly.graph
     frequency = assembly.frequency
@@ -45,11 +50,11 @@ def _summary(assembly: Assembly) -> dict[str, Any]:
             "held": part.grounded,
             "nodes": [{"label": node.label, "position": node.position} for node in part.nodes],
         }
-        for name, part in graph.substructures.items()
+        for name, part in description.substructures.items()
     ]
     joints = [
         {"name": name, "model": connection.model.name, "internal_dofs": connection.model.internal_dofs}
-        for name, connection in graph.connections.items()
+        for name, connection in ((name, entry.connection) for name, entry in description.joints.items())
     ]
     return {
         "name": assembly.name,
@@ -68,20 +73,22 @@ def _summary(assembly: Assembly) -> dict[str, Any]:
 
 
 def _response(assembly: Assembly, response: Response) -> dict[str, Any]:
-    return {
-        "at": response.substructure,
-        "position": assembly.graph.substructures[response.substructure].nodes[response.node].position,
-        "direction": response.direction,
-        "quantity": response.quantity,
-    }
+    force = {} if response.force is None else {"force": _place(assembly, response.force)}
+    return {**_place(assembly, response), "quantity": response.quantity, **force}
+
+
+def _place(assembly: Assembly, place: Place) -> dict[str, Any]:
+    position = assembly.description.substructures[place.substructure].nodes[place.node].position
+    return {"at": place.substructure, "position": position, "direction": place.direction}
 
 
 def _fixed(assembly: Assembly) -> list[dict[str, Any]]:
+    """Return the known parameters; a sign that is to be told from the measurement is none."""
     return [
         {"name": f"{joint}.{parameter.name}", "value": entry.fixed[parameter.name], "unit": parameter.unit}
         for joint, entry in assembly.description.entries.items()
         for parameter in entry.parameters
-        if parameter.name in entry.fixed
+        if parameter.name in entry.fixed and not isnan(entry.fixed[parameter.name])
     ]
 
 
@@ -91,14 +98,16 @@ def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
     title(f"{summary['name']}  ({summary['source']})")
     frequency = summary["frequency"]
     for index, response in enumerate((summary["response"], *summary["further_responses"])):
-        place = f"{response['at']}, {format_quantity(response['position'], 'm')}"
-        say(f"{'' if index else 'Response':9}  {response['quantity']} at {place}, direction {response['direction']}")
+        ends_of = [response, *([response["force"]] if "force" in response else [])]
+        ends = [f"{p['at']}, {format_quantity(p['position'], 'm')}, direction {p['direction']}" for p in ends_of]
+        say(f"{'' if index else 'Response':9}  {response['quantity']} at {'; force at '.join(ends)}")
     say(f"Frequency  {frequency['first']:g} to {frequency['last']:g} Hz, {frequency['lines']} lines")
     _print_dofs(summary)
     heading("Nodes")
     table(["substructure", "positions [mm]"], [(part["name"], _positions(part)) for part in summary["substructures"]])
     heading("Parameters sought")
-    rows = [(p.name, range_text(p), p.scale, p.description) for p in assembly.parameters]
+    scales = [p.scale if p.prior == "uniform" else _NORMAL[p.scale] for p in assembly.parameters]
+    rows = [(p.name, range_text(p), scale, p.description) for p, scale in zip(assembly.parameters, scales, strict=True)]
     if rows:
         table(["parameter", "range", "scale", "description"], rows)
     else:

@@ -36,6 +36,10 @@ def unit_text(unit: str) -> str:
     return re.sub(r"\s*\*\s*|\s+", "·", raised.strip())
 
 
+_SHORT = 1e-2
+"""Seconds below which a time is a delay."""
+
+
 def display_unit(unit: str, lower: float, upper: float) -> DisplayUnit:
     """Choose the unit in which values of a range are easiest to read.
 
@@ -49,14 +53,16 @@ def display_unit(unit: str, lower: float, upper: float) -> DisplayUnit:
     Returns
     -------
     DisplayUnit
-        Millimetres for lengths, grams for small masses, kilo to giga for forces and what is built on them; for all
-        else the SI unit itself.
+        Millimetres for lengths, grams for small masses, microseconds for delays, kilo to giga for forces and what is
+        built on them; for all else the SI unit itself.
     """
     size = math.sqrt(lower * upper) if lower > 0 and upper > 0 else max(abs(lower), abs(upper))
     if unit == "m":
         return DisplayUnit(1e3, "mm")
     if unit == "kg" and size < 1.0:
         return DisplayUnit(1e3, "g")
+    if unit == "s" and size < _SHORT:
+        return DisplayUnit(1e6, "µs")
     if _PREFIXED.match(unit):
         for factor, prefix in _PREFIXES:
             if size >= factor:
