@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -71,6 +71,15 @@ def identify(
     objective: Annotated[
         str | None, typer.Option(metavar="NAME", help="Of multistart: frf or weighted.", show_default=False)
     ] = None,
+    weights: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            show_default=False,
+            help="Lines count by their coherence, or by amplitude (relative errors); by their random error by default.",
+        ),
+    ] = None,
+    amplitude_only: Annotated[bool, typer.Option("--amplitude-only", help="Take no notice of the phase.")] = False,
     quantity: QuantityOfFile = None,
     unit: UnitOfFile = None,
     index: Indices = None,
@@ -120,7 +129,7 @@ def identify(
         "samples": samples,
         "model_error": model_error,
     }
-    options = {name: value for name, value in chosen.items() if value is not None}
+    options: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
     check_method(method, options)
     frfs = [
         read_measured(
@@ -144,8 +153,9 @@ def identify(
         model = trained_model(assembly, plugin or [], retrain=retrain)
     known = None if truth is None else read_truth(truth, assembly.parameters)
     with progress_bars() as progress:
-        watched = {} if method == "network" else {"progress": progress}
-        result = dovetail.identify(assembly, frfs, method, model=model, **options, **watched)
+        counted: dict[str, Any] = {"weights": weights, "phase": not amplitude_only}
+        watched: dict[str, Any] = {} if method == "network" else {"progress": progress}
+        result = dovetail.identify(assembly, frfs, method, model=model, **counted, **options, **watched)
     if output is not None:
         from dovetail.cli.result_files import write_results
 

@@ -273,6 +273,7 @@ def check_batched_matrices_are_those_of_each_value(specimen: SubstructureSpecime
         checked += 1
         for index, value in enumerate(values.tolist()):
             single = quantity.replace(part, value).matrices()
+            assert single is not None
             shape = (len(values), *single.K.shape)
             for name, noun in PARTS.items():
                 array = getattr(batch, name)
