@@ -32,7 +32,7 @@ def test_paths_in_the_order_of_the_dict(document, faults):
     assert faults(document) == (
         "<dict>  frequency.stopp\n"
         "  'stopp' is not a key of 'frequency'.\n"
-        "  Did you mean 'stop'?  Accepted: start [Hz], stop [Hz], step [Hz], lines\n"
+        "  Did you mean 'stop'?  Accepted: start [Hz], stop [Hz], step [Hz], lines, bands [Hz], without [Hz]\n"
         "<dict>  substructures.holder.sections[0].outer\n"
         "  0 must be greater than 0.\n"
         "<dict>  response.position\n"

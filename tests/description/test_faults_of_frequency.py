@@ -11,7 +11,7 @@ CASES = {
         },
         "test.yaml:3:42  frequency.stepp\n"
         "  'stepp' is not a key of 'frequency'.\n"
-        "  Did you mean 'step'?  Accepted: start [Hz], stop [Hz], step [Hz], lines",
+        "  Did you mean 'step'?  Accepted: start [Hz], stop [Hz], step [Hz], lines, bands [Hz], without [Hz]",
     ),
     "frequency_without_step": (
         {
@@ -78,11 +78,35 @@ CASES = {
         },
         "test.yaml:3:49  frequency.lines\n  10.5 is not a whole number.",
     ),
-    "frequency_is_a_list": (
+    "frequencies_fall": (
         {
-            "{start: 100 Hz, stop: 200 Hz, step: 2 Hz}": "[100 Hz, 200 Hz]",
+            "{start: 100 Hz, stop: 200 Hz, step: 2 Hz}": "[100 Hz, 200 Hz, 150 Hz]",
         },
-        "test.yaml:3:1  frequency\n  a list is not a section of keys and values.",
+        "test.yaml:3:29  frequency[2]\n  150 Hz does not lie above 200 Hz.\n  Accepted: increasing frequencies",
+    ),
+    "one_frequency": (
+        {
+            "{start: 100 Hz, stop: 200 Hz, step: 2 Hz}": "[100 Hz]",
+        },
+        "test.yaml:3:1  frequency\n  a list must have 2 or more elements.",
+    ),
+    "frequency_is_a_text": (
+        {
+            "{start: 100 Hz, stop: 200 Hz, step: 2 Hz}": "audible",
+        },
+        "test.yaml:3:12  frequency\n  'audible' is not a section of keys and values.",
+    ),
+    "band_is_empty": (
+        {
+            "step: 2 Hz}": "step: 2 Hz, bands: [[150 Hz, 120 Hz]]}",
+        },
+        "test.yaml:3:62  frequency.bands[0]\n  the band from 150 to 120 Hz is empty.",
+    ),
+    "nothing_is_left": (
+        {
+            "step: 2 Hz}": "step: 2 Hz, without: [[90 Hz, 210 Hz]]}",
+        },
+        "test.yaml:3:54  frequency.without\n  0 of 51 lines are left to compare.",
     ),
     "frequency_key_missing": (
         {
