@@ -1,0 +1,170 @@
+"""Unknown options of parts and of measurement chains are identified together with a joint, by every method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dovetail
+
+MASSES: dict[str, Any] = {
+    "dovetail": 1,
+    "name": "two masses",
+    "frequency": {"start": "5 Hz", "stop": "120 Hz", "step": "0.5 Hz"},
+    "substructures": {
+        "base": {"model": "ground"},
+        "low": {"model": "lumped", "masses": [{"mass": "4 kg"}]},
+        "high": {"model": "lumped", "masses": [{"mass": {"range": ["1 kg", "6 kg"], "scale": "log"}}]},
+    },
+    "joints": {
+        "foot": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "base", "at": 0}, "b": {"to": "low", "at": 0}},
+            "parameters": {"k": {"range": [1e5, 1e7], "scale": "log"}, "c": {"range": [1, 1000], "scale": "log"}},
+        },
+        "neck": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "low", "at": 0}, "b": {"to": "high", "at": 0}},
+            "parameters": {"k": {"same_as": "foot.k", "ratio": 0.5}, "c": {"same_as": "foot.c"}},
+        },
+    },
+}
+DRIVE: dict[str, Any] = {"at": "low", "position": 0, "quantity": "receptance"}
+TRANSFER: dict[str, Any] = {
+    "at": "high",
+    "position": 0,
+    "quantity": "accelerance",
+    "force": {"at": "low", "position": 0},
+}
+TRUTH = {"foot.k": 1.3e6, "foot.c": 60.0, "high.masses.0.mass": 2.3}
+
+
+def receptances(frequency: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Receptance of the lower mass, and of the upper one per force at the lower one, by the 2 x 2 matrices."""
+    omega, k, c = 2.0 * np.pi * frequency, TRUTH["foot.k"], TRUTH["foot.c"]
+    neck = 0.5 * k + 1j * omega * c
+    low = k + 1j * omega * c + neck - omega**2 * 4.0
+    high = neck - omega**2 * TRUTH["high.masses.0.mass"]
+    determinant = low * high - neck**2
+    return high / determinant, neck / determinant
+
+
+def measured(assembly: dovetail.Assembly, values: list[np.ndarray], error: float = 0.01) -> list[dovetail.Frf]:
+    rng = np.random.default_rng(4)
+    frfs = []
+    for response, frf in zip(assembly.description.responses, values, strict=True):
+        noise = (rng.normal(size=frf.shape) + 1j * rng.normal(size=frf.shape)) / np.sqrt(2.0)
+        frfs.append(dovetail.Frf(assembly.frequency, frf * (1.0 + error * noise), response.quantity))
+    return frfs
+
+
+def as_measured(assembly: dovetail.Assembly, gain: float = 1.0, delay: float = 0.0) -> list[np.ndarray]:
+    drive, transfer = receptances(assembly.frequency)
+    omega = 2.0 * np.pi * assembly.frequency
+    chain = gain * np.exp(-1j * omega * delay)
+    return [chain * drive, -(omega**2) * transfer][: len(assembly.description.responses)]
+
+
+def holds(result: dovetail.Identification, name: str, truth: float) -> bool:
+    low, high = result.interval[name]
+    return bool(low <= truth <= high)
+
+
+def test_masses_ties_and_a_chain_with_a_transfer_frf():
+    chain = {"gain": {"range": [0.5, 2.0], "scale": "log"}, "delay": {"range": ["-1 ms", "1 ms"]}, "sign": "unknown"}
+    assembly = dovetail.load({**MASSES, "responses": [{**DRIVE, "name": "tip", "calibration": chain}, TRANSFER]})
+    frfs = measured(assembly, as_measured(assembly, gain=-1.2, delay=0.3e-3))
+    result = dovetail.identify(assembly, frfs, "posterior")
+    assert result.adequacy.word == "to the noise"
+    assert result.known["tip.sign"] == -1.0
+    truth = {**TRUTH, "tip.gain": 1.2, "tip.delay": 0.3e-3}
+    assert set(result.parameters) == set(truth)
+    for name, value in truth.items():
+        assert result.parameters[name].value == pytest.approx(value, rel=0.03)
+    assert sum(holds(result, name, value) for name, value in truth.items()) >= 4
+    assert result.parameters["tip.gain"].joint == "tip"
+    assert result.parameters["high.masses.0.mass"].joint == "high"
+
+
+def test_a_normal_prior_decides_what_the_measurement_does_not():
+    """Without phase and with a free gain, all stiffnesses and masses could be scaled alike; the prior says by what."""
+    free = {**MASSES, "substructures": {**MASSES["substructures"]}}
+    free["substructures"]["low"] = {"model": "lumped", "masses": [{"mass": {"about": "4 kg", "sd": "3 %"}}]}
+    response = {**DRIVE, "calibration": {"gain": {"range": [0.2, 5.0], "scale": "log"}}}
+    assembly = dovetail.load({**free, "response": response})
+    frfs = measured(assembly, as_measured(assembly, gain=1.5))
+    result = dovetail.identify(assembly, frfs, "posterior")
+    fitted = {name: parameter.value for name, parameter in result.parameters.items()}
+    assert fitted["low.masses.0.mass"] == pytest.approx(4.0, rel=0.01)
+    assert fitted["response.gain"] == pytest.approx(1.5, rel=0.03)
+    low, high = result.interval["low.masses.0.mass"]
+    assert (high - low) / 4.0 == pytest.approx(2 * 1.645 * 0.03, rel=0.25)
+    narrow, wide = result.interval["response.gain"]
+    assert (wide - narrow) / 1.5 == pytest.approx(2 * 1.645 * 0.03, rel=0.3)
+
+
+def test_bands_leave_out_a_disturbance():
+    assembly = dovetail.load({**MASSES, "responses": [DRIVE, TRANSFER]})
+    values = as_measured(assembly)
+    hum = (assembly.frequency >= 48) & (assembly.frequency <= 52)
+    disturbed = [np.where(hum, 5.0 * frf, frf) for frf in values]
+    masked = {**MASSES["frequency"], "without": [["48 Hz", "52 Hz"]]}
+    without = dovetail.load({**MASSES, "frequency": masked, "responses": [DRIVE, TRANSFER]})
+    frfs = measured(assembly, disturbed)
+    result = dovetail.identify(without, frfs)
+    assert result.adequacy.word == "to the noise"
+    assert not any("lacks lines" in warning for warning in result.warnings)
+    assert not ((result.frf.frequency >= 48) & (result.frf.frequency <= 52)).any()
+    for name, value in TRUTH.items():
+        assert result.parameters[name].value == pytest.approx(value, rel=0.02)
+    only = {**MASSES["frequency"], "bands": [["5 Hz", "47.5 Hz"], ["52.5 Hz", "120 Hz"]]}
+    again = dovetail.load({**MASSES, "frequency": only, "responses": [DRIVE, TRANSFER]})
+    assert np.array_equal(again.frequency, without.frequency)
+
+
+def test_lines_count_as_weights_say():
+    assembly = dovetail.load({**MASSES, "response": DRIVE})
+    [frf] = measured(assembly, as_measured(assembly))
+    upper = assembly.frequency > 60
+    wrong = replace(frf, values=np.where(upper, 1.3 * frf.values, frf.values), coherence=np.where(upper, 0.02, 0.9999))
+
+    def greatest_error(weights: Any) -> float:
+        identified = dovetail.identify(assembly, wrong, weights=weights).parameters
+        return max(abs(identified[name].value / value - 1.0) for name, value in TRUTH.items())
+
+    assert greatest_error(np.where(upper, 1e-8, 1.0)) < 0.02
+    assert greatest_error("coherence") < 0.5 * greatest_error("amplitude")
+
+
+def test_the_phase_may_be_left_out():
+    assembly = dovetail.load({**MASSES, "responses": [DRIVE, TRANSFER]})
+    [drive, transfer] = measured(assembly, as_measured(assembly))
+    turned = [replace(frf, values=frf.values * np.exp(0.7j)) for frf in (drive, transfer)]
+    result = dovetail.identify(assembly, turned, phase=False)
+    for name, value in TRUTH.items():
+        assert result.parameters[name].value == pytest.approx(value, rel=0.02)
+    assert dovetail.identify(assembly, turned).adequacy.word != "to the noise"
+
+
+def test_what_is_wrong_with_weights_is_said():
+    assembly = dovetail.load({**MASSES, "response": DRIVE})
+    [frf] = measured(assembly, as_measured(assembly))
+    with pytest.raises(dovetail.ParameterError, match="'coherance' is no way to weight lines"):
+        dovetail.identify(assembly, frf, weights="coherance")
+    with pytest.raises(dovetail.MeasurementError, match="it has no coherence"):
+        dovetail.identify(assembly, frf, weights="coherence")
+    with pytest.raises(dovetail.MeasurementError, match=r"weights of shape \(3,\) were given for 231 lines"):
+        dovetail.identify(assembly, frf, weights=np.ones(3))
+
+
+def test_an_identified_part_is_predicted_with():
+    assembly = dovetail.load({**MASSES, "response": DRIVE})
+    result = dovetail.identify(assembly, measured(assembly, as_measured(assembly))[0])
+    predicted = dovetail.predict(dovetail.load({**MASSES, "response": TRANSFER}), result)
+    expected = as_measured(dovetail.load({**MASSES, "responses": [DRIVE, TRANSFER]}))[1]
+    assert np.abs(predicted.values - expected).max() < 0.05 * np.abs(expected).max()
