@@ -119,7 +119,8 @@ def _prepared(
         each: list[Any] = list(weights) if isinstance(weights, (list, tuple)) else [weights] * len(frfs)
         if len(each) != len(frfs):
             raise ParameterError(Fault("weights", f"{len(each)} were given for {len(frfs)} measurements."))
-        frfs = tuple(replace(frf, variance=weighted_variance(frf, one)) for frf, one in zip(frfs, each, strict=True))
+        counted: list[Any] = [by if isinstance(by, str) else np.asarray(by, dtype=np.float64) for by in each]
+        frfs = tuple(replace(frf, variance=weighted_variance(frf, by)) for frf, by in zip(frfs, counted, strict=True))
     return frfs if phase else tuple(_amplitudes(frf) for frf in frfs)
 
 

@@ -154,27 +154,28 @@ def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
     MeasurementError
         There is no coherence, or the array has another length or is not positive.
     """
-    shape = _shape(frf, weights)
-    of_error = random_error_variance(frf)
-    return np.asarray(shape * np.exp(np.median(np.log(of_error / shape))))
+    importance = _importance(frf, weights)
+    magnitude = 1.0 if isinstance(weights, np.ndarray) else np.maximum(frf.amplitude**2, _least_variance(frf))
+    shape = magnitude / importance
+    ratio = random_error_variance(frf) / shape
+    if isinstance(weights, str) and weights == "amplitude":
+        return np.asarray(shape * np.median(ratio))  # lines of no amplitude have any relative error
+    return np.asarray(shape * np.sum(ratio * importance) / np.sum(importance))
 
 
-def _shape(frf: Frf, weights: Weights) -> NDArray[np.float64]:
-    least = _least_variance(frf)
-    if isinstance(weights, str):
-        relative = np.ones_like(frf.frequency)
-        if weights == "coherence":
-            if frf.coherence is None:
-                raise MeasurementError(Fault(frf.label, "it has no coherence by which its lines could be weighted."))
-            coherence = np.clip(frf.coherence, _SETTINGS.least_coherence, 1.0 - _SETTINGS.least_coherence)
-            relative = (1.0 - coherence) / coherence
-        return np.asarray(np.maximum(relative * frf.amplitude**2, least))
-    values = np.asarray(weights, dtype=np.float64)
-    if values.shape != frf.frequency.shape or not (np.isfinite(values).all() and (values > 0).all()):
-        problem = f"weights of shape {values.shape} were given for {frf.frequency.size} lines."
-        accepted = "a positive number for each line of the measurement"
-        raise MeasurementError(Fault(frf.label, problem, accepted))
-    return np.asarray(1.0 / values)
+def _importance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
+    """Return how much each line counts (n_freq,), beside its magnitude where that is part of the shape."""
+    if isinstance(weights, np.ndarray):
+        if weights.shape != frf.frequency.shape or not (np.isfinite(weights).all() and (weights > 0).all()):
+            problem = f"weights of shape {weights.shape} were given for {frf.frequency.size} lines."
+            raise MeasurementError(Fault(frf.label, problem, "a positive number for each line of the measurement"))
+        return weights.astype(np.float64)
+    if weights == "amplitude":
+        return np.ones_like(frf.frequency)
+    if frf.coherence is None:
+        raise MeasurementError(Fault(frf.label, "it has no coherence by which its lines could be weighted."))
+    coherence = np.clip(frf.coherence, _SETTINGS.least_coherence, 1.0 - _SETTINGS.least_coherence)
+    return np.asarray(coherence / (1.0 - coherence))
 
 
 def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
