@@ -21,6 +21,7 @@ exclude_patterns = [
     "_build",
     "campaign/*/*.md",
     "examples",
+    "gallery/tables/*.md",
     "identification/*.md",
     "joints/*.md",
     "speed/*.md",

@@ -1,0 +1,256 @@
+"""What is identified from real structures that others measured, and how well does it predict what was not fitted?
+
+    python tests/benchmarks/gallery.py oscillator
+    python tests/benchmarks/gallery.py frame --data FOLDER
+    python tests/benchmarks/gallery.py beam --data FOLDER
+
+prints the tables of a page of docs/gallery, and writes them to docs/gallery/tables (or the folder of `--to`). The FRF
+of the oscillator is part of this repository, and its page has a figure; those of frame and beam are not, and are read
+from the folder that measured_structures.py made with `--convert`.
+
+An FRF that is predicted is compared with the measured one by the FRAC, |<a, b>|^2 / (<a, a> <b, b>) over the band: 1 if
+they differ by a factor only. It tells nothing of gains, and mostly of the highest peaks. The magnitude error beside it,
+the median over the lines, weights all lines alike. Everything is chosen by the FRFs that are fitted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from measured_data import DESCRIPTIONS, STRUCTURES
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+import dovetail
+
+ROOT = Path(__file__).parents[2]
+BEAM_POSITIONS = (45, 50, 55)
+"""mm from the beam's end to the first sensor: those that the sources try."""
+
+
+class Circle(NamedTuple):
+    """A circle fitted to a resonance's mobility in the complex plane.
+
+    Parameters
+    ----------
+    natural_frequency : float
+        Hz.
+    stiffness, damping : float
+        Of a mass of 1 kg [N/m, N s/m].
+    """
+
+    natural_frequency: float
+    stiffness: float
+    damping: float
+
+
+def frac(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float:
+    """Return the frequency response assurance criterion of two FRFs of shape (n_lines,)."""
+    powers = np.vdot(first, first).real * np.vdot(second, second).real
+    return float(abs(np.vdot(first, second)) ** 2 / powers)
+
+
+def magnitude_error(model: NDArray[np.complex128], frf: NDArray[np.complex128]) -> float:
+    """Return the median over the lines of how far magnitudes are apart, as a part of the larger one."""
+    apart = np.abs(np.log(np.abs(model) / np.abs(frf)))
+    return float(1 - np.exp(-np.median(apart)))
+
+
+def circle_fit(frf: dovetail.Frf, band: tuple[float, float]) -> Circle:
+    """Fit a circle to the lines of an accelerance within a band [Hz], and the angles on it.
+
+    The mobility of an oscillator, 1 / (c + i (w m - k / w)), is a circle through 0, run through at the angle
+    2 arctan((k - w^2 m) / (c w)). A gain, a constant phase and the residue of far modes only stretch, turn and move
+    it. Centre and radius come from linear least squares (Kasa), k, c and the turn from least squares of the angles.
+    """
+    inside = (frf.frequency >= band[0]) & (frf.frequency <= band[1])
+    omega = 2 * np.pi * frf.frequency[inside]
+    mobility = frf.values[inside] / (1j * omega)
+    mobility = mobility / np.abs(mobility).max()
+    columns = np.column_stack([mobility.real, mobility.imag, np.ones(len(omega))])
+    x, y, rest = np.linalg.lstsq(columns, np.abs(mobility) ** 2, rcond=None)[0]
+    centre = complex(x, y) / 2
+    radius = np.sqrt(abs(centre) ** 2 + rest)
+    spokes = (mobility - centre) / radius
+    highest = int(np.argmax(np.abs(mobility)))
+
+    def residuals(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
+        turn, natural, width = unknown
+        angles = turn + 2 * np.arctan((natural**2 - omega**2) / (width * omega))
+        return np.asarray(np.angle(spokes * np.exp(-1j * angles)), dtype=np.float64)
+
+    start = (float(np.angle(spokes[highest])), omega[highest], 2 * np.pi * float(np.diff(frf.frequency)[0]))
+    fit = least_squares(residuals, start, x_scale=(0.1, 1.0, 0.5))
+    _, natural, width = fit.x
+    return Circle(natural / (2 * np.pi), natural**2, abs(width))
+
+
+def rows(header: str, lines: Iterable[Sequence[str]]) -> str:
+    """Return a Markdown table; the header's cells are separated by bars."""
+    titles = header.split("|")
+    table = [titles, ["---"] * len(titles), *lines]
+    return "".join(f"| {' | '.join(cell.strip() for cell in line)} |\n" for line in table)
+
+
+def named(result: dovetail.Identification, assembly: dovetail.Assembly) -> dict[str, float]:
+    """Return the identified values by the names of the assembly's parameters."""
+    return {parameter.name: float(value) for parameter, value in zip(assembly.parameters, result.theta, strict=True)}
+
+
+def predictions(
+    assembly: dovetail.Assembly, theta: Mapping[str, float], measured: Sequence[dovetail.Frf]
+) -> list[tuple[float, float]]:
+    """Return FRAC and magnitude error of each response over the assembly's band."""
+    band = assembly.frequency[0], assembly.frequency[-1]
+    frequency = measured[0].frequency
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    on_lines = assembly.on(frequency[inside])
+    models = on_lines.frfs(on_lines.vector(theta))
+    pairs = [(model, frf.values[inside]) for model, frf in zip(models, measured, strict=True)]
+    return [(frac(*pair), magnitude_error(*pair)) for pair in pairs]
+
+
+def with_band(assembly: dovetail.Assembly, start: float, stop: float) -> dovetail.Assembly:
+    """Return the assembly with another band [Hz], in the same steps."""
+    description = json.loads(assembly.description.text)
+    description["frequency"] |= {"start": f"{start} Hz", "stop": f"{stop} Hz"}
+    return dovetail.load(description)
+
+
+def oscillator(_: Path) -> dict[str, str]:
+    """Identify the oscillator from lines near its resonance, compare it with a circle fit, and predict other lines."""
+    frf = dovetail.read_frf(ROOT / "assemblies/measurements/oscillator_case1.uff")
+    assembly = dovetail.load(ROOT / "assemblies/oscillator.yaml")
+    near = float(assembly.frequency[0]), float(assembly.frequency[-1])
+    header = "lines|model error|k, circle [N/m]|k [N/m]|90 % interval|c, circle [N s/m]|c [N s/m]|90 % interval|verdict"
+    lines: list[tuple[str, ...]] = []
+    first = None
+    for band in (near, (204.0625, 220.0), (195.0, 230.0)):
+        circle = circle_fit(frf, band)
+        for options in ({}, {"model_error": 0.0}):
+            result = dovetail.identify(with_band(assembly, *band), frf, "posterior", **options)
+            first = first or result
+            k, c = (against(circle_value, result, name) for circle_value, name in zip(circle[1:], "kc", strict=True))
+            stated = "0" if options else "not stated"
+            lines.append((interval_of_band(band), stated, *k, *c, word(result)))
+    assert first is not None
+    values = named(first, assembly)
+    compared = []
+    for band in (near, (150.0, 207.8125), (216.5625, 300.0), (300.0, 400.0)):
+        ((likeness, error),) = predictions(with_band(assembly, *band), values, [frf])
+        compared.append((interval_of_band(band), "fitted" if band == near else "", f"{likeness:.3f}", percent(error)))
+    draw_oscillator(frf, assembly, values)
+    return {
+        "oscillator": rows(header, lines),
+        "oscillator_predicted": rows("lines||FRAC|magnitude error", compared),
+    }
+
+
+def against(circle: float, result: dovetail.Identification, name: str) -> tuple[str, str, str]:
+    """Return the cells of a value: that of the circle, the identified one with its difference, its interval."""
+    value = float(result.theta[list(result.interval).index(name)])
+    low, high = result.interval[name]
+    inside = "" if low <= circle <= high else ", without the circle's"
+    return f"{circle:.5g}", f"{value:.5g} ({100 * (value / circle - 1):+.2g} %)", f"{low:.5g} to {high:.5g}{inside}"
+
+
+def draw_oscillator(frf: dovetail.Frf, assembly: dovetail.Assembly, values: Mapping[str, float]) -> None:
+    """Draw the measured and the identified FRF, and their circles."""
+    import matplotlib.pyplot as plt
+
+    figure, (spectrum, plane) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained", width_ratios=(2, 1))
+    shown = (frf.frequency >= 150) & (frf.frequency <= 400)
+    frequency = frf.frequency[shown]
+    wide = assembly.on(frequency)
+    model = wide.frf(wide.vector(values))
+    sign = np.sign(np.vdot(model, frf.values[shown]).real)
+    spectrum.semilogy(frequency, np.abs(frf.values[shown]), color="0.6", label="measured")
+    spectrum.semilogy(frequency, np.abs(model), color="C0", lw=1, label="identified from the shaded lines")
+    spectrum.axvspan(assembly.frequency[0], assembly.frequency[-1], color="C1", alpha=0.3, lw=0)
+    spectrum.set(xlabel="Frequency [Hz]", ylabel="Accelerance, unit unknown")
+    spectrum.legend()
+    fine = assembly.on(np.linspace(assembly.frequency[0], assembly.frequency[-1], 2000))
+    circle = sign * fine.frf(fine.vector(values)) / (2j * np.pi * fine.frequency)
+    near = (frf.frequency >= assembly.frequency[0]) & (frf.frequency <= assembly.frequency[-1])
+    mobility = frf.values[near] / (2j * np.pi * frf.frequency[near])
+    plane.plot(circle.real, circle.imag, color="C0", lw=1)
+    plane.plot(mobility.real, mobility.imag, "o", color="0.4", ms=4)
+    plane.set(xlabel="Mobility, real", ylabel="imaginary", aspect="equal")
+    figure.savefig(ROOT / "docs/gallery/oscillator.png", dpi=120, metadata={"Software": None})
+    plt.close(figure)
+
+
+def frame(folder: Path) -> dict[str, str]:
+    """Identify the frame from the FRF of one floor, and of all three, and predict those of the others."""
+    measured = [dovetail.read_frf(folder / f"frame_floor{floor}.npz") for floor in (1, 2, 3)]
+    assembly = dovetail.load(DESCRIPTIONS / "frame_free.yaml")
+    results: dict[str, dovetail.Identification] = {}
+    for floor in (1, 2, 3):
+        results[f"floor {floor}"] = dovetail.identify(assembly.at(floor - 1), measured[floor - 1], "refined")
+    results["all"] = dovetail.identify(assembly, measured, "refined")
+    modes = next(structure.modes for structure in STRUCTURES if structure.name == "frame")
+    compared, parts = [], []
+    for name, result in results.items():
+        values = named(result, assembly)
+        natural = assembly.natural_frequencies(assembly.vector(values))[: len(modes)]
+        off = [f"{hertz:.2f} ({100 * (hertz / mode - 1):+.1f} %)" for hertz, mode in zip(natural, modes, strict=True)]
+        compared.append((name, *off, *pairs(predictions(assembly, values, measured)), word(result)))
+        masses = [f"{values[f'floor{floor}.masses.0.mass']:.2f}" for floor in (1, 2, 3)]
+        stiffnesses = [f"{values[f'storey{storey}.k'] / 1e3:.0f}" for storey in (1, 2, 3)]
+        parts.append((name, *masses, *stiffnesses))
+    measured_modes = ("", *(f"{mode:g} measured" for mode in modes), "", "", "", "")
+    return {
+        "frame": rows("fitted|f1 [Hz]|f2 [Hz]|f3 [Hz]|floor 1|floor 2|floor 3|verdict", [measured_modes, *compared]),
+        "frame_parts": rows("fitted|m1 [kg]|m2|m3|k1 [kN/m]|k2|k3", parts),
+        "frame_adequacy": sentence(results["floor 1"]),
+    }
+
+
+def pairs(compared: Sequence[tuple[float, float]]) -> list[str]:
+    """Return the cells of FRAC and magnitude error of several responses."""
+    return [f"{likeness:.3f}, {percent(error)}" for likeness, error in compared]
+
+
+def percent(error: float) -> str:
+    """Return a relative error in per cent."""
+    return f"{100 * error:.0f} %"
+
+
+def interval_of_band(band: tuple[float, float]) -> str:
+    """Return a band in words."""
+    return f"{band[0]:.0f} to {band[1]:.0f} Hz"
+
+
+def word(result: dovetail.Identification) -> str:
+    """Return the word for how well the model fits."""
+    return "not judged" if result.adequacy is None else result.adequacy.word
+
+
+def sentence(result: dovetail.Identification) -> str:
+    """Return what the program says of the errors of the model."""
+    return "" if result.adequacy is None else result.adequacy.sentence + "\n"
+
+
+PAGES: Mapping[str, Callable[[Path], dict[str, str]]] = {"oscillator": oscillator, "frame": frame}
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("page", choices=list(PAGES))
+    parser.add_argument("--data", type=Path, default=Path(), help="folder with the NPZ files")
+    parser.add_argument("--to", type=Path, default=ROOT / "docs/gallery/tables")
+    arguments = parser.parse_args()
+    arguments.to.mkdir(parents=True, exist_ok=True)
+    for name, table in PAGES[arguments.page](arguments.data).items():
+        print(f"{name}\n\n{table}")
+        (arguments.to / f"{name}.md").write_text(table, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
