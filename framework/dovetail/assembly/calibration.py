@@ -22,6 +22,7 @@ from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.interfaces import JointModel, Parameter, Port, StructuralMatrices, SubstructureModel
 from dovetail.synthesis import Attachment, Connection, Graph
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
+from dovetail.units import format_quantity
 
 __all__ = [
     "CHAIN",
@@ -139,8 +140,9 @@ def read_calibration(path: Path, faults: FaultList) -> ParameterEntry:
     for name, parameter in stated.known.items():
         lowest = stated.fixed.get(name, parameter.lower)
         if name in ("gain", "mass", "window") and (lowest < 0 or (name == "gain" and lowest == 0)):
-            problem = f"{name} must not be negative, but is {lowest:g} {parameter.unit} here."
-            faults.add((*path, name), problem, remedy="Write 'sign: unknown'." if name == "gain" else "")
+            bound = "positive" if name == "gain" else "0 or more"
+            problem = f"{name} must be {bound}, but is {format_quantity(lowest, parameter.unit)} here."
+            faults.add((*path, name), problem, remedy="Write 'sign: unknown' or 'sign: -1'." if name == "gain" else "")
     return ParameterEntry(**stated.entry)
 
 

@@ -36,11 +36,14 @@ class StatedParameters:
     fixed : dict of str to float
         SI values of the known ones.
     ties : dict of str to Tie
+    needs_range : bool
+        Whether the parameters have no range of their own.
     """
 
     known: dict[str, Parameter]
     fixed: dict[str, float] = field(default_factory=dict)
     ties: dict[str, Tie] = field(default_factory=dict)
+    needs_range: bool = False
 
     @property
     def entry(self) -> Mapping[str, Any]:
@@ -58,7 +61,7 @@ class StatedParameters:
         if section is None:
             return
         keys = section.model_fields_set
-        if not keys:
+        if not keys or (self.needs_range and keys == {"scale"}):
             accepted = "range, scale, value, about and sd, or same_as"
             faults.add(path, f"nothing is said of the parameter '{name}'.", accepted, key=True)
             return
@@ -210,7 +213,8 @@ def _with_range(path: Path, parameter: Parameter, section: ParameterSection, fau
         return parameter
     scale = section.scale or parameter.scale
     if scale == "log" and lower <= 0:
-        problem = f"a range on a logarithmic scale must be positive, but this one begins at {lower:g} {parameter.unit}."
+        begin = f"{lower:g} {parameter.unit if parameter.unit != '1' else ''}".rstrip()
+        problem = f"a range on a logarithmic scale must be positive, but this one begins at {begin}."
         faults.add(key, problem, remedy="Write 'scale: linear', or a lower end greater than 0.")
         return parameter
     return replace(parameter, lower=lower, upper=upper, scale=scale)

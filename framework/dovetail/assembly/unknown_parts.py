@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from dovetail.assembly.description import JointEntry, Tie
 from dovetail.assembly.parameter_sections import StatedParameters, steps_of
@@ -173,41 +173,61 @@ def take_unknown_options(name: str, faults: FaultList, registry: Registry) -> Un
     registry : Registry
     """
     path: Path = ("substructures", name)
-    stated, sections = StatedParameters({}), dict[Path, Item]()
-    section = faults.root.at(path)
-    model = section.entries.get("model") if section is not None else None
-    offers = [o for o in registry.offers("substructure") if model is not None and o.component.name == model.item.value]
-    if section is None or not offers:
+    stated, sections = StatedParameters({}, needs_range=True), dict[Path, Item]()
+    section, config = faults.root.at(path), _config_of(name, faults, registry)
+    if section is None or config is None:
         return UnknownOptions(stated, sections)
     middles = {}
     for steps, item in _sections_within(section, ()):
-        unit = number_unit(offers[0].component.Config, steps)
-        if unit is None or not set(item.entries) & _STATES:
+        unit = number_unit(config, steps)
+        if unit is None:
             continue
         place, option = (*path, *steps), ".".join(map(str, steps))
         stated.known[option] = Parameter(option, unit, 0.0, 1.0)
         stated.read(place, option, item, faults)
         middle = _middle(item, stated.known[option], faults)
-        if middle is None and "same_as" in item.entries:
-            problem = "the option that this one follows has no value or range in the description."
-            faults.add((*place, "same_as"), problem)
+        if option in stated.ties:
+            middle = _check_followed(stated.ties[option], unit, middle, place, faults, registry)
         if middle is not None and _follows_number(stated, option, faults):
             del stated.ties[option]
             stated.fixed[option] = middle
         if middle and (option in stated.ties or option in stated.fixed):
             ends = sorted((_NEAR * middle, middle / _NEAR))
             stated.known[option] = Parameter(option, unit, ends[0], ends[1])
-        sections[place] = item
-        middles[place] = middle
+        sections[place], middles[place] = item, middle
     for place, middle in middles.items():
+        option = ".".join(map(str, place[len(path) :]))
         faults.root = replace_value(faults.root, place, stated.known[option].lower if middle is None else middle)
     return UnknownOptions(stated, sections)
 
 
+def _config_of(name: str, faults: FaultList, registry: Registry) -> type[BaseModel] | None:
+    """Return the options' class of a substructure's model, or None if there is no such model."""
+    section = faults.root.at(("substructures", name))
+    model = section.entries.get("model") if section is not None else None
+    offers = registry.offers("substructure") if model is not None else ()
+    return next(
+        (offer.component.Config for offer in offers if model and offer.component.name == model.item.value), None
+    )
+
+
+def _check_followed(
+    tie: Tie, unit: str, middle: float | None, place: Path, faults: FaultList, registry: Registry
+) -> float | None:
+    """Return the middle of an option that follows another one, or None, with a fault, if it cannot follow that."""
+    config = _config_of(tie.owner, faults, registry)
+    other = number_unit(config, steps_of(tie.parameter)) if config is not None else None
+    name = f"{tie.owner}.{tie.parameter}"
+    if other is not None and other != unit:
+        faults.add((*place, "same_as"), f"'{name}' is in {other}, and a quantity in {unit} is wanted.")
+        return None
+    if middle is None:
+        faults.add((*place, "same_as"), f"'{name}' has no value or range in the description.")
+    return middle
+
+
 _NEAR = 0.9
 """Part of a value from which on the matrices are differentiated, where the option follows another one."""
-_STATES = {"range", "about", "same_as", "value"}
-"""Keys of which the section of an unknown option has one."""
 
 
 def _sections_within(item: Item, steps: Path) -> Iterator[tuple[Path, Item]]:
@@ -294,7 +314,8 @@ def _objection(model: UnknownPart, option: str, value: float) -> str:
     try:
         part = type(model.part)(type(changed).model_validate(changed.model_dump(by_alias=True)))
     except ValidationError as error:
-        return f"the part cannot have {end} there: {error.errors()[0]['msg']}."
+        reason = error.errors()[0]["msg"].removeprefix("Value error, ").replace("Input should", "it must")
+        return f"the part cannot have {end} there: {reason}."
     except Exception as error:  # a plugin's constructor may raise anything
         return f"the part cannot have {end} there: {type(error).__name__}: {error}"
     if [node.label for node in part.nodes] != [node.label for node in model.part.nodes]:

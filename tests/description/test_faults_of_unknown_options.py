@@ -1,0 +1,120 @@
+"""What is wrong with unknown options of parts, with calibrations and with forces: place, problem, remedy."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+
+import dovetail
+
+SOUND: dict[str, Any] = {
+    "dovetail": 1,
+    "name": "arm",
+    "frequency": {"start": 20, "stop": 2500, "step": 10},
+    "substructures": {
+        "arm": {
+            "model": "timoshenko_beam",
+            "material": {"young": "206 GPa", "density": 7850},
+            "sections": [{"length": "300 mm", "outer": "22 mm", "inner": "10 mm", "elements": 6}],
+        },
+        "wall": {"model": "ground"},
+    },
+    "joints": {
+        "foot": {"model": "spring_damper", "connect": {"a": {"to": "arm", "at": 0}, "b": {"to": "wall", "at": 0}}},
+    },
+    "response": {"at": "arm", "position": "node n5"},
+}
+YOUNG, INNER = "substructures.arm.material.young", "substructures.arm.sections.0.inner"
+CHAIN, FORCE, FOOT = "response.calibration", "response.force", "joints.foot.parameters"
+FAULTS = {
+    "one_end": (YOUNG, {"range": [1e11]}, "young.range\n  a range has a lower and an upper end, but this list has 1"),
+    "empty": (YOUNG, {"range": [2e11, 1e11]}, "young.range\n  the range from 200000000000.0 to 100000000000.0 is"),
+    "unit": (YOUNG, {"range": ["1 mm", 2e11]}, "young.range[0]\n  '1 mm' has the dimension [length]"),
+    "invalid_end": (
+        YOUNG,
+        {"range": [-1, 2e11]},
+        "the part cannot have -1 Pa there: it must be greater than 0.",
+    ),
+    "invalid_part": (
+        INNER,
+        {"range": ["10 mm", "30 mm"]},
+        "inner\n  the part cannot have 30 mm there: the inner diameter must be smaller than the outer one.",
+    ),
+    "no_sd": (YOUNG, {"about": "206 GPa"}, "young\n  the parameter 'material.young' lacks 'sd'."),
+    "sd_0": (YOUNG, {"about": "206 GPa", "sd": 0}, "young.sd\n  a standard deviation must be greater than 0."),
+    "misspelt": (
+        YOUNG,
+        {"abuot": 1},
+        "'abuot' is not a key of the parameter 'material.young'.\n  Did you mean 'about'?",
+    ),
+    "both": (YOUNG, {"range": [1e11, 2e11], "value": 3}, "the parameter 'material.young' has a value and a range."),
+    "nothing": (YOUNG, {}, "nothing is said of the parameter 'material.young'."),
+    "scale_alone": (YOUNG, {"scale": "linear"}, "nothing is said of the parameter 'material.young'."),
+    "whole_number": (
+        "substructures.arm.sections.0.elements",
+        {"range": [3, 6]},
+        "elements\n  a section of keys and values is not a whole number.",
+    ),
+    "tie_to_another_unit": (
+        YOUNG,
+        {"same_as": "arm.material.density"},
+        "same_as\n  'arm.material.density' is in kg/m^3, and a quantity in Pa is wanted.",
+    ),
+    "tie_to_itself": (YOUNG, {"same_as": "arm.material.young"}, "'arm.material.young' has no value or range"),
+    "tie_to_nothing": (YOUNG, {"same_as": "leg.material.young"}, "'leg.material.young' has no value or range"),
+    "tie_without_owner": (
+        YOUNG,
+        {"same_as": "young"},
+        "same_as\n  'young' is not a parameter.\n  Accepted: the",
+    ),
+    "tie_of_a_joint": (FOOT, {"k": {"same_as": "foot.kk"}}, "k.same_as\n  there is no parameter 'foot.kk'."),
+    "circle": (FOOT, {"k": {"same_as": "foot.k"}}, "k.same_as\n  'foot.k' follows 'foot.k', and that follows it."),
+    "misspelt_chain": (CHAIN, {"gian": 1}, "gian\n  'gian' is not a key of a calibration.\n  Did you mean 'gain'?"),
+    "negative_gain": (CHAIN, {"gain": -1}, "gain\n  gain must be positive, but is -1 here.\n  Write 'sign: unknown'"),
+    "no_sign": (CHAIN, {"sign": 2}, "sign\n  2 is no sign.\n  Accepted: 1, -1 or unknown"),
+    "negative_mass": (CHAIN, {"mass": "-1 g"}, "mass\n  mass must be 0 or more, but is -0.001 kg here."),
+    "chain_is_a_number": (CHAIN, 3, "calibration\n  3 is not a section of keys and values."),
+    "force_nowhere": (FORCE, {"position": "node n99"}, "force.position\n  substructure 'arm' has no node 'n99'."),
+    "force_on_the_ground": (FORCE, {"at": "wall", "position": 0}, "force.at\n  the force cannot be at 'wall', which"),
+    "force_without_position": (FORCE, {"at": "arm"}, "force.position\n  'response.force' lacks 'position'."),
+    "a_name_with_a_blank": ("response.name", "a b", "name\n  'a b' has characters that are not allowed here."),
+}
+
+
+def with_value(place: str, value: Any) -> dict[str, Any]:
+    changed: Any = copy.deepcopy(SOUND)
+    node = changed
+    *steps, last = place.split(".")
+    for step in steps:
+        node = node[int(step)] if step.isdecimal() else node[step]
+    node[last] = value
+    return changed
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_place_and_problem(fault):
+    place, value, message = FAULTS[fault]
+    with pytest.raises(dovetail.DescriptionError) as raised:
+        dovetail.load(with_value(place, value))
+    assert message in str(raised.value)
+    assert len(raised.value.faults) == 1
+
+
+def test_owners_of_one_name_cannot_be_told_apart():
+    changed = with_value(YOUNG, {"range": [1e11, 2e11]})
+    changed["joints"]["arm"] = changed["joints"].pop("foot")
+    with pytest.raises(dovetail.DescriptionError, match="a joint has the name 'arm' too"):
+        dovetail.load(changed)
+    changed = with_value("response.name", "foot")
+    changed["response"]["calibration"] = {"gain": 1.1}
+    with pytest.raises(dovetail.DescriptionError, match="the response has the name of a joint, 'foot'"):
+        dovetail.load(changed)
+
+
+def test_two_responses_with_one_name():
+    changed = {key: value for key, value in SOUND.items() if key != "response"}
+    changed["responses"] = [{"at": "arm", "position": f"node n{n}", "name": "tip"} for n in (3, 5)]
+    with pytest.raises(dovetail.DescriptionError, match="another response has the name 'tip'"):
+        dovetail.load(changed)
