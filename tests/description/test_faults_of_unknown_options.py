@@ -113,6 +113,22 @@ def test_owners_of_one_name_cannot_be_told_apart():
         dovetail.load(changed)
 
 
+def test_ranges_that_fit_one_by_one_and_not_together():
+    changed = with_value(INNER, {"range": ["10 mm", "20 mm"]})
+    changed["substructures"]["arm"]["sections"][0]["outer"] = {"range": ["19 mm", "40 mm"]}
+    message = "the part cannot have sections.0.outer = 19 mm, sections.0.inner = 20 mm: the inner diameter must be"
+    with pytest.raises(dovetail.DescriptionError) as raised:
+        dovetail.load(changed)
+    assert message in str(raised.value)
+
+
+def test_a_part_with_very_many_degrees_of_freedom():
+    changed = with_value(YOUNG, {"range": [1e11, 2e11]})
+    changed["substructures"]["arm"]["sections"][0]["elements"] = 400
+    with pytest.raises(dovetail.DescriptionError, match="it has 802 DOFs, and its matrices are made anew"):
+        dovetail.load({**changed, "response": {"at": "arm", "position": "node n401"}})
+
+
 def test_two_responses_with_one_name():
     changed = {key: value for key, value in SOUND.items() if key != "response"}
     changed["responses"] = [{"at": "arm", "position": f"node n{n}", "name": "tip"} for n in (3, 5)]

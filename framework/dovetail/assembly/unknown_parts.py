@@ -14,7 +14,7 @@ from dovetail.assembly.parameter_sections import StatedParameters, steps_of
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, replace_item, replace_value
 from dovetail.documents.validation import number_unit
-from dovetail.errors import DovetailError
+from dovetail.errors import DovetailError, listing
 from dovetail.interfaces import (
     JointModel,
     Node,
@@ -31,6 +31,16 @@ from dovetail.synthesis.condensation import inverted_receptance, substructure_ma
 from dovetail.units import format_quantity
 
 __all__ = ["NodesAlone", "UnknownOptions", "UnknownPart", "add_unknown_part", "take_unknown_options"]
+
+
+_NEAR = 0.9
+"""Part of a value from which on the matrices are differentiated, where the option follows another one."""
+_LONGEST_CHAIN = 20
+"""Ties that are followed one behind the other; a circle has no end."""
+_MOST_DOFS = 600
+"""Of a part with unknown options, whose matrices are made anew for each FRF."""
+_MOST_CORNERS = 64
+"""Corners of the ranges at which a part is tried."""
 
 
 class NodesAlone(SubstructureModel):
@@ -101,17 +111,21 @@ class UnknownPart(JointModel):
         finer = self.part.refined(factor)
         return None if finer is None else UnknownPart(finer, self._parameters)
 
-    def with_options(self, values: Sequence[float]) -> SubstructureModel:
-        """Return the part with other values of its unknown options.
+    def made_with(self, options: Mapping[str, float]) -> SubstructureModel:
+        """Return the part with other values of some options, by their places in the section.
 
         Raises
         ------
         ValueError
             The part's options do not allow them.
         """
-        names = [parameter.name for parameter in self._parameters]
-        changed = self.part.config.with_options(dict(zip(names, map(float, values), strict=True)))
+        changed = self.part.config.with_options(options)
         return type(self.part)(type(changed).model_validate(changed.model_dump(by_alias=True)))
+
+    def _each(self, theta: NDArray[np.float64]) -> Iterator[SubstructureModel]:
+        """Yield the part with the options of each row."""
+        names = [parameter.name for parameter in self._parameters]
+        return (self.made_with(dict(zip(names, values, strict=True))) for values in theta.tolist())
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the part's matrices (n, d, d), by its own batch of matrices where it gives one."""
@@ -122,7 +136,7 @@ class UnknownPart(JointModel):
             batch = self.part.batched_matrices(options)
             if batch is not None:
                 return _for_each(batch, len(theta))
-            single = [_dense(substructure_matrices(self.with_options(values))) for values in theta]
+            single = [_dense(substructure_matrices(part)) for part in self._each(theta)]
         return StructuralMatrices(*(np.stack([getattr(one, name) for one in single]) for name in "MKCD"))
 
 
@@ -137,7 +151,7 @@ class UnknownReceptance(UnknownPart):
         """Return the inverse of its receptance between all its DOFs, (n, n_freq, d, d)."""
         dofs = range(self.size)
         with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
-            return np.stack([inverted_receptance(self.with_options(values), dofs, frequency) for values in theta])
+            return np.stack([inverted_receptance(part, dofs, frequency) for part in self._each(theta)])
 
 
 @dataclass(frozen=True)
@@ -226,10 +240,6 @@ def _check_followed(
     return middle
 
 
-_NEAR = 0.9
-"""Part of a value from which on the matrices are differentiated, where the option follows another one."""
-
-
 def _sections_within(item: Item, steps: Path) -> Iterator[tuple[Path, Item]]:
     """Yield all mappings beneath an item with their paths from there."""
     children: Iterator[tuple[str | int, Item]] = iter(())
@@ -258,10 +268,6 @@ def _middle(item: Item | None, parameter: Parameter, faults: FaultList, depth: i
         other = _middle(_followed(tie, faults), parameter, faults, depth + 1)
         return None if other is None else tie.ratio * other
     return float(stated.known[parameter.name].from_unit(np.array(0.5)))
-
-
-_LONGEST_CHAIN = 20
-"""Ties that are followed one behind the other; a circle has no end."""
 
 
 def _followed(tie: Tie, faults: FaultList) -> Item | None:
@@ -294,32 +300,46 @@ def add_unknown_part(
     with plugin_errors(part, f"substructure '{name}' ({part.name})"):
         kind = UnknownReceptance if part.matrices() is None else UnknownPart
     model = kind(part, tuple(stated.known.values()))
-    for parameter in model.parameters:
-        for end in _ends(stated, parameter):
-            if problem := _objection(model, parameter.name, end):
-                faults.add(("substructures", name, *steps_of(parameter.name)), problem)
-                return None
+    if model.size > _MOST_DOFS:
+        problem = (
+            f"its options cannot be sought: it has {model.size} DOFs, and its matrices are made anew for each FRF."
+        )
+        faults.add(("substructures", name), problem, f"{_MOST_DOFS} DOFs or fewer", key=True)
+        return None
+    for corner in _corners(stated):
+        if problem := _objection(model, corner):
+            faults.add(("substructures", name, *steps_of(next(iter(corner)))), problem)
+            return None
     connection = Connection(model, (Attachment(name, tuple(range(len(part.nodes)))),))
     return JointEntry(connection=connection, **stated.entry)
 
 
-def _ends(stated: StatedParameters, parameter: Parameter) -> tuple[float, ...]:
-    return () if parameter.name in stated.fixed or parameter.name in stated.ties else (parameter.lower, parameter.upper)
+def _corners(stated: StatedParameters) -> Iterator[dict[str, float]]:
+    """Yield the ends of each sought option by itself, then all of them at corners of their ranges."""
+    sought = [p for name, p in stated.known.items() if name not in stated.fixed and name not in stated.ties]
+    for parameter in sought:
+        yield from ({parameter.name: end} for end in (parameter.lower, parameter.upper))
+    corners = np.random.default_rng(0).random((_MOST_CORNERS, len(sought))) < 0.5
+    for upper in np.unique(corners, axis=0) if len(sought) > 1 else ():
+        yield {p.name: p.upper if high else p.lower for p, high in zip(sought, upper, strict=True)}
 
 
-def _objection(model: UnknownPart, option: str, value: float) -> str:
-    """Return why an option of a part cannot have a value, in a sentence; an empty text if it can."""
-    end = format_quantity(value, next(p.unit for p in model.parameters if p.name == option))
-    changed = model.part.config.with_options({option: value})
+def _objection(model: UnknownPart, options: Mapping[str, float]) -> str:
+    """Return why a part cannot have some options, in a sentence; an empty text if it can."""
+    units = {parameter.name: parameter.unit for parameter in model.parameters}
+    said = [format_quantity(value, units[option]) for option, value in options.items()]
+    where = f"{said[0]} there"
+    if len(said) > 1:
+        where = listing((f"{option} = {value}" for option, value in zip(options, said, strict=True)), 20)
     try:
-        part = type(model.part)(type(changed).model_validate(changed.model_dump(by_alias=True)))
+        part = model.made_with(options)
     except ValidationError as error:
         reason = error.errors()[0]["msg"].removeprefix("Value error, ").replace("Input should", "it must")
-        return f"the part cannot have {end} there: {reason}."
+        return f"the part cannot have {where}: {reason}."
     except Exception as error:  # a plugin's constructor may raise anything
-        return f"the part cannot have {end} there: {type(error).__name__}: {error}"
+        return f"the part cannot have {where}: {type(error).__name__}: {error}"
     if [node.label for node in part.nodes] != [node.label for node in model.part.nodes]:
-        return f"with {end} there the part has other nodes, so that joints cannot attach to the same ones."
+        return f"with {where} the part has other nodes, so that joints cannot attach to the same ones."
     return ""
 
 
