@@ -2,7 +2,8 @@
 
 Gain and delay change the FRF. A sensor's mass and a window change the structure that is computed for a response: the
 mass is one more part of it, and the window of decay rate s, which multiplies signals by exp(-s t), moves the frequency
-to omega - i s, which is the same as other matrices: K + s C + s^2 M and C + 2 s M in place of K and C.
+to omega - i s. That is the same as other matrices, K + s C + s^2 M and C + 2 s M in place of K and C, and i omega + s
+in place of i omega where a quantity is the derivative of the displacement.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dovetail.assembly.unknown_parts import NodesAlone, UnknownPart
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.frf import QUANTITIES, Quantity
 from dovetail.interfaces import JointModel, Parameter, Port, StructuralMatrices, SubstructureModel
 from dovetail.synthesis import Attachment, Connection, Graph
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
@@ -142,7 +144,8 @@ def read_calibration(path: Path, faults: FaultList) -> ParameterEntry:
         if name in ("gain", "mass", "window") and (lowest < 0 or (name == "gain" and lowest == 0)):
             bound = "positive" if name == "gain" else "0 or more"
             problem = f"{name} must be {bound}, but is {format_quantity(lowest, parameter.unit)} here."
-            faults.add((*path, name), problem, remedy="Write 'sign: unknown' or 'sign: -1'." if name == "gain" else "")
+            remedy = "Write 'sign: unknown' or 'sign: -1' for the sign, and 'scale: log' with a wide 'sd'."
+            faults.add((*path, name), problem, remedy=remedy if name == "gain" else "")
     return ParameterEntry(**stated.entry)
 
 
@@ -171,38 +174,52 @@ def with_signs(description: Description, signs: Mapping[str, float]) -> Descript
 
 
 def chain_factor(
-    frequency: NDArray[np.float64], entry: ParameterEntry, theta: NDArray[np.float64]
+    frequency: NDArray[np.float64], quantity: Quantity, entry: ParameterEntry, theta: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     """Return what a chain makes of an FRF: gain times delay, (n, n_freq).
+
+    Under a window of decay rate s a velocity is i omega + s times the displacement, and so is the next derivative.
 
     Parameters
     ----------
     frequency : (n_freq,) array
         Hz.
+    quantity : {"receptance", "mobility", "accelerance"}
+        That was measured.
     entry : ParameterEntry
         Of the response.
     theta : (n, n_chain) array
         Its parameters, in SI.
     """
-    gain, delay = _column(entry, "gain", theta, 1.0), _column(entry, "delay", theta, 0.0)
-    return np.asarray(_sign(entry) * gain * np.exp(-2j * np.pi * frequency * delay))
-
-
-def _sign(entry: ParameterEntry) -> float:
-    """Return the sign of a response; 1 as long as it is not known."""
-    sign = entry.fixed.get("sign", 1.0)
-    return 1.0 if np.isnan(sign) else sign
+    chain = _Chain(frequency, quantity, entry, theta)
+    return np.asarray(chain.gain * chain.turned * chain.ratio**chain.power)
 
 
 def chain_derivatives(
-    frequency: NDArray[np.float64], entry: ParameterEntry, theta: NDArray[np.float64], column: str
+    frequency: NDArray[np.float64], quantity: Quantity, entry: ParameterEntry, theta: NDArray[np.float64], column: str
 ) -> NDArray[np.complex128]:
-    """Return the derivative of `chain_factor` by one of the response's parameters, (n, n_freq); 0 by most."""
-    gain, delay = _column(entry, "gain", theta, 1.0), _column(entry, "delay", theta, 0.0)
-    turned: NDArray[np.complex128] = _sign(entry) * np.exp(-2j * np.pi * frequency * delay)
-    if column == "gain":
-        return turned
-    return np.asarray(-2j * np.pi * frequency * gain * turned if column == "delay" else np.zeros_like(turned))
+    """Return the derivative of `chain_factor` by one of the response's parameters, (n, n_freq)."""
+    chain = _Chain(frequency, quantity, entry, theta)
+    by_parameter = {
+        "gain": chain.turned * chain.ratio**chain.power,
+        "delay": -1j * chain.omega * chain.gain * chain.turned * chain.ratio**chain.power,
+        "window": chain.gain * chain.turned * chain.power * chain.ratio ** (chain.power - 1) / (1j * chain.omega),
+    }
+    return np.asarray(by_parameter.get(column, np.zeros((len(theta), len(frequency)))), dtype=np.complex128)
+
+
+class _Chain:
+    """The factors of a chain, each (n, 1) or (n, n_freq)."""
+
+    def __init__(
+        self, frequency: NDArray[np.float64], quantity: Quantity, entry: ParameterEntry, theta: NDArray[np.float64]
+    ) -> None:
+        sign = entry.fixed.get("sign", 1.0)
+        self.omega = 2.0 * np.pi * frequency
+        self.power = QUANTITIES.index(quantity)
+        self.gain = _column(entry, "gain", theta, 1.0)
+        self.turned = (1.0 if np.isnan(sign) else sign) * np.exp(-1j * self.omega * _column(entry, "delay", theta, 0.0))
+        self.ratio = 1.0 + _column(entry, "window", theta, 0.0) / (1j * self.omega)
 
 
 def _column(entry: ParameterEntry, name: str, theta: NDArray[np.float64], otherwise: float) -> NDArray[np.float64]:

@@ -231,7 +231,7 @@ class ResponseFrfs:
     ) -> None:
         self.engine = engine
         self._space = space
-        self._chains = [(index, r.name) for index, r in enumerate(responses) if r.name in calibrations]
+        self._chains = [index for index, response in enumerate(responses) if response.name in calibrations]
         self._calibrations = calibrations
         self._responses = responses
         self._conversions = np.stack([conversion(engine.frequency, "receptance", r.quantity) for r in responses])
@@ -240,8 +240,8 @@ class ResponseFrfs:
         """Return FRFs (n, n_responses, n_freq) of parameter vectors (n, n_params)."""
         by_owner = self._space.by_owner(batch)
         values = _for_each(batch, self.engine.frfs(by_owner, self._conversions))
-        for index, name in self._chains:
-            values[:, index] *= chain_factor(self.engine.frequency, self._calibrations[name], by_owner[name])
+        for index in self._chains:
+            values[:, index] *= self._factor(index, by_owner)
         return values
 
     def amplitudes(self, batch: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -249,8 +249,8 @@ class ResponseFrfs:
         by_owner, frequency = self._space.by_owner(batch), self.engine.frequency
         to_accelerance = np.tile(conversion(frequency, "receptance", "accelerance"), (len(self._responses), 1))
         values = _for_each(batch, self.engine.amplitudes(by_owner, to_accelerance))
-        for index, name in self._chains:
-            values[:, index] *= np.abs(chain_factor(frequency, self._calibrations[name], by_owner[name]))
+        for index in self._chains:
+            values[:, index] *= np.abs(self._factor(index, by_owner))
         return values
 
     def jacobian(self, batch: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -260,9 +260,15 @@ class ResponseFrfs:
         values, jacobian = _for_each(batch, values), _for_each(batch, derivatives)
         if not self._space.is_plain:
             jacobian = self._by_parameter(jacobian)
-        for index, name in self._chains:
-            values[:, index] = self._calibrate(name, values[:, index], jacobian[:, index], by_owner[name])
+        for index in self._chains:
+            values[:, index] = self._calibrate(index, values[:, index], jacobian[:, index], by_owner)
         return values, jacobian
+
+    def _factor(self, index: int, by_owner: Mapping[str, NDArray[np.float64]]) -> NDArray[np.complex128]:
+        """Return what the chain of a response makes of its FRFs, (n, n_freq)."""
+        response = self._responses[index]
+        chain = self._calibrations[response.name]
+        return chain_factor(self.engine.frequency, response.quantity, chain, by_owner[response.name])
 
     def _by_parameter(self, derivatives: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return derivatives by the identified parameters, from those by all columns that the engine varies."""
@@ -276,17 +282,17 @@ class ResponseFrfs:
 
     def _calibrate(
         self,
-        name: str,
+        index: int,
         values: NDArray[np.complex128],
         jacobian: NDArray[np.complex128],
-        theta: NDArray[np.float64],
+        by_owner: Mapping[str, NDArray[np.float64]],
     ) -> NDArray[np.complex128]:
         """Return the FRFs (n, n_freq) of a response as its chain shows them; change their derivatives in place."""
-        chain, frequency = self._calibrations[name], self.engine.frequency
-        factor = chain_factor(frequency, chain, theta)
+        quantity, name, frequency = self._responses[index].quantity, self._responses[index].name, self.engine.frequency
+        chain, factor = self._calibrations[name], self._factor(index, by_owner)
         jacobian *= factor[..., np.newaxis]
         of_chain = [
-            values * chain_derivatives(frequency, chain, theta, chain.parameters[column].name)
+            values * chain_derivatives(frequency, quantity, chain, by_owner[name], chain.parameters[column].name)
             for column in self._space.varying_columns(name)
         ]
         if of_chain:
