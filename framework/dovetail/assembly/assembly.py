@@ -30,9 +30,7 @@ _KEPT_ELSEWHERE = 2
 
 
 class Assembly:
-    """Substructures, joints and one or more responses, made from a description.
-
-    A method that returns a single FRF returns that of the first response; `frfs` returns those of all.
+    """Substructures, joints and responses, made from a description; a single FRF is that of the first response.
 
     Parameters
     ----------
@@ -128,6 +126,11 @@ class Assembly:
         alone = replace(self.description.at(index), frequency=self._axes[index])
         return Assembly(alone, rigid=self._rigid, interpolation=self._interpolation)
 
+    @property
+    def drive_point(self) -> Point:
+        """Substructure and DOF at which the first response is measured."""
+        return self.description.response.point
+
     def engine_of(
         self,
         points: Sequence[Point],
@@ -147,9 +150,7 @@ class Assembly:
         return InterpolatedEngine(*system, tolerance=interpolation, trial=trial, pairs=pairs)
 
     def by_joint(self, theta: Theta = None) -> dict[str, NDArray[np.float64]]:
-        """Split parameter vectors into all parameters of each joint, fixed and tied ones included.
-
-        Substructures with unknown options and calibrations stand among the joints.
+        """Split parameter vectors into all parameters of each joint, part and chain, fixed and tied ones included.
 
         Parameters
         ----------
@@ -377,9 +378,9 @@ class Assembly:
         Parameters
         ----------
         tolerance : float
-            Greatest estimated relative error of an FRF at any line. The estimate is the difference of two rational
-            functions of different degree through the exact lines; it is not a bound. An FRF beyond the tolerance is
-            computed at every line; so are batches of fewer than 32 FRFs, and Jacobians.
+            Greatest estimated relative error of an FRF at any line: the difference of two rational functions of
+            different degree through the exact lines, no bound. FRFs beyond it are computed at every line; so are
+            batches of fewer than 32 FRFs, and Jacobians.
 
         Raises
         ------
