@@ -1,12 +1,13 @@
 """What is identified from real structures that others measured, and how well does it predict what was not fitted?
 
     python tests/benchmarks/gallery.py oscillator
+    python tests/benchmarks/gallery.py hammer
     python tests/benchmarks/gallery.py frame --data FOLDER
     python tests/benchmarks/gallery.py beam --data FOLDER
 
-prints the tables of a page of docs/gallery, and writes them to docs/gallery/tables (or the folder of `--to`). The FRF
-of the oscillator is part of this repository, and its page has a figure; those of frame and beam are not, and are read
-from the folder that measured_structures.py made with `--convert`.
+prints the tables of a page of docs/gallery, and writes them to docs/gallery/tables (or the folder of `--to`). The
+FRFs of oscillator and hammer are part of this repository; those of frame and beam are not, and are read from the folder
+that measured_structures.py made with `--convert`.
 
 An FRF that is predicted is compared with the measured one by the FRAC, |<a, b>|^2 / (<a, a> <b, b>) over the band: 1 if
 they differ by a factor only. It tells nothing of gains, and mostly of the highest peaks. The magnitude error beside it,
@@ -18,6 +19,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,8 +31,12 @@ from scipy.optimize import least_squares
 import dovetail
 
 ROOT = Path(__file__).parents[2]
+HAMMER_WINDOW = 4.605
+"""1/s that the exponential window adds to the decay of each mode, as the FRF's note says."""
 BEAM_POSITIONS = (45, 50, 55)
 """mm from the beam's end to the first sensor: those that the sources try."""
+BEAM_POSITION = 50
+"""The one of them whose columns are fitted best."""
 
 
 class Circle(NamedTuple):
@@ -185,6 +191,40 @@ def draw_oscillator(frf: dovetail.Frf, assembly: dovetail.Assembly, values: Mapp
     plt.close(figure)
 
 
+def hammer(_: Path) -> dict[str, str]:
+    """Identify one resonance of a hammer test behind an exponential window, and compare it with a circle fit."""
+    frf = dovetail.read_frf(ROOT / "assemblies/measurements/hammer_test.uff")
+    assembly = dovetail.load(ROOT / "assemblies/hammer_test.yaml")
+    band = float(assembly.frequency[0]), float(assembly.frequency[-1])
+    result = dovetail.identify(assembly, frf, "posterior")
+    values = named(result, assembly)
+    mass = values["mass.masses.0.mass"]
+    circle = circle_fit(frf, band)
+    damping = circle.damping - 2 * HAMMER_WINDOW
+    natural = float(np.sqrt(values["k"] / mass) / (2 * np.pi))
+    rate = values["c"] / mass
+    pairs_of_values = ("natural frequency [Hz]", circle.natural_frequency, natural), ("c/m [1/s]", damping, rate)
+    compared = [
+        (name, f"{other:.2f}", f"{value:.2f}", f"{100 * (value / other - 1):+.2f} %")
+        for name, other, value in pairs_of_values
+    ]
+    lines = [
+        (name, f"{value:.4g}", "{:.4g} to {:.4g}".format(*result.interval[name])) for name, value in values.items()
+    ]
+    predicted = []
+    for other in (band, (380.0, 437.0), (455.0, 500.0)):
+        ((likeness, error),) = predictions(with_band(assembly, *other), values, [frf])
+        predicted.append(
+            (interval_of_band(other), "fitted" if other == band else "", f"{likeness:.3f}", percent(error))
+        )
+    return {
+        "hammer": rows("|circle|identified|difference", compared),
+        "hammer_parts": rows("parameter|value|90 % interval", lines),
+        "hammer_predicted": rows("lines||FRAC|magnitude error", predicted),
+        "hammer_adequacy": sentence(result),
+    }
+
+
 def frame(folder: Path) -> dict[str, str]:
     """Identify the frame from the FRF of one floor, and of all three, and predict those of the others."""
     measured = [dovetail.read_frf(folder / f"frame_floor{floor}.npz") for floor in (1, 2, 3)]
@@ -193,6 +233,7 @@ def frame(folder: Path) -> dict[str, str]:
     for floor in (1, 2, 3):
         results[f"floor {floor}"] = dovetail.identify(assembly.at(floor - 1), measured[floor - 1], "refined")
     results["all"] = dovetail.identify(assembly, measured, "refined")
+    results["all, `multistart`"] = dovetail.identify(assembly, measured, "multistart", objective="frf", starts=8)
     modes = next(structure.modes for structure in STRUCTURES if structure.name == "frame")
     compared, parts = [], []
     for name, result in results.items():
@@ -209,6 +250,59 @@ def frame(folder: Path) -> dict[str, str]:
         "frame_parts": rows("fitted|m1 [kg]|m2|m3|k1 [kN/m]|k2|k3", parts),
         "frame_adequacy": sentence(results["floor 1"]),
     }
+
+
+def beam(folder: Path) -> dict[str, str]:
+    """Identify the beam from the column of each actuator, and predict the other columns."""
+    columns = {
+        actuator: [dovetail.read_frf(folder / f"beam_o{sensor}_i{actuator}.npz") for sensor in range(1, 6)]
+        for actuator in (1, 2, 3)
+    }
+    cases = [(1, position) for position in BEAM_POSITIONS] + [(2, BEAM_POSITION), (3, BEAM_POSITION)]
+    tried, compared, parts, modes, sentences = [], [], [], [], []
+    for fitted, position in cases:
+        assembly = beam_column(fitted, position)
+        thinned = [replace(frf, frequency=frf.frequency[::4], values=frf.values[::4]) for frf in columns[fitted]]
+        result = dovetail.identify(assembly, thinned, "multistart", objective="frf", starts=4)
+        values = named(result, assembly)
+        for actuator, measured in columns.items():
+            frfs = predictions(beam_column(actuator, position), values, measured)
+            cells = (str(fitted), str(actuator), *(f"{likeness:.3f}" for likeness, _ in frfs))
+            if position == BEAM_POSITION:
+                compared.append(cells)
+            if actuator == fitted == 1:
+                tried.append((f"{position} mm", *cells[2:], word(result)))
+        if position == BEAM_POSITION:
+            natural = assembly.natural_frequencies(assembly.vector(values), 9)
+            modes.append((str(fitted), ", ".join(f"{hertz:.1f}" for hertz in natural)))
+            parts.append((str(fitted), *(f"{values[f'coil{coil}.k']:.0f}" for coil in (1, 2, 3)),
+                          *(f"{1e3 * values[f'coil{coil}.m']:.1f}" for coil in (1, 2, 3)),
+                          f"{values['response_1.gain']:.2f}", f"{1e6 * values['response_1.delay']:.0f}"))  # fmt: skip
+            sentences.append(f"- column {fitted}: {sentence(result)}")
+    sensors = "sensor 1|sensor 2|sensor 3|sensor 4|sensor 5"
+    return {
+        "beam_positions": rows(f"first sensor at|{sensors}|verdict", tried),
+        "beam": rows(f"fitted column|compared column|{sensors}", compared),
+        "beam_parts": rows("fitted column|k1 [N/m]|k2|k3|m1 [g]|m2|m3|gain|delay [us]", parts),
+        "beam_modes": rows("fitted column|natural frequencies [Hz]", modes),
+        "beam_adequacy": "".join(sentences),
+    }
+
+
+def beam_column(actuator: int, position: float) -> dovetail.Assembly:
+    """Return the beam with the FRFs of all sensors for the force of an actuator, the first sensor at `position` mm."""
+    description = json.loads(dovetail.load(DESCRIPTIONS / "beam_column.yaml").description.text)
+    sections = description["substructures"]["beam"]["sections"]
+    sections[0]["length"], sections[2]["length"] = f"{position} mm", f"{100 - position} mm"
+    at = [f"{position + 100 * sensor} mm" for sensor in range(5)]
+    for coil in (1, 2, 3):
+        description["joints"][f"coil{coil}"]["connect"]["shaft"]["at"] = at[2 * coil - 2]
+    for sensor, response in enumerate(description["responses"]):
+        response["position"] = at[sensor]
+        response.pop("force", None)
+        if sensor != 2 * actuator - 2:
+            response["force"] = {"position": at[2 * actuator - 2], "direction": "x"}
+    return dovetail.load(description)
 
 
 def pairs(compared: Sequence[tuple[float, float]]) -> list[str]:
@@ -236,7 +330,12 @@ def sentence(result: dovetail.Identification) -> str:
     return "" if result.adequacy is None else result.adequacy.sentence + "\n"
 
 
-PAGES: Mapping[str, Callable[[Path], dict[str, str]]] = {"oscillator": oscillator, "frame": frame}
+PAGES: Mapping[str, Callable[[Path], dict[str, str]]] = {
+    "oscillator": oscillator,
+    "frame": frame,
+    "beam": beam,
+    "hammer": hammer,
+}
 
 
 def main() -> None:

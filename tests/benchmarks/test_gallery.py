@@ -66,3 +66,14 @@ def test_the_frame_predicts_floors_that_were_not_fitted_where_its_model_is_right
     np.testing.assert_allclose(gallery.predictions(assembly, values, frfs), [(1.0, 0.0)] * 3, atol=1e-12)
     values["floor3.masses.0.mass"] *= 1.2
     assert max(likeness for likeness, _ in gallery.predictions(assembly, values, frfs)) < 0.99
+
+
+def test_the_columns_of_the_beam_are_reciprocal_and_move_with_the_first_sensor():
+    first, third = gallery.beam_column(1, 45), gallery.beam_column(3, 45)
+    values = {p.name: float(v) for p, v in zip(first.parameters, first.from_unit(np.full(14, 0.5)), strict=True)}
+    there, back = (assembly.frfs(assembly.vector(values)) for assembly in (first, third))
+    np.testing.assert_allclose(there[4], back[0], rtol=1e-8)
+    assert np.abs(there[4] - there[0]).max() > 0.1 * np.abs(there[0]).max()
+    elsewhere = gallery.beam_column(1, 55)
+    moved = elsewhere.frfs(elsewhere.vector(values))
+    assert np.abs(moved[0] / there[0] - 1).max() > 0.1
