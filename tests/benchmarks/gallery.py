@@ -109,15 +109,16 @@ def named(result: dovetail.Identification, assembly: dovetail.Assembly) -> dict[
 
 
 def predictions(
-    assembly: dovetail.Assembly, theta: Mapping[str, float], measured: Sequence[dovetail.Frf]
+    assembly: dovetail.Assembly, theta: Mapping[str, float], measured: Sequence[dovetail.Frf], derivatives: int = 0
 ) -> list[tuple[float, float]]:
-    """Return FRAC and magnitude error of each response over the assembly's band."""
+    """Return FRAC and magnitude error of each response over the assembly's band, of FRFs derived so often by time."""
     band = assembly.frequency[0], assembly.frequency[-1]
     frequency = measured[0].frequency
     inside = (frequency >= band[0]) & (frequency <= band[1])
     on_lines = assembly.on(frequency[inside])
     models = on_lines.frfs(on_lines.vector(theta))
-    pairs = [(model, frf.values[inside]) for model, frf in zip(models, measured, strict=True)]
+    slope = frequency[inside] ** derivatives
+    pairs = [(model * slope, frf.values[inside] * slope) for model, frf in zip(models, measured, strict=True)]
     return [(frac(*pair), magnitude_error(*pair)) for pair in pairs]
 
 
@@ -259,7 +260,7 @@ def beam(folder: Path) -> dict[str, str]:
         for actuator in (1, 2, 3)
     }
     cases = [(1, position) for position in BEAM_POSITIONS] + [(2, BEAM_POSITION), (3, BEAM_POSITION)]
-    tried, compared, parts, modes, sentences = [], [], [], [], []
+    tried, compared, accelerances, parts, modes, sentences = [], [], [], [], [], []
     for fitted, position in cases:
         assembly = beam_column(fitted, position)
         thinned = [replace(frf, frequency=frf.frequency[::4], values=frf.values[::4]) for frf in columns[fitted]]
@@ -270,6 +271,8 @@ def beam(folder: Path) -> dict[str, str]:
             cells = (str(fitted), str(actuator), *(f"{likeness:.3f}" for likeness, _ in frfs))
             if position == BEAM_POSITION:
                 compared.append(cells)
+                derived = predictions(beam_column(actuator, position), values, measured, derivatives=2)
+                accelerances.append((*cells[:2], *(f"{likeness:.3f}" for likeness, _ in derived)))
             if actuator == fitted == 1:
                 tried.append((f"{position} mm", *cells[2:], word(result)))
         if position == BEAM_POSITION:
@@ -283,6 +286,7 @@ def beam(folder: Path) -> dict[str, str]:
     return {
         "beam_positions": rows(f"first sensor at|{sensors}|verdict", tried),
         "beam": rows(f"fitted column|compared column|{sensors}", compared),
+        "beam_accelerance": rows(f"fitted column|compared column|{sensors}", accelerances),
         "beam_parts": rows("fitted column|k1 [N/m]|k2|k3|m1 [g]|m2|m3|gain|delay [us]", parts),
         "beam_modes": rows("fitted column|natural frequencies [Hz]", modes),
         "beam_adequacy": "".join(sentences),
