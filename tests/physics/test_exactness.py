@@ -179,7 +179,12 @@ def undamped(assembly) -> dovetail.Assembly:
     return dovetail.load(description)
 
 
-@pytest.mark.parametrize("name", [name for name in shipped() if "/sf_" not in name])
+def is_damped_by_its_measurement(name: str) -> bool:
+    """A measured flange has damping of its own; so has what was measured under an exponential window."""
+    return "/sf_" in name or name == "hammer_test.yaml"
+
+
+@pytest.mark.parametrize("name", [name for name in shipped() if not is_damped_by_its_measurement(name)])
 def test_without_any_damping_the_engine_is_exact_away_from_resonance(name):
     assembly, generator = undamped(load(name)), np.random.default_rng(1)
     theta = samples(assembly, 100, seed=14)
@@ -192,7 +197,8 @@ def test_without_any_damping_the_engine_is_exact_away_from_resonance(name):
         regular = (distance > 0.01) & (
             np.abs(found) > 0.02 * np.median(np.abs(found))
         )  # nor is any route exact in a dip
-        return generator.choice(np.flatnonzero(regular), 20, replace=False)
+        regular = np.flatnonzero(regular)
+        return generator.choice(regular, min(20, len(regular)), replace=False)
 
     assert largest_error(assembly, theta, away) < 1e-8
 

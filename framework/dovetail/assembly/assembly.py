@@ -150,7 +150,7 @@ class Assembly:
         return InterpolatedEngine(*system, tolerance=interpolation, trial=trial, pairs=pairs)
 
     def by_joint(self, theta: Theta = None) -> dict[str, NDArray[np.float64]]:
-        """Split parameter vectors into all parameters of each joint, part and chain, fixed and tied ones included.
+        """Split parameter vectors into all parameters of each joint and unknown part, fixed and tied ones included.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class Assembly:
         """
         batch, single = self._space.batch(theta)
         by_owner = self._space.by_owner(batch)
-        return {name: values[0] for name, values in by_owner.items()} if single else by_owner
+        return {name: by_owner[name][0] if single else by_owner[name] for name in self._connected}
 
     def from_unit(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map fractions of the ranges, (..., n_params) from 0 to 1 on the parameters' scales, to SI values."""
