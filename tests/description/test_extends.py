@@ -52,6 +52,22 @@ def test_the_same_model_keeps_its_other_options(read, sound):
     assert read(new, base=sound).identification.reducer.config.n_components == 5
 
 
+@pytest.mark.parametrize(
+    ("known", "prior", "lower"),
+    [("{about: 30 mm, sd: 1 mm}", "normal", 0.026), ("{range: [28 mm, 31 mm]}", "uniform", 0.028)],
+)
+def test_what_is_known_of_a_parameter_displaces_what_was(read, sound, known, prior, lower):
+    """Over a range, over a prior, and over a tie."""
+    for before in ("{about: 33 mm, sd: 2 mm}", "{same_as: collet.kr_tc, ratio: 2}", "31 mm"):
+        base = f"extends: sound.yaml\njoints: {{collet: {{parameters: {{Dc: {before}}}}}}}"
+        over = f"extends: base.yaml\njoints: {{collet: {{parameters: {{Dc: {known}}}}}}}"
+        joint = read(over, base=base, sound=sound).joints["collet"]
+        [parameter] = [p for p in joint.parameters if p.name == "Dc"]
+        assert (parameter.prior, parameter.lower) == (prior, pytest.approx(lower))
+        assert not joint.fixed
+        assert not joint.ties
+
+
 def test_a_value_displaces_the_range_and_a_range_the_value(read, sound):
     fixed = "extends: base.yaml\njoints: {collet: {parameters: {kr_tc: {value: 5e3}, mn1: {value: 80 g}}}}"
     assert dict(read(fixed, base=sound).joints["collet"].fixed) == {"kr_tc": 5e3, "mn1": 0.08}

@@ -93,7 +93,7 @@ def _merge(base: Item, over: Item, path: Path) -> Item:
     """
     if not (base.is_mapping and over.is_mapping) or _names_another_model(base, over):
         return over
-    displaced = _displaced_keys(over, path)
+    displaced = _displaced_keys(base, over, path)
     entries = {key: entry for key, entry in base.entries.items() if key not in displaced}
     for key, entry in over.entries.items():
         old = entries.get(key)
@@ -102,19 +102,24 @@ def _merge(base: Item, over: Item, path: Path) -> Item:
     return Item(over.mark, entries)
 
 
+_KNOWN = {"value": (), "about": ("sd", "scale"), "same_as": ("ratio",), "range": ("scale",)}
+"""What may be known of a parameter, each with the keys beside it; one displaces the others."""
+
+
 def _names_another_model(base: Item, over: Item) -> bool:
     old, new = base.entries.get("model"), over.entries.get("model")
     return old is not None and new is not None and old.item.value != new.item.value
 
 
-def _displaced_keys(over: Item, path: Path) -> set[str]:
+def _displaced_keys(base: Item, over: Item, path: Path) -> set[str]:
     """Return the keys of the base that contradict a key of `over`."""
     if path == ():
         exclusive = [("response", "responses"), ("responses", "response")]
     elif path == ("frequency",):
         exclusive = [("step", "lines"), ("lines", "step")]
-    elif len(path) == 4 and path[0] == "joints" and path[2] == "parameters":
-        exclusive = [("value", "range"), ("value", "scale"), ("range", "value"), ("scale", "value")]
+    elif {*base.entries, *over.entries} <= {key for kind, beside in _KNOWN.items() for key in (kind, *beside)}:
+        kind = next((kind for kind in _KNOWN if kind in over.entries), "range")
+        return {*base.entries} - {*over.entries, kind, *_KNOWN[kind]}
     else:
         return set()
     return {old for new, old in exclusive if new in over.entries and old not in over.entries}
