@@ -219,3 +219,13 @@ def test_responses_with_a_chain_of_their_own_and_in_common():
     without = dovetail.load({**several, "responses": plain})
     assert difference(assembly.frfs([1.0])[0], without.frfs()[0]) < 1e-13
     assert difference(assembly.frfs([1.0])[1], without.frfs()[1]) > 1e-3
+
+
+@pytest.mark.parametrize("chain", [{}, {"window": "0 1/s"}, {"mass": "0 g"}])
+def test_a_joint_may_have_the_name_of_a_part_that_is_known(chain):
+    """They are told apart although the synthesis takes a part with unknowns for a joint."""
+    named = copy.deepcopy(PLAIN)
+    named["joints"] = {"wall": PLAIN["joints"]["foot"], "tip": PLAIN["joints"]["weld"]}
+    named["response"] = {**PLAIN["response"], "calibration": chain}
+    assembly, plain = dovetail.load(named), dovetail.load(PLAIN)
+    assert difference(assembly.frf(), plain.frf()) < 1e-9

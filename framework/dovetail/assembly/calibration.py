@@ -76,36 +76,36 @@ class _Windowed(JointModel):
     def __init__(self, model: JointModel) -> None:
         super().__init__()
         self.name = model.name  # type: ignore[misc]  # for messages
-        self._model = model
+        self.model = model
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Those of the model, and the decay rate."""
-        return (*self._model.parameters, CHAIN[3])
+        return (*self.model.parameters, CHAIN[3])
 
     @property
     def ports(self) -> tuple[Port, ...]:
         """Those of the model."""
-        return self._model.ports
+        return self.model.ports
 
     @property
     def internal_dofs(self) -> int:
         """Those of the model."""
-        return self._model.internal_dofs
+        return self.model.internal_dofs
 
     @property
     def merged_dofs(self) -> tuple[tuple[int, int], ...]:
         """Those of the model."""
-        return self._model.merged_dofs
+        return self.model.merged_dofs
 
     @property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
         """Those of the model."""
-        return self._model.contact_dofs
+        return self.model.contact_dofs
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices (n, d, d) at the frequency omega - i s."""
-        plain = self._model.matrices(theta[:, :-1])
+        plain = self.model.matrices(theta[:, :-1])
         rate = theta[:, -1, np.newaxis, np.newaxis]
         stiffness = plain.K + rate * plain.C + rate**2 * plain.M
         return StructuralMatrices(plain.M, stiffness, plain.C + 2.0 * rate * plain.M, plain.D)
@@ -249,9 +249,9 @@ def entries_at_response(description: Description) -> dict[str, JointEntry]:
     if "window" not in names:
         return entries
     for name, part in description.substructures.items():
-        if name not in entries and not part.grounded:
+        if name not in description.unknown_parts and not part.grounded:
             nodes = Attachment(name, tuple(range(len(part.nodes))))
-            entries[name] = JointEntry(connection=Connection(UnknownPart(part, ()), (nodes,)))
+            entries[f"part {name}"] = JointEntry(connection=Connection(UnknownPart(part, ()), (nodes,)))
     return {f"{name} windowed": _windowed(name, entry, response.name) for name, entry in entries.items()}
 
 
@@ -283,10 +283,10 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
     rigid_joints = {name for name, joint in description.joints.items() if rigid and _is_sought(joint)}
     connections, alone = {}, set[str]()
     for name, entry in entries.items():
-        joint = name.removesuffix(" windowed")
-        connections[name] = replace(entry.connection, rigid=joint in rigid_joints)
-        if joint in description.substructures:
-            alone.add(joint)
+        connections[name] = replace(entry.connection, rigid=name.removesuffix(" windowed") in rigid_joints)
+        model = entry.connection.model
+        if isinstance(model.model if isinstance(model, _Windowed) else model, UnknownPart):
+            alone.add(entry.connection.attachments[0].substructure)
     parts: dict[str, SubstructureModel] = {
         name: NodesAlone(part) if name in alone else part for name, part in description.substructures.items()
     }
