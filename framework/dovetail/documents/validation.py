@@ -95,6 +95,9 @@ def _is_float(annotation: Any) -> bool:
     """Return whether a float may stand there, and no section."""
     if isinstance(annotation, type):
         return annotation is float
+    origin = get_origin(annotation)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return False
     return any(_is_float(part) for part in get_args(annotation)) and not any(_models_in(annotation))
 
 
