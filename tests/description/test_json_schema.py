@@ -207,3 +207,11 @@ def test_what_is_unknown_of_parts_and_chains():
     assert faults({**description, "response": response}) == []
     assert faults({**description, "response": {**response, "calibration": {"gian": 1}}}) != []
     assert faults({**description, "response": {**response, "force": {"at": "tool"}}}) != []
+
+
+def test_the_lines_may_be_a_list_and_have_bands():
+    description = read(ROOT / "assemblies" / "bt40_er32.yaml")
+    assert faults({**description, "frequency": ["100 Hz", 150, 200]}) == []
+    assert faults({**description, "frequency": ["100 Hz"]}) != []
+    bands = {**description["frequency"], "bands": [["100 Hz", "2 kHz"]], "without": [[48, 52]]}
+    assert faults({**description, "frequency": bands}) == []

@@ -240,10 +240,9 @@ class LabelsFromASet(Unmeshed):
 
     @property
     def nodes(self):
-        """Name nodes in the order of a set."""
-        return tuple(
-            Node(label, node.position) for label, node in zip({"n0", "n1", "n2", "n3"}, super().nodes, strict=True)
-        )
+        """Name nodes in the order of a set, which is so large that no two processes agree by chance."""
+        labels = {f"n{number}" for number in range(100)}
+        return tuple(Node(label, node.position) for label, node in zip(labels, super().nodes, strict=False))
 
 
 @breaks("surroundings_are_left_as_they_are")

@@ -84,7 +84,7 @@ def _description() -> Schema:
         "dovetail": {"const": FORMAT},
         "extends": {"type": "string", "description": "Another description, which this one overrides key by key."},
         "name": {"type": ["string", "number"]},
-        "frequency": {"$ref": "#/$defs/frequency"},
+        "frequency": {"anyOf": [{"$ref": "#/$defs/frequency"}, {"type": "array", "items": _QUANTITY, "minItems": 2}]},
         "substructures": {"type": "object", "additionalProperties": {"$ref": "#/$defs/substructure"}},
         "joints": {"type": "object", "additionalProperties": {"$ref": "#/$defs/joint"}},
         "response": {"$ref": "#/$defs/response"},

@@ -53,8 +53,8 @@ def _summary(assembly: Assembly) -> dict[str, Any]:
         for name, part in description.substructures.items()
     ]
     joints = [
-        {"name": name, "model": connection.model.name, "internal_dofs": connection.model.internal_dofs}
-        for name, connection in ((name, entry.connection) for name, entry in description.joints.items())
+        {"name": name, "model": joint.connection.model.name, "internal_dofs": joint.connection.model.internal_dofs}
+        for name, joint in description.joints.items()
     ]
     return {
         "name": assembly.name,

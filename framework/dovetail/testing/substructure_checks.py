@@ -266,7 +266,7 @@ def check_batched_matrices_are_those_of_each_value(specimen: SubstructureSpecime
     part, checked = specimen.component, 0
     for quantity in list_quantities(part):
         values = quantity.value * np.array(_NEIGHBOURS)
-        place = ".".join(map(str, quantity.path))
+        place = quantity.place
         batch = part.batched_matrices({place: values.copy()})
         if batch is None:
             continue

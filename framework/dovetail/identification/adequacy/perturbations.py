@@ -266,9 +266,14 @@ class ConfigQuantity:
         first, *rest = self.path
         return str(first) + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in rest)
 
+    @property
+    def place(self) -> str:
+        """As for ``ComponentConfig.with_options``: ``sections.2.length``."""
+        return ".".join(map(str, self.path))
+
     def replace(self, model: SubstructureModel, value: float) -> SubstructureModel:
         """Return the substructure with another value of the quantity."""
-        return type(model)(_replaced(model.config, self.path, value))
+        return type(model)(model.config.with_options({self.place: value}))
 
 
 def list_quantities(model: SubstructureModel) -> tuple[ConfigQuantity, ...]:
@@ -297,12 +302,3 @@ def _unit(annotation: object, metadata: Iterable[object] = ()) -> str | None:
             return mark.unit
     units = (_unit(accepted, getattr(accepted, "__metadata__", ())) for accepted in get_args(annotation))
     return next((unit for unit in units if unit is not None), None)
-
-
-def _replaced(node: Any, path: tuple[str | int, ...], value: float) -> Any:
-    if not path:
-        return value
-    key, *rest = path
-    if isinstance(key, int):
-        return (*node[:key], _replaced(node[key], tuple(rest), value), *node[key + 1 :])
-    return node.model_copy(update={key: _replaced(getattr(node, key), tuple(rest), value)})
