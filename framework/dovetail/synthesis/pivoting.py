@@ -66,7 +66,7 @@ class PivotedSolver:
         motion = np.zeros((len(Z), *loads.shape), dtype=np.complex128)
         connected = Z[:, reached[:, None], reached]
         try:
-            motion[:, reached] = np.linalg.solve(connected, loads[reached])
+            motion[:, reached] = _solve_refined(connected, loads[reached])
         except np.linalg.LinAlgError as error:
             singular = self._system.frequency[lines][np.linalg.slogdet(connected)[0] == 0]
             where = f" at {singular[0]:g} Hz" if len(singular) else ""
@@ -100,3 +100,18 @@ class PivotedSolver:
                 derivatives.extend(by_column[column] for column in columns)
         shape = len(derivatives), len(self._pairs), len(lines)
         return np.array(derivatives, dtype=np.complex128).reshape(shape).swapaxes(0, 1)
+
+
+def _solve_refined(Z: NDArray[np.complex128], loads: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Solve with rows of one size, and once more for the residual.
+
+    Newtons beside newton metres mislead the choice of pivots; the second step brings the error down to what rounding
+    in each entry of Z explains (Skeel, Iterative refinement implies numerical stability for Gaussian elimination,
+    1980).
+    """
+    size = abs(Z).max(axis=2, keepdims=True)
+    scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
+    scaled = Z * scale * np.swapaxes(scale, 1, 2)
+    motion = scale * np.linalg.solve(scaled, scale * loads)
+    motion += scale * np.linalg.solve(scaled, scale * (loads - Z @ motion))
+    return np.asarray(motion)
