@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -151,8 +151,14 @@ def _named(module: ModuleType) -> dict[str, _Check]:
     }
 
 
-def each_check(model: type[Component]) -> Iterator[CheckResult]:
+def each_check(model: type[Component], names: Collection[str] | None = None) -> Iterator[CheckResult]:
     """Run the checks of a component class one after the other.
+
+    Parameters
+    ----------
+    model : component class
+    names : collection of str, optional
+        Of the checks that are run, with those on which all others build; by default all.
 
     Raises
     ------
@@ -174,6 +180,8 @@ def each_check(model: type[Component]) -> Iterator[CheckResult]:
         subjects = [(each, each.component, _example_label(each, specimens)) for each in specimens]
         for module in _MODULES[model.kind]:
             for name, check in _named(module).items():
+                if names is not None and name not in _PREREQUISITES.union(names):
+                    continue
                 if missing:
                     reason = f"it builds on '{missing.replace('_', ' ')}', which failed."
                     yield CheckResult(label, name, "not run", reason)
