@@ -18,6 +18,7 @@ SECTIONS = {
     "evaluation": "Evaluation",
     "interfaces": "For plugin authors: contracts",
     "registry": "For plugin authors: the hook",
+    "guarded_process": "For plugin authors: readers that a damaged file may mislead",
     "units": "For plugin authors: units",
     "errors": "Errors",
 }

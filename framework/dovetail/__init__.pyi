@@ -38,6 +38,7 @@ from .evaluation import robustness as robustness
 from .evaluation import validate as validate
 from .frf import Frf as Frf
 from .frf import coherence_spectrum as coherence_spectrum
+from .guarded_process import call_guarded as call_guarded
 from .identification import Adequacy as Adequacy
 from .identification import AtPoint as AtPoint
 from .identification import Band as Band

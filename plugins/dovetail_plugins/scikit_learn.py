@@ -128,7 +128,7 @@ class KeptEstimator:
         """
         samples = rows.astype(np.float64)
         try:
-            with _own_random_numbers(), warnings.catch_warnings():
+            with _own_random_numbers(), _in_this_process(), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 estimator.fit(samples, *targets)
                 expected = _rows(getattr(estimator, method)(samples[:2]), 2)
@@ -149,11 +149,19 @@ class KeptEstimator:
     def answer(self, features: NDArray[Any], method: str) -> NDArray[np.float64]:
         """Return what a method answers to features (n_samples, n_features), a row for each."""
         rows = checked_rows(features, self._owner, width=self._width).astype(np.float64)
-        return _rows(getattr(self._estimator, method)(rows), len(rows))
+        with _in_this_process():
+            return _rows(getattr(self._estimator, method)(rows), len(rows))
 
     def state(self) -> State:
         """Return arrays and plain values."""
         return {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in self._state.items()}
+
+
+def _in_this_process() -> Any:
+    """Return a context in which `n_jobs` starts no processes: these would import from the current folder."""
+    from joblib import parallel_config
+
+    return parallel_config("sequential")
 
 
 @contextmanager

@@ -315,7 +315,7 @@ def test_cells_so_deep_that_the_library_ends_the_process(tmp_path: Path) -> None
         cells = matrix(1, b"" if depth else b"c", cells)
     (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + cells)
     assert fault_of(tmp_path / "a.mat") == (
-        "a.mat\n  the workspace is damaged: the library that reads it gave up, or wanted more memory than any FRF."
+        "a.mat\n  the file is damaged: the library that reads it gave up, or wanted more memory than is allowed."
     )
 
 

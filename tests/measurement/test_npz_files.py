@@ -174,4 +174,4 @@ def test_millions_of_members_are_not_listed(refused) -> None:
     with zipfile.ZipFile(stream, "w") as archive:
         for number in range(2000):
             archive.writestr(f"array{number}.npy", b"")
-    assert refused("a.npz", stream.getvalue()) == "a.npz\n  the archive's directory is larger than that of any FRF."
+    assert refused("a.npz", stream.getvalue()) == "a.npz\n  the archive has more than 1000 entries."

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference
+from dovetail.dataset.metadata import check_metadata, read_metadata
 from dovetail.dataset.storage import ARRAYS, Storage, StoredFrfs, read_array, read_flags
 from dovetail.errors import DatasetError, Fault
 
@@ -50,13 +51,14 @@ class Dataset:
 
         self.path = Path(path)
         try:
-            self._group = zarr.open_group(self.path, mode="r")
-            self.attributes: dict[str, Any] = dict(self._group.attrs)
+            self.attributes: dict[str, Any] = dict(read_metadata(self.path, "group").get("attributes", {}))
             if self.attributes.get("dovetail_dataset") != FORMAT:
                 raise DatasetError(Fault(str(path), f"this is not a dovetail dataset of format {FORMAT}."))
             self.storage: Storage = self.attributes.get("storage", "amplitude")
             if self.storage not in get_args(Storage):
                 raise DatasetError(Fault(str(path), f"it stores '{self.storage}', which this version cannot read."))
+            check_metadata(self.path, *ARRAYS[self.storage])
+            self._group = zarr.open_group(self.path, mode="r", zarr_format=3, use_consolidated=False)
             self.parameters: NDArray[np.float64] = read_array(self.path, self._group, "parameters")
             self.frequency: NDArray[np.float64] = read_array(self.path, self._group, "frequency")
             self._written = read_flags(self.path, self._group, "written")

@@ -169,8 +169,8 @@ def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
 
     for unfinished in folder.rglob("*.partial"):  # files of a killed run
         unfinished.unlink(missing_ok=True)
-    group: Any = zarr.open_group(folder, mode="r+")
     dataset = Dataset(folder)
+    group: Any = zarr.open_group(folder, mode="r+", zarr_format=3, use_consolidated=False)
     parameters, frfs, flags = dataset.parameters, group[ARRAYS[dataset.storage][0]], group["written"]
     compute = Assembly.accelerance_amplitude if dataset.storage == "amplitude" else complex_accelerance
     chunk, samples = frfs.chunks[0], len(parameters)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.dataset.metadata import chunk_bytes
 from dovetail.errors import DatasetError, Fault
 
 __all__ = ["ARRAYS", "Storage", "StoredFrfs", "read_array", "read_flags"]
@@ -22,7 +23,6 @@ ARRAYS: dict[Storage, tuple[str, str]] = {
 }
 """Name and type of the array that holds the FRFs."""
 
-_CHECKSUM_BYTES = 4
 _READING_ERRORS = (OSError, ValueError, RuntimeError, TypeError)
 
 
@@ -93,9 +93,7 @@ class StoredFrfs:
         return self._written & np.array(present, dtype=np.bool_)
 
     def _chunk_bytes(self) -> int:
-        codecs: list[str] = [codec["name"] for codec in self._array.metadata.to_dict()["codecs"]]
-        plain = self.chunks[0] * self.chunks[1] * int(self._array.dtype.itemsize)
-        return plain + _CHECKSUM_BYTES * codecs.count("crc32c")
+        return chunk_bytes(self._array.metadata.to_dict())
 
     def _file(self, chunk: int) -> Path:
         return self._folder / str(self._array.basename) / "c" / str(chunk) / "0"
@@ -148,6 +146,7 @@ def read_array(folder: Path, group: Any, name: str) -> NDArray[Any]:
         missing = array.nchunks - array.nchunks_initialized
         raise DatasetError(Fault(where, f"{missing} of its {array.nchunks} chunks are missing.", remedy=remedy))
     try:
+        _check_lengths(folder / name, array)
         return np.asarray(array[:])
     except _READING_ERRORS as error:
         raise DatasetError(Fault(where, f"it is damaged ({error}).", remedy=remedy)) from error
@@ -162,7 +161,16 @@ def read_flags(folder: Path, group: Any, name: str) -> NDArray[np.bool_]:
         They cannot be read.
     """
     try:
+        _check_lengths(folder / name, group[name])
         return np.asarray(group[name][:], dtype=np.bool_)
     except _READING_ERRORS as error:
         remedy = f"Delete {folder / name / 'c'} and go on with --resume."
         raise DatasetError(Fault(str(folder / name), f"it is damaged ({error}).", remedy=remedy)) from error
+
+
+def _check_lengths(folder: Path, array: Any) -> None:
+    """Raise a ValueError where a chunk is a device, or has another length than its array says, before it is read."""
+    expected = chunk_bytes(array.metadata.to_dict())
+    for file in (folder / "c").rglob("*"):
+        if not file.is_dir() and not (file.is_file() and file.stat().st_size == expected):
+            raise ValueError(f"the chunk {file.relative_to(folder)} is no file of {expected} bytes")

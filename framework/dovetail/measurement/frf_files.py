@@ -11,7 +11,7 @@ from dovetail.atomic_files import read_bounded, write_whole
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement.accelerometer import remove_accelerometer_mass
-from dovetail.measurement.formats import cutpro, hdf5, lvm, matlab, npz, tables, uff_reader, uff_writer
+from dovetail.measurement.formats import cutpro, guarded, lvm, npz, tables, uff_reader, uff_writer
 from dovetail.measurement.recording import FrfToWrite, ReadOptions, Recording, parse_quantity, prepare_for_writing
 
 __all__ = ["read_frf", "write_frf"]
@@ -27,7 +27,7 @@ class Format(NamedTuple):
 
 _UFF = Format(uff_reader.decode, uff_writer.encode)
 _TABLE = Format(tables.decode, has_columns=True)
-_HDF5 = Format(hdf5.decode)
+_GUARDED = Format(guarded.decode)
 _FORMATS = {
     ".uff": _UFF,
     ".unv": _UFF,
@@ -36,9 +36,9 @@ _FORMATS = {
     ".npy": Format(npz.decode_array, has_columns=True),
     ".tsv": _TABLE,
     ".txt": _TABLE,
-    ".mat": Format(matlab.decode),
-    ".h5": _HDF5,
-    ".hdf5": _HDF5,
+    ".mat": _GUARDED,
+    ".h5": _GUARDED,
+    ".hdf5": _GUARDED,
     ".frf": Format(cutpro.decode),
     ".lvm": Format(lvm.decode, has_columns=True),
 }

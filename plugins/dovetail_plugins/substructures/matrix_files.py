@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import io
+import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dovetail import DovetailError, Fault
+from dovetail import DovetailError, Fault, call_guarded
 
-__all__ = ["matrix_in", "read_archive", "read_matrix_market", "sound_matrix"]
+__all__ = ["matlab_arrays", "matrix_in", "matrix_market_parts", "read_archive", "read_matrix_market", "sound_matrix"]
 
-_LARGEST_FILE = 2_000_000_000
+_LARGEST_FILE = 1_000_000_000
 """Bytes of a file, and of what an archive unpacks to."""
-_LARGEST_DENSE = 10_000
-"""DOFs from which a full matrix is refused: 0.8 GB."""
+_ALWAYS_UNPACKED, _MOST_TIMES = 100_000_000, 20
+"""Bytes to which any archive may unpack, and how many times its size a large one may; sparse matrices take 3 to 8."""
+_MOST_ARRAYS = 1000
+_ENTRY = b"PK\x01\x02"
+"""With this each entry of an archive's directory begins, whatever the end of the archive says of their number."""
+_LARGEST_DENSE = 3_000
+"""DOFs from which a full matrix is refused: 72 MB."""
+_MOST_DOFS = 2_000_000
 _ASYMMETRY = 1e-6
 """Difference of an entry from its mirror image, over the largest entry, that a printed matrix may have."""
 _FORMATS = "NPZ (.npz), MATLAB to version 7 (.mat) or, one for each matrix, Matrix Market (.mtx)"
@@ -30,17 +39,14 @@ def read_archive(path: Path) -> dict[str, Any]:
     DovetailError
         The file is missing, too large, of another kind or damaged.
     """
-    _check_file(path)
-    readers = {".npz": _read_npz, ".mat": _read_mat}
-    if path.suffix.lower() not in readers:
+    content = _content(path)
+    suffix = path.suffix.lower()
+    if suffix == ".mat":
+        return call_guarded(matlab_arrays, path, content, memory=_memory(content))
+    if suffix != ".npz":
         raise DovetailError(Fault(str(path), f"'{path.suffix}' is not the ending of an archive of matrices.", _FORMATS))
-    try:
-        return readers[path.suffix.lower()](path)
-    except DovetailError:
-        raise
-    except Exception as error:  # zipfile, zlib and scipy each raise their own on a damaged file
-        reason = str(error)[:120] or type(error).__name__
-        raise DovetailError(Fault(str(path), f"the file cannot be read: {reason.rstrip('.')}.", _FORMATS)) from None
+    with _report_damage(path):
+        return _read_npz(path, content)
 
 
 def read_matrix_market(path: Path) -> Any:
@@ -51,26 +57,77 @@ def read_matrix_market(path: Path) -> Any:
     DovetailError
         The file is missing, too large, not of real numbers, or damaged.
     """
-    from scipy.io import mminfo, mmread
-
-    _check_file(path)
+    content = _content(path)
     if path.suffix.lower() != ".mtx":
         raise DovetailError(Fault(str(path), "this is not a Matrix Market file.", "a name that ends in .mtx"))
+    parts = call_guarded(matrix_market_parts, path, content, memory=_memory(content))
+    return matrix_in(parts, "matrix", str(path))
+
+
+def matlab_arrays(path: Path, content: bytes) -> dict[str, Any]:
+    """Return the variables of a workspace that are numbers or texts; to be called in the guarded process only."""
+    from scipy.io import loadmat
+    from scipy.sparse import issparse
+
     try:
-        rows, columns, entries, layout, field, _ = mminfo(path)
+        with _report_damage(path):
+            variables = loadmat(io.BytesIO(content))
+    except NotImplementedError:
+        problem = "the file has MATLAB's format 7.3, which is not read."
+        raise DovetailError(Fault(str(path), problem, _FORMATS, "Save it with the option '-v7'.")) from None
+    arrays: dict[str, Any] = {}
+    for name, value in variables.items():
+        if issparse(value):
+            arrays |= _parts(name, value, str(path))
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "biufcU":
+            arrays[name] = value
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "O":
+            arrays[name] = np.array([_text(cell) for cell in value.ravel()])
+    return arrays
+
+
+def matrix_market_parts(path: Path, content: bytes) -> dict[str, Any]:
+    """Return the matrix in a Matrix Market file, full or in parts; to be called in the guarded process only."""
+    from scipy.io import mminfo, mmread
+
+    with _report_damage(path):
+        rows, columns, entries, layout, field, _ = mminfo(io.BytesIO(content))
         if field not in ("real", "double", "integer", "unsigned-integer"):
             raise DovetailError(Fault(str(path), f"the file holds {field} entries.", "real numbers"))
-        if 2 * entries > path.stat().st_size or (layout == "array" and max(rows, columns) > _LARGEST_DENSE):
+        most = _LARGEST_DENSE if layout == "array" else _MOST_DOFS
+        if 2 * entries > len(content) or max(rows, columns) > most:
             problem = (
                 f"the file announces {entries} entries of a {rows} x {columns} matrix, more than it holds or may hold."
             )
             raise DovetailError(Fault(str(path), problem))
-        return mmread(path)
-    except DovetailError:
+        matrix = mmread(io.BytesIO(content))
+        return {"matrix": matrix} if layout == "array" else _parts("matrix", matrix, str(path))
+
+
+def _parts(name: str, matrix: Any, where: str) -> dict[str, Any]:
+    if matrix.shape[0] != matrix.shape[1]:
+        raise DovetailError(Fault(where, f"the matrix {name} has the shape {matrix.shape}.", "a square one"))
+    columns = matrix.tocsc()
+    return {f"{name}_{part}": getattr(columns, part) for part in ("data", "indices", "indptr")}
+
+
+def _text(cell: Any) -> str:
+    """Return the text or the number of one of MATLAB's cells, empty where it holds something else."""
+    value = np.asarray(cell).ravel()
+    if value.size != 1 or value.dtype.kind not in "biufU":
+        return ""
+    return str(int(value[0])) if value.dtype.kind == "f" and float(value[0]).is_integer() else str(value[0])
+
+
+@contextmanager
+def _report_damage(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (DovetailError, NotImplementedError):
         raise
-    except Exception as error:  # the parser raises ValueError, OverflowError and others
-        reason = (str(error) or type(error).__name__)[:120].rstrip(".")
-        raise DovetailError(Fault(str(path), f"the file cannot be read: {reason}.", "Matrix Market")) from None
+    except Exception as error:  # zipfile, zlib and scipy each raise their own on a damaged file
+        reason = str(error)[:120] or type(error).__name__
+        raise DovetailError(Fault(str(path), f"the file cannot be read: {reason.rstrip('.')}.", _FORMATS)) from None
 
 
 def matrix_in(archive: Mapping[str, Any], name: str, where: str) -> Any:
@@ -143,32 +200,44 @@ def _place(matrix: Any, index: int) -> tuple[int, int]:
     return int(matrix.indices[index]) + 1, int(np.searchsorted(matrix.indptr, index, side="right"))
 
 
-def _check_file(path: Path) -> None:
+def _content(path: Path) -> bytes:
     try:
         size = path.stat().st_size
-    except OSError:
+        if not path.is_file():
+            raise DovetailError(Fault(str(path), "this is not a file."))
+        if size > _LARGEST_FILE:
+            raise DovetailError(Fault(str(path), f"the file has {size / 1e9:.1f} GB.", f"{_LARGEST_FILE / 1e9:.0f} GB"))
+        return path.read_bytes()
+    except FileNotFoundError:
         raise DovetailError(Fault(str(path), "there is no such file.")) from None
-    if not path.is_file():
-        raise DovetailError(Fault(str(path), "this is not a file."))
-    if size > _LARGEST_FILE:
-        raise DovetailError(Fault(str(path), f"the file has {size / 1e9:.1f} GB.", f"{_LARGEST_FILE / 1e9:.0f} GB"))
+    except (OSError, ValueError) as error:
+        raise DovetailError(Fault(str(path), f"the file cannot be read: {error}.")) from None
 
 
-def _read_npz(path: Path) -> dict[str, Any]:
-    with zipfile.ZipFile(path) as members:
-        unpacked = sum(member.file_size for member in members.infolist())
-    if unpacked > _LARGEST_FILE:
-        problem = f"the archive unpacks to {unpacked / 1e9:.1f} GB."
-        raise DovetailError(Fault(str(path), problem, f"{_LARGEST_FILE / 1e9:.0f} GB"))
-    with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
+def _memory(content: bytes) -> int:
+    """Return how much memory a reader may take: what the libraries need, and what a file of this size can hold."""
+    return (3 << 29) + 16 * len(content)
 
 
-def _read_mat(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    try:
-        return {name: value for name, value in loadmat(path).items() if not name.startswith("__")}
-    except NotImplementedError:
-        problem = "the file has MATLAB's format 7.3, which is not read."
-        raise DovetailError(Fault(str(path), problem, _FORMATS, "Save it with the option '-v7'.")) from None
+def _read_npz(path: Path, content: bytes) -> dict[str, Any]:
+    """Return the arrays of an archive; sizes are looked at before anything is unpacked."""
+    if content.count(_ENTRY) > _MOST_ARRAYS:
+        raise DovetailError(Fault(str(path), f"the archive has more than {_MOST_ARRAYS} entries."))
+    arrays = {}
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        unpacked = sum(member.file_size for member in archive.infolist())
+        if unpacked > min(_LARGEST_FILE, max(_ALWAYS_UNPACKED, _MOST_TIMES * len(content))):
+            problem = f"the archive of {len(content) / 1e6:.1f} MB unpacks to {unpacked / 1e6:.0f} MB."
+            accepted = (
+                f"{_ALWAYS_UNPACKED / 1e6:.0f} MB, or {_MOST_TIMES} times its own size to {_LARGEST_FILE / 1e9:.0f} GB"
+            )
+            raise DovetailError(Fault(str(path), problem, accepted, "Write large matrices as sparse ones."))
+        for member in archive.infolist():
+            with archive.open(member) as stream:
+                readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+                shape, _, dtype = readers[np.lib.format.read_magic(stream)](stream)
+            if math.prod(shape) * dtype.itemsize > member.file_size or dtype.hasobject:
+                raise ValueError(f"'{member.filename}' holds Python objects or less than its shape {shape} says")
+            with archive.open(member) as stream:
+                arrays[member.filename.removesuffix(".npy")] = np.lib.format.read_array(stream, allow_pickle=False)
+    return arrays

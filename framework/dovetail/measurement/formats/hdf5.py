@@ -14,14 +14,12 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement.formats.frd import closed_entry, with_frd_units
-from dovetail.measurement.formats.guarded_process import Form, read_guarded
 from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
-from dovetail.measurement.recording import ReadOptions, Recording
 
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["SIGNATURE", "decode", "form_of", "open_hdf5"]
+__all__ = ["SIGNATURE", "check_signature", "open_hdf5"]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _STARTS = (0, *(512 << power for power in range(18)))
@@ -33,30 +31,10 @@ _CLOSED = "class of an object that only MATLAB opens"
 _COMPLEX = (("r", "i"), ("real", "imag"), ("re", "im"))
 
 
-def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
-    """Return what an HDF5 file holds.
-
-    Raises
-    ------
-    MeasurementError
-        Not HDF5, damaged, or its names do not say which FRF it holds.
-    DovetailError
-        h5py is not installed.
-    """
-    return read_guarded(path, content, options, form_of(path, content))
-
-
-def form_of(path: Path, content: bytes) -> Form:
-    """Return ``"HDF5"``.
-
-    Raises
-    ------
-    MeasurementError
-        Not HDF5.
-    """
+def check_signature(path: Path, content: bytes) -> None:
+    """Raise a MeasurementError where a file is not HDF5."""
     if not any(content.startswith(SIGNATURE, start) for start in _STARTS):
         raise MeasurementError(Fault(str(path), "this is no HDF5 file."))
-    return "HDF5"
 
 
 @contextmanager
@@ -68,7 +46,7 @@ def open_hdf5(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
     Raises
     ------
     MeasurementError
-        As `decode`.
+        Damaged, or more than any FRF has.
     """
     import h5py
 

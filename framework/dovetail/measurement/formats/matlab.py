@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement.formats.frd import closed_entry, with_frd_units
-from dovetail.measurement.formats.guarded_process import Form, read_guarded
 from dovetail.measurement.formats.hdf5 import SIGNATURE
 from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
-from dovetail.measurement.recording import ReadOptions, Recording
 
-__all__ = ["decode", "form_of", "workspace"]
+__all__ = ["check_version", "workspace"]
 
 _VERSION = slice(124, 128)
 _VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")
@@ -41,29 +39,18 @@ _MOST_NUMBERS = 12_500_000
 """In all variables together."""
 
 
-def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
-    """Return what a MATLAB workspace holds.
+def check_version(path: Path, content: bytes) -> bool:
+    """Return whether a workspace has version 7.3.
 
     Raises
     ------
     MeasurementError
-        Neither version 5 nor 7.3, damaged, or its names do not say which FRF it holds.
-    """
-    return read_guarded(path, content, options, form_of(path, content))
-
-
-def form_of(path: Path, content: bytes) -> Form:
-    """Return the version of a workspace.
-
-    Raises
-    ------
-    MeasurementError
-        Neither version 5 nor 7.3.
+        Neither 5 nor 7.3.
     """
     if SIGNATURE in (content[:8], content[512:520]):
-        return "MATLAB 7.3"
+        return True
     if content[_VERSION] in _VERSION_5:
-        return "MATLAB 5"
+        return False
     accepted = "version 5 (save -v6, save -v7) or 7.3 (save -v7.3)"
     raise MeasurementError(Fault(str(path), "this is no MATLAB workspace of a version that is read.", accepted))
 

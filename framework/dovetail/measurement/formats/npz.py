@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import math
-import struct
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,8 +21,9 @@ from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, 
 
 __all__ = ["decode", "decode_array", "encode", "open_archive"]
 
-_LARGEST_DIRECTORY = 65536
-"""Bytes of the archive's directory: room for hundreds of arrays, not for millions of empty ones."""
+_MOST_ARRAYS = 1000
+_ENTRY = b"PK\x01\x02"
+"""With this each entry of the directory begins, whatever the end of the archive says of their number."""
 _WIDEST_ITEM = 4000
 """Bytes of one array item: a complex number, or a text of 1000 characters."""
 _MOST_AXES = 3
@@ -49,8 +49,8 @@ def open_archive(path: Path, content: bytes) -> Archive:
     MeasurementError
         Not an archive.
     """
-    if _directory_size(content) > _LARGEST_DIRECTORY:
-        raise MeasurementError(Fault(str(path), "the archive's directory is larger than that of any FRF."))
+    if content.count(_ENTRY) > _MOST_ARRAYS:
+        raise MeasurementError(Fault(str(path), f"the archive has more than {_MOST_ARRAYS} entries."))
     with _report_damage(path):
         archive = zipfile.ZipFile(io.BytesIO(content))
         names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
@@ -87,14 +87,6 @@ def encode(content: FrfToWrite, _path: Path, _binary: bool | None) -> bytes:
     stream = io.BytesIO()
     np.savez(stream, allow_pickle=False, **arrays)
     return stream.getvalue()
-
-
-def _directory_size(content: bytes) -> int:
-    """Size that the end record of a zip file gives its directory; 0 where there is no such record."""
-    end = content.rfind(b"PK\x05\x06")
-    if end < 0 or len(content) < end + 22:
-        return 0
-    return int(struct.unpack_from("<I", content, end + 12)[0])
 
 
 def _load_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, did_you_mean
 from dovetail.frf import QUANTITIES, Quantity
-from dovetail.measurement.formats import hdf5, lvm, matlab, npz, uff_reader
+from dovetail.measurement.formats import guarded, lvm, npz, uff_reader
 from dovetail.measurement.formats.column_names import plain_name
-from dovetail.measurement.formats.guarded_process import read_arrays_guarded
 from dovetail.measurement.formats.named_arrays import Archive
 from dovetail.measurement.formats.text_tables import find_rows, find_table, read_rows, split_lines
 from dovetail.measurement.frf_units import conversion_factor, motion_unit, pint_spelling
@@ -131,9 +130,8 @@ def read_signals(
 def _open_archive(path: Path, content: bytes, names: Mapping[str, str]) -> Archive:
     if path.suffix.lower() == ".npz":
         return npz.open_archive(path, content)
-    form = (matlab if path.suffix.lower() == ".mat" else hdf5).form_of(path, content)
     wanted = [*names.values(), *(name for spellings in _NAMES.values() for name in spellings)]
-    return read_arrays_guarded(path, content, wanted, form)
+    return guarded.read_arrays(path, content, wanted)
 
 
 def _force_unit(label: str) -> float:

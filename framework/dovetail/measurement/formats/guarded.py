@@ -1,0 +1,84 @@
+"""HDF5 files and MATLAB workspaces, which libraries in C read: in a guarded process, never in this one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from dovetail.errors import MeasurementError, require_package
+from dovetail.guarded_process import call_guarded
+from dovetail.measurement.formats import hdf5, matlab
+from dovetail.measurement.formats.column_names import plain_name
+from dovetail.measurement.formats.named_arrays import Archive, Entry, read_recording
+from dovetail.measurement.recording import ReadOptions, Recording
+
+__all__ = ["answer", "decode", "read_arrays"]
+
+Form = Literal["HDF5", "MATLAB 7.3", "MATLAB 5"]
+_HELD = (
+    *("frequency", "values", "coherence", "variance", "has_phase", "quantity", "is_stated", "how_to_state_quantity"),
+    *("note", "factor", "unit", "averages", "rotation", "response", "force"),
+)
+"""What of a recording comes back."""
+
+
+def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
+    """Return the FRF that a file holds.
+
+    Raises
+    ------
+    MeasurementError
+        What is wrong with the file, or that reading it took more memory or time than any FRF.
+    DovetailError
+        h5py is not installed.
+    """
+    question = [options.index, options.response, options.force, dict(options.names)]
+    return Recording(
+        where=str(path),
+        label=path.name,
+        locate=lambda index: f"{path}  line {index + 1} of the arrays",
+        **{"coherence": None, "variance": None} | _ask(path, content, {"options": question}),
+    )
+
+
+def read_arrays(path: Path, content: bytes, names: Sequence[str]) -> Archive:
+    """Return the arrays of a file; only those called by one of `names`, in full or by the last word, can be loaded.
+
+    Raises
+    ------
+    MeasurementError, DovetailError
+        As `decode`.
+    """
+    held = _ask(path, content, {"arrays": list(names)})
+    return Archive(path, {name: Entry("", partial(held.__getitem__, name)) for name in held["names"]})
+
+
+def _ask(path: Path, content: bytes, question: Mapping[str, Any]) -> dict[str, Any]:
+    form: Form = "HDF5"
+    if path.suffix.lower() == ".mat":
+        form = "MATLAB 7.3" if matlab.check_version(path, content) else "MATLAB 5"
+    else:
+        hdf5.check_signature(path, content)
+    if form != "MATLAB 5":
+        require_package("h5py", "hdf5", str(path))
+    return call_guarded(answer, path, content, form, dict(question), error=MeasurementError)
+
+
+def answer(path: Path, content: bytes, form: Form, question: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is asked of a file; to be called in the guarded process only."""
+    with _opened(path, content, form) as archive:
+        if "options" in question:
+            recording = read_recording(archive, ReadOptions(*question["options"]))
+            return {name: getattr(recording, name) for name in _HELD}
+        names = question["arrays"]
+        wanted = [name for name in archive.entries if name in names or plain_name(name) in names]
+        return {"names": list(archive.entries)} | {name: archive.entries[name].load() for name in wanted}
+
+
+def _opened(path: Path, content: bytes, form: Form) -> AbstractContextManager[Archive]:
+    if form == "MATLAB 5":
+        return nullcontext(matlab.workspace(path, content))
+    return hdf5.open_hdf5(path, content, matlab=form == "MATLAB 7.3")
