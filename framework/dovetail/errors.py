@@ -7,6 +7,8 @@ import importlib.util
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from dovetail.plain_text import terminal_text
+
 __all__ = [
     "BundleError",
     "DatasetError",
@@ -57,7 +59,7 @@ class Fault:
             advice.append(f"Accepted: {self.accepted}")
         if advice:
             lines.append("  " + "  ".join(advice))
-        return "\n".join(lines)
+        return terminal_text("\n".join(lines))
 
 
 class DovetailError(Exception):

@@ -27,6 +27,12 @@ Plain = bool | int | float | str | None | list[bool | int | float | str | None]
 """What an option may be."""
 
 _OF_THE_DESCRIPTION = {"random_state": "the description's seed is used", "memory": "nothing is kept on disk"}
+_TRUSTING = frozenset(
+    ("SVC", "NuSVC", "OneClassSVM", "KMeans", "MiniBatchKMeans", "BisectingKMeans", "LocalOutlierFactor")
+)
+"""Estimators in whose native code a changed state reads outside of its arrays."""
+_LIBSVM = ("SVR", "NuSVR")
+"""These too, but what their states must be is known."""
 _LOST = object()
 _STRUCTURE = "structure"
 
@@ -36,7 +42,7 @@ def _exported() -> dict[str, type]:
     """Return the estimators of scikit-learn by their names."""
     from sklearn.utils import all_estimators
 
-    return dict(all_estimators())
+    return {name: entry for name, entry in all_estimators() if name not in _TRUSTING}
 
 
 def estimator_class(name: str, method: str) -> Any:
@@ -58,6 +64,8 @@ def estimator_class(name: str, method: str) -> Any:
         return fitting[name]
     if name in _exported():
         raise ValueError(f"scikit-learn's {name} has no method '{method}' for new FRFs")
+    if name in _TRUSTING:
+        raise ValueError(f"{name} is refused: its native code trusts a stored model, whoever changed it")
     raise ValueError(f"scikit-learn has no '{name}'{_nearest(name, fitting)}")
 
 
@@ -243,6 +251,8 @@ def _decode(node: Any, arrays: Mapping[str, Any]) -> Any:
         model: Any = _exported()[node["estimator"]]
         estimator = model.__new__(model)
         vars(estimator).update({name: _decode(entry, arrays) for name, entry in node["with"].items()})
+        if node["estimator"] in _LIBSVM and "support_vectors_" in vars(estimator):
+            _check_libsvm(estimator)
         return estimator
     ((kind, held),) = node.items()
     if kind in ("array", "scalar"):
@@ -254,3 +264,19 @@ def _decode(node: Any, arrays: Mapping[str, Any]) -> Any:
     if kind == "dict":
         return {name: _decode(entry, arrays) for name, entry in held.items()}
     return float(held) if kind == "float" else np.dtype(held).type
+
+
+def _check_libsvm(estimator: Any) -> None:
+    """Raise a ValueError where a state is not what fitting makes: libsvm reads as many numbers as it says there are."""
+    held, own = vars(estimator), vars(type(estimator)().fit([[0.0], [1.0]], [0.0, 1.0]))
+    count, width = held["support_vectors_"].shape
+    shapes = {name: (1, count) for name in ("dual_coef_", "_dual_coef_")} | {"support_vectors_": (count, width)}
+    shapes |= {"support_": (count,), "_n_support": (2,), "_probA": (0,), "_probB": (0,), "_intercept_": (1,)}
+    samples, columns = held["shape_fit_"]
+    sound = (
+        *(set(held) == set(own), held["_sparse"] is False, columns == width),
+        all(held[name].shape == shape and held[name].dtype == own[name].dtype for name, shape in shapes.items()),
+        np.all(held["_n_support"] == count) and np.all((held["support_"] >= 0) & (held["support_"] < samples)),
+    )
+    if not all(sound):
+        raise ValueError(f"its arrays are not those of a fitted {type(estimator).__name__}")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -60,7 +63,7 @@ def test_regressors_of_one_or_several_targets(features, targets, name):
     [
         (reducer, {"estimator": "KernelPcA"}, r"scikit-learn has no 'KernelPcA' \(did you mean 'KernelPCA'\?\)"),
         (reducer, {"estimator": "TSNE"}, "scikit-learn's TSNE has no method 'transform' for new FRFs"),
-        (regressor, {"estimator": "SVC"}, "scikit-learn's SVC is not a regressor"),
+        (regressor, {"estimator": "LogisticRegression"}, "scikit-learn's LogisticRegression is not a regressor"),
         (reducer, {"estimator": "os.system"}, "scikit-learn has no 'os.system'"),
         (reducer, {"estimator": "sklearn.decomposition.PCA"}, "scikit-learn has no 'sklearn.decomposition.PCA'"),
         (
@@ -145,3 +148,60 @@ def test_a_misspelt_option_is_told_with_its_place(assemblies, tmp_path):
     )
     with pytest.raises(dovetail.DovetailError, match=r"small\.yaml:3:\d+  identification\.reducer\n  'n_comp"):
         dovetail.load(description)
+
+
+def changed(state, name, make):
+    """A state in which an array of the first estimator within has been replaced, or a plain value."""
+    tree = json.loads(state["structure"])
+    inside = tree["with"]["estimators_"]["list"][0]["with"]
+    if isinstance(inside.get(name), dict) and "array" in inside[name]:
+        return state | {inside[name]["array"]: make(state[inside[name]["array"]])}
+    inside[name] = make(inside.get(name))
+    return state | {"structure": json.dumps(tree)}
+
+
+LIBSVM = {
+    "fewer vectors": ("support_vectors_", lambda vectors: vectors[:1].copy()),
+    "fewer columns": ("support_vectors_", lambda vectors: vectors[:, :3].copy()),
+    "fewer weights": ("_dual_coef_", lambda weights: weights[:, :1].copy()),
+    "a far index": ("support_", lambda indices: indices + 10**9),
+    "more classes": ("_n_support", lambda _: np.full(1000, 10**9, dtype=np.int32)),
+    "another kind of machine": ("_impl", lambda _: "c_svc"),
+    "sparse vectors": ("_sparse", lambda _: True),
+    "single precision": ("support_vectors_", lambda vectors: vectors.astype(np.float32)),
+}
+
+
+@pytest.mark.parametrize("change", LIBSVM)
+@pytest.mark.parametrize("name", ["SVR", "NuSVR"])
+def test_a_state_on_which_libsvm_would_crash_is_refused_unused(features, targets, name, change):
+    state = regressor(name).fit(features, targets, seed=0).state()
+    regressor(name).restore(state)
+    with pytest.raises(dovetail.DovetailError, match=f"not those of a fitted {name}"):
+        regressor(name).restore(changed(state, *LIBSVM[change]))
+
+
+@pytest.mark.parametrize("name", ["SVC", "OneClassSVM", "KMeans"])
+def test_estimators_whose_native_code_trusts_their_state_are_refused_by_name(features, name):
+    with pytest.raises(ValidationError, match=f"{name} is refused: its native code trusts a stored model"):
+        reducer(name) if name == "KMeans" else regressor(name)
+    structure = json.dumps({"estimator": name, "with": {}})
+    with pytest.raises(dovetail.DovetailError, match="its state cannot be read"):
+        reducer("PCA").restore({"structure": structure, "width": 120})
+
+
+def test_no_process_is_started_for_jobs(features, targets, tmp_path, monkeypatch):
+    """A process of joblib's would import what lies in the current folder."""
+    (tmp_path / "secrets.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')")
+    monkeypatch.chdir(tmp_path)
+    state = regressor("SVR").fit(features, targets, seed=0).state()
+    tree = json.loads(state["structure"])
+    tree["with"]["n_jobs"] = 2
+    before = {child.name for child in multiprocessing.active_children()}
+    children = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
+    known = children.read_text() if children.exists() else ""
+    regressor("SVR").restore(state | {"structure": json.dumps(tree)}).predict(features[:3])
+    regressor("LinearRegression", n_jobs=2).fit(features, targets, seed=0).predict(features[:3])
+    assert (children.read_text() if children.exists() else "") == known
+    assert {child.name for child in multiprocessing.active_children()} == before
+    assert not (tmp_path / "ran").exists()

@@ -105,7 +105,7 @@ def test_hostile_names_are_only_text(result: Identification, tmp_path: Path) -> 
 
 def test_a_name_that_is_not_unicode_does_not_stop_the_report(result: Identification, tmp_path: Path) -> None:
     odd = replace(result, provenance={"measurement": "measured\udcff.uff"})
-    assert "measured?.uff" in written(odd, tmp_path).text
+    assert r"measured\udcff.uff" in written(odd, tmp_path).text
 
 
 def test_every_parameter_stands_there_with_value_unit_and_range(result: Identification, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import typer
 from dovetail.cli.commands import INTERRUPTED
 from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
+from dovetail.plain_text import markdown_cell
 
 if TYPE_CHECKING:
     from dovetail.evaluation import Calibration
@@ -127,7 +128,7 @@ def _write(done: Calibration, folder: Path) -> None:
 
     plain = done.to_dict()
     lines = [_HEADERS, ["---"] * len(_HEADERS), *_rows(done)]
-    markdown = "\n".join(f"| {' | '.join(line)} |" for line in lines) + f"\n\n{_times(done)}\n"
+    markdown = "\n".join(f"| {' | '.join(map(markdown_cell, line))} |" for line in lines) + f"\n\n{_times(done)}\n"
     content = {
         _FILES[0]: json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         _FILES[1]: markdown,
@@ -141,7 +142,7 @@ def _write(done: Calibration, folder: Path) -> None:
         _FILES[3]: _cases(done),
     }
     for name, text in content.items():
-        write_whole(folder / name, text.encode("utf-8"), overwrite=True)
+        write_whole(folder / name, text.encode("utf-8", "replace"), overwrite=True)
     save_png(rank_figure(done), folder / _FILES[4])
     save_png(coverage_figure(done), folder / _FILES[5])
 

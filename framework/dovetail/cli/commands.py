@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from dovetail.cli.terminal import note, say
 from dovetail.errors import DovetailError, Fault
+from dovetail.plain_text import terminal_text
 
 __all__ = [
     "INTERRUPTED",
@@ -83,7 +84,7 @@ def report_bug(error: Exception) -> None:
     trace = error.__traceback__
     while trace and trace.tb_next and not _is_command(trace.tb_frame):
         trace = trace.tb_next
-    typer.echo("".join(traceback.format_exception(type(error), error, trace)), err=True)
+    typer.echo(terminal_text("".join(traceback.format_exception(type(error), error, trace))), err=True)
     typer.echo(
         f"This is a bug in dovetail {__version__} or in a plugin that it uses, not a fault of yours: "
         "please report it with the lines above.",

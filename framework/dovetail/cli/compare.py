@@ -118,5 +118,5 @@ def _write(done: Comparison, folder: Path) -> None:
     from dovetail.report.comparison import write_comparison
 
     for name, (header, rows) in _tables(done).items():
-        write_whole(folder / f"{name}.csv", csv_text(header, rows).encode("utf-8"), overwrite=True)
+        write_whole(folder / f"{name}.csv", csv_text(header, rows).encode("utf-8", "replace"), overwrite=True)
     write_comparison(done, folder / _FILES[0])

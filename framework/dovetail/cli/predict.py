@@ -87,4 +87,4 @@ def _write_band(band: Band, frf: Frf, file: Path) -> None:
     rows = zip(*(column.tolist() for column in columns), strict=True)
     text = f"# quantity: {frf.quantity}; {band.level:.0%} of each line\n{caveat_comment(band.caveat)}"
     text += csv_text(["frequency_Hz", "amplitude", "lower", "upper"], rows)
-    write_whole(file, text.encode("utf-8"), overwrite=True)
+    write_whole(file, text.encode("utf-8", "replace"), overwrite=True)

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dovetail.plain_text import csv_cell, csv_comment
+
 if TYPE_CHECKING:
     from dovetail.identification import AtPoint, Identification
     from dovetail.report.truth import Truth
@@ -73,11 +75,11 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
         "parameters.csv": _parameters(result, truth),
     }
     for name, text in texts.items():
-        write_whole(paths[name], text.encode("utf-8"), overwrite=True)
+        write_whole(paths[name], text.encode("utf-8", "replace"), overwrite=True)
     for index, response in enumerate(result.responses):
         table, figure = (folder / name for name in _frf_files(index + 1))
         paths |= {table.name: table, figure.name: figure}
-        write_whole(table, _frfs(response).encode("utf-8"), overwrite=True)
+        write_whole(table, _frfs(response).encode("utf-8", "replace"), overwrite=True)
         save_png(plot_frf(result, index), figure)
     write_report(result, paths["report.html"], truth=truth)
     return tuple(paths.values())
@@ -118,13 +120,13 @@ def _frfs(at_point: AtPoint) -> str:
 
 def caveat_comment(caveat: str) -> str:
     """Return the comment line of a table of lines of an FRF, as `write_frf` writes it; nothing without a caveat."""
-    return f"# note: {caveat}\n" if caveat else ""
+    return f"# note: {csv_comment(caveat)}\n" if caveat else ""
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Iterable[Any]]) -> str:
     """Return comma-separated text with a header line."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
+    for row in (header, *rows):
+        writer.writerow([csv_cell(cell) if isinstance(cell, str) else cell for cell in row])
     return stream.getvalue()

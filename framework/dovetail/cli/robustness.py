@@ -104,5 +104,5 @@ def _write(rows: Sequence[RobustnessRow], folder: Path) -> None:
         _FILES[1]: csv_text(list(flat[0]), [row.values() for row in flat]),
     }
     for name, text in content.items():
-        write_whole(folder / name, text.encode("utf-8"), overwrite=True)
+        write_whole(folder / name, text.encode("utf-8", "replace"), overwrite=True)
     save_png(robustness_figure(flat), folder / _FILES[2])

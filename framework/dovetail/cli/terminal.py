@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
 
+from dovetail.plain_text import terminal_text
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
@@ -41,6 +43,7 @@ class Ranged(Protocol):
 
 def note(text: str) -> None:
     """Print a note to the user on stderr; on a terminal, lines that are not indented are wrapped."""
+    text = terminal_text(text)
     if sys.stderr.isatty():
         width = shutil.get_terminal_size().columns
         text = "\n".join(
@@ -52,21 +55,22 @@ def note(text: str) -> None:
 
 def print_json(value: Any) -> None:
     """Print plain values as JSON."""
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
+    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
+    typer.echo(terminal_text(text.encode("utf-8", "replace").decode("utf-8")))
 
 
 def say(text: str = "") -> None:
     """Print a paragraph, wrapped on a terminal."""
     from rich.text import Text
 
-    _show(Text(text))
+    _show(Text(terminal_text(text)))
 
 
 def title(text: str) -> None:
     """Print a line that stands out on a terminal."""
     from rich.text import Text
 
-    _show(Text(text, style="bold"))
+    _show(Text(terminal_text(text), style="bold"))
 
 
 def heading(text: str) -> None:
@@ -106,11 +110,11 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Seq
     from rich.table import Table
     from rich.text import Text
 
-    cells = [list(row) for row in rows]
+    cells = [[terminal_text(cell) for cell in row] for row in rows]
     kept = [column for column in range(len(headers)) if any(row[column] for row in cells)]
     grid = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, header_style="bold")
     for column in kept:
-        name = headers[column]
+        name = terminal_text(headers[column])
         narrow = column == 0 or name in numbers
         grid.add_column(Text(name), justify="right" if name in numbers else "left", no_wrap=narrow, overflow="fold")
     for row in cells:

@@ -12,6 +12,7 @@ import typer
 from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles, check_method
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
+from dovetail.plain_text import markdown_cell
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -105,8 +106,8 @@ def _markdown(done: Validation) -> str:
     width = len(_HEADERS) if any(row[-1] for row in rows) else len(_HEADERS) - 1
     rule = ["---", *["---:"] * 5, "---"][:width]
     lines = [list(_HEADERS[:width]), rule, *(row[:width] for row in rows)]
-    text = "".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |\n" for line in lines)
-    return f"{text}\n{done.caveat}\n" if done.caveat else text
+    text = "".join(f"| {' | '.join(map(markdown_cell, line))} |\n" for line in lines)
+    return f"{text}\n{markdown_cell(done.caveat)}\n" if done.caveat else text
 
 
 def _text(value: float | None, form: str) -> str:
@@ -134,7 +135,7 @@ def _write(done: Validation, folder: Path) -> None:
         _FILES[2]: _markdown(done),
     }
     for name, text in content.items():
-        write_whole(folder / name, text.encode("utf-8"), overwrite=True)
+        write_whole(folder / name, text.encode("utf-8", "replace"), overwrite=True)
     save_png(validation_figure(done), folder / _FILES[3], dpi=120)
     if done.series:
         save_png(series_figure(done), folder / _SERIES, dpi=120)

@@ -11,6 +11,7 @@ from dovetail.evaluation import Compared, Comparison
 from dovetail.evaluation.cases import Case
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification.result import caveats_of
+from dovetail.plain_text import terminal_text
 from dovetail.report.figures import (
     INK,
     LINES,
@@ -62,7 +63,7 @@ def parameter_comparison(comparison: Comparison) -> Figure:
     for axes in panels[len(names) :]:
         axes.set_visible(False)
     for axes in panels[max(0, len(names) - _COLUMNS) : len(names)]:
-        axes.set_xlabel(comparison.series or "case")
+        axes.set_xlabel(terminal_text(comparison.series or "case"), parse_math=False)
     _finish(figure, panels[0], comparison.caveat)
     return figure
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.atomic_files import write_whole
 from dovetail.frf import Frf
+from dovetail.plain_text import terminal_text
 from dovetail.report.wording import unit_text
 
 if TYPE_CHECKING:
@@ -221,7 +222,7 @@ def _stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
 
 def set_title(figure: Figure, *lines: str) -> None:
     """Put lines of text above a figure, the empty ones left out and the long ones broken."""
-    text = "\n".join(textwrap.fill(line, _TITLE_WIDTH) for line in lines if line)
+    text = "\n".join(textwrap.fill(terminal_text(line), _TITLE_WIDTH) for line in lines if line)
     figure.suptitle(text, fontsize=11, color=INK, parse_math=False)
 
 

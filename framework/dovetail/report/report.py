@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from dovetail.atomic_files import write_whole
 from dovetail.identification import Identification
+from dovetail.plain_text import terminal_text
 from dovetail.report import content
 from dovetail.report.svg import inline_svg
 from dovetail.report.truth import Truth
@@ -55,6 +56,7 @@ def environment() -> Environment:
     return Environment(
         loader=PackageLoader("dovetail.report", "templates"),
         autoescape=True,
+        finalize=lambda value: terminal_text(value) if type(value) is str else value,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

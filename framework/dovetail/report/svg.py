@@ -6,6 +6,8 @@ import io
 import re
 from typing import TYPE_CHECKING
 
+from dovetail.plain_text import html_text
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -25,7 +27,7 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
     name : str
         Put before every id, so that several figures can stand in one page.
     title : str
-        What a screen reader says; plain text, set by the program and not by a user.
+        What a screen reader says.
 
     Returns
     -------
@@ -41,7 +43,9 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
         figure.savefig(buffer, format="svg", metadata=metadata)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
-    text = re.sub(r'^<svg[^>]*?viewBox="([^"]*)"[^>]*>', rf'<svg viewBox="\1" role="img" aria-label="{title}">', text)
+    start = re.match(r'<svg[^>]*?viewBox="([^"]*)"[^>]*>', text)
+    assert start is not None
+    text = f'<svg viewBox="{start[1]}" role="img" aria-label="{html_text(title)}">{text[start.end() :]}'
     text = text.replace("xlink:href", "href")
     text = _REFERENCE.sub(rf"\g<1>{name}-", text)
     return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text)

@@ -9,6 +9,7 @@ import numpy as np
 
 from dovetail.evaluation import PeakRow, ValidatedCase, Validation
 from dovetail.frf import Frf, unit_of
+from dovetail.plain_text import terminal_text
 from dovetail.report.figures import INK, LINES, MARKERS, MEASURED, RECONSTRUCTED, WIDTH, set_title, style_axes
 from dovetail.report.wording import unit_text
 
@@ -59,7 +60,7 @@ def _draw_case(axes: Axes, case: ValidatedCase) -> None:
         axes.plot(frf.frequency, np.where(frf.amplitude > 0, frf.amplitude, np.nan), **style)
     for row in case.peaks:
         _mark(axes, case, row)
-    axes.set_title(case.case.name, fontsize=10, color=INK, loc="left", parse_math=False)
+    axes.set_title(terminal_text(case.case.name), fontsize=10, color=INK, loc="left", parse_math=False)
     axes.set_xlim(float(case.predicted.frequency[0]), float(case.predicted.frequency[-1]))
     quantity = case.predicted.quantity
     axes.set_ylabel(f"{quantity.capitalize()} [{unit_text(unit_of(quantity))}]")
@@ -98,7 +99,7 @@ def series_figure(validation: Validation) -> Figure:
     for index, axes in enumerate(panels):
         _draw_resonance(axes, cases, index)
     panels[-1].legend(loc="best", fontsize=9)
-    panels[0].set_xlabel(validation.series)
+    panels[0].set_xlabel(terminal_text(validation.series), parse_math=False)
     set_title(figure, validation.title, validation.caveat)
     return figure
 

@@ -30,6 +30,7 @@ from dovetail.measurement.formats.column_names import (
 from dovetail.measurement.formats.text_tables import TextTable, find_rows, find_table, read_rows, split_lines
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, Recording, parse_quantity
+from dovetail.plain_text import csv_comment
 
 __all__ = [
     "HERTZ",
@@ -365,5 +366,5 @@ def _comments(content: FrfToWrite) -> str:
         comments["unit"] = content.unit
     if frf.averages is not None:
         comments["averages"] = str(frf.averages)
-    comments |= {name: " ".join(text.split()) for name in ("note", "response", "force") if (text := getattr(frf, name))}
+    comments |= {name: csv_comment(text) for name in ("note", "response", "force") if (text := getattr(frf, name))}
     return "".join(f"# {name}: {text}\n" for name, text in comments.items())

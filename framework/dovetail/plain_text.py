@@ -1,0 +1,45 @@
+"""Text of files, file names and plugins on its way to a terminal, a table, a page or a spreadsheet: shown, never obeyed."""
+
+from __future__ import annotations
+
+import html
+import re
+
+__all__ = ["csv_cell", "csv_comment", "html_text", "markdown_cell", "terminal_text"]
+
+_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters, marks that turn the direction of writing, and halves of characters, which no file can hold."""
+
+
+def terminal_text(text: str) -> str:
+    r"""Return a text in which each character that a terminal obeys is written as ``\u001b``; lines and tabs stay."""
+    return _OBEYED.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
+
+
+def html_text(text: str) -> str:
+    """Return a text for the inside of an element or of an attribute in quotes."""
+    return html.escape(terminal_text(text))
+
+
+def markdown_cell(text: str) -> str:
+    """Return a text for a cell of a table in Markdown: no elements, no links, one line."""
+    return " ".join(html_text(text).split()).replace("|", "/").replace("[", "&#91;").replace("`", "&#96;")
+
+
+def csv_cell(text: str) -> str:
+    """Return a text that no spreadsheet takes for a formula."""
+    shown = terminal_text(text)
+    return shown if shown.lstrip()[:1] not in ("=", "+", "-", "@") or _is_number(shown) else f"'{shown}"
+
+
+def csv_comment(text: str) -> str:
+    """Return a text for a comment in a table: one line, none of its cells a formula."""
+    return re.sub(r"[^,;]+", lambda match: csv_cell(match[0]), " ".join(text.split()))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return not text.strip("+- ")  # a dash alone stands for nothing
+    return True
