@@ -1,4 +1,4 @@
-"""Text of files, file names and plugins on its way to a terminal, a table, a page or a spreadsheet: shown, never obeyed."""
+"""Text of files and their names on its way to a terminal, a page, a table or a spreadsheet: shown, never obeyed."""
 
 from __future__ import annotations
 

@@ -27,10 +27,13 @@ Plain = bool | int | float | str | None | list[bool | int | float | str | None]
 """What an option may be."""
 
 _OF_THE_DESCRIPTION = {"random_state": "the description's seed is used", "memory": "nothing is kept on disk"}
-_TRUSTING = frozenset(
-    ("SVC", "NuSVC", "OneClassSVM", "KMeans", "MiniBatchKMeans", "BisectingKMeans", "LocalOutlierFactor")
-)
-"""Estimators in whose native code a changed state reads outside of its arrays."""
+_TRUSTING = frozenset((
+    *("SVC", "NuSVC", "OneClassSVM", "KMeans", "MiniBatchKMeans", "BisectingKMeans", "AffinityPropagation"),
+    *("MeanShift", "Birch", "NearestCentroid", "NearestNeighbors", "KNeighborsRegressor", "KNeighborsClassifier"),
+    *("KNeighborsTransformer", "RadiusNeighborsRegressor", "RadiusNeighborsClassifier", "RadiusNeighborsTransformer"),
+    *("LocalOutlierFactor", "Isomap", "LocallyLinearEmbedding"),
+))  # fmt: skip
+"""Estimators whose native code, on a state that was changed, reads outside of its arrays or divides by zero."""
 _LIBSVM = ("SVR", "NuSVR")
 """These too, but what their states must be is known."""
 _LOST = object()
@@ -270,7 +273,7 @@ def _check_libsvm(estimator: Any) -> None:
     """Raise a ValueError where a state is not what fitting makes: libsvm reads as many numbers as it says there are."""
     held, own = vars(estimator), vars(type(estimator)().fit([[0.0], [1.0]], [0.0, 1.0]))
     count, width = held["support_vectors_"].shape
-    shapes = {name: (1, count) for name in ("dual_coef_", "_dual_coef_")} | {"support_vectors_": (count, width)}
+    shapes = dict.fromkeys(("dual_coef_", "_dual_coef_"), (1, count)) | {"support_vectors_": (count, width)}
     shapes |= {"support_": (count,), "_n_support": (2,), "_probA": (0,), "_probB": (0,), "_intercept_": (1,)}
     samples, columns = held["shape_fit_"]
     sound = (

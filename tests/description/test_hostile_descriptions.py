@@ -105,7 +105,7 @@ def test_a_pipe_is_not_waited_for(registry, tmp_path):
     [
         ("none.yaml", "none.yaml\n  there is no such file."),
         (".", ".\n  this is not a file."),
-        ("no\0ne.yaml", "no\0ne.yaml\n  the file cannot be read: embedded null byte."),
+        ("no\0ne.yaml", r"no\u0000ne.yaml" "\n  the file cannot be read: embedded null byte."),
     ],
 )
 def test_what_is_no_file(source, found, registry, tmp_path, monkeypatch):

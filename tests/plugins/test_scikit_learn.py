@@ -181,7 +181,7 @@ def test_a_state_on_which_libsvm_would_crash_is_refused_unused(features, targets
         regressor(name).restore(changed(state, *LIBSVM[change]))
 
 
-@pytest.mark.parametrize("name", ["SVC", "OneClassSVM", "KMeans"])
+@pytest.mark.parametrize("name", ["SVC", "OneClassSVM", "KMeans", "KNeighborsRegressor"])
 def test_estimators_whose_native_code_trusts_their_state_are_refused_by_name(features, name):
     with pytest.raises(ValidationError, match=f"{name} is refused: its native code trusts a stored model"):
         reducer(name) if name == "KMeans" else regressor(name)

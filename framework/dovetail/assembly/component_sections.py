@@ -60,7 +60,8 @@ def build_component(
         return None
     label = f"{kind} model '{offer.component.name}' ({offer.source})"
     keys = ("model", *reserved)
-    _locate_files(offer.component.Config, path, faults)
+    if not _locate_files(offer.component.Config, path, faults):
+        return None
     config = validate(offer.component.Config, path, faults, label, reserved=keys, data={})
     if config is None:
         return None
@@ -73,16 +74,22 @@ def build_component(
         return None
 
 
-def _locate_files(config: type[BaseModel], path: Path, faults: FaultList) -> None:
-    """Make the file names of the section absolute, relative to the description that states them."""
+def _locate_files(config: type[BaseModel], path: Path, faults: FaultList) -> bool:
+    """Make the file names of the section absolute; return whether they may be named."""
     for name, field in config.model_fields.items():
         item = faults.root.at((*path, name))
         if item is None or not any(isinstance(mark, FileName) for mark in field.metadata):
             continue
         if isinstance(item.value, str) and item.value:
             folder = os.path.dirname(os.path.abspath(item.mark.file)) if item.mark.line else os.getcwd()
-            file = os.path.normpath(os.path.join(folder, item.value))
+            file = os.path.normpath(os.path.join(faults.files_in or folder, item.value))
+            inside = os.path.join(os.path.realpath(faults.files_in or folder), item.value)
+            if faults.files_in and (os.path.isabs(item.value) or os.path.realpath(file) != inside):
+                faults.add((*path, name), f"the file '{item.value}' is not in '{faults.files_in}'.")
+                return False
+            faults.files[*path, name] = file
             faults.root = replace_value(faults.root, (*path, name), file)
+    return True
 
 
 def _offer(kind: Kind, path: Path, faults: FaultList, registry: Registry, default: str | None) -> Offer | None:

@@ -142,6 +142,8 @@ class Description:
     left_out : tuple of (float, float)
         Hz; between these ends nothing is compared.
     identification : IdentificationSettings
+    files : mapping of tuple to str
+        The files that options of components name, by the places of these options in the text.
     """
 
     name: str
@@ -155,6 +157,7 @@ class Description:
     unknown_parts: Mapping[str, JointEntry] = field(default_factory=dict)
     calibrations: Mapping[str, ParameterEntry] = field(default_factory=dict)
     left_out: tuple[tuple[float, float], ...] = ()
+    files: Mapping[tuple[str | int, ...], str] = field(default_factory=dict)
 
     @property
     def response(self) -> Response:

@@ -17,7 +17,12 @@ PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str
 """One plugin file, or several."""
 
 
-def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginPaths = ()) -> Assembly:
+def load(
+    source: str | os.PathLike[str] | Mapping[str, Any],
+    *,
+    plugins: PluginPaths = (),
+    files_in: str | os.PathLike[str] | None = None,
+) -> Assembly:
     """Read an assembly description.
 
     Parameters
@@ -26,6 +31,9 @@ def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginP
         A YAML file, or the same as a dict.
     plugins : path or iterable of paths
         Plugin files to load in addition to the installed plugins. Their code runs with the rights of the caller.
+    files_in : path, optional
+        A folder from which the files that substructures name are taken, and which they may not leave: no absolute
+        path, no ``..``, no link. By default they are relative to the description and may lie anywhere.
 
     Returns
     -------
@@ -38,7 +46,7 @@ def load(source: str | os.PathLike[str] | Mapping[str, Any], *, plugins: PluginP
     PluginError
         A plugin file cannot be loaded.
     """
-    return Assembly(read_description(source, components(plugins)))
+    return Assembly(read_description(source, components(plugins), None if files_in is None else os.fspath(files_in)))
 
 
 def components(plugins: PluginPaths = ()) -> Registry:

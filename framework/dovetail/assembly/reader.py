@@ -52,7 +52,9 @@ _OFF_GRID = 1e-6
 _FREQUENCY: Path = ("frequency",)
 
 
-def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registry: Registry) -> Description:
+def read_description(
+    source: str | os.PathLike[str] | Mapping[str, Any], registry: Registry, files_in: str | None = None
+) -> Description:
     """Read and check an assembly description.
 
     Parameters
@@ -61,6 +63,8 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
         A YAML file, or the same as a dict.
     registry : Registry
         The components that the description may name.
+    files_in : str, optional
+        The folder in which all files that it names must lie.
 
     Returns
     -------
@@ -72,6 +76,7 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
         Every fault of the description, in the order of its text.
     """
     faults = FaultList()
+    faults.files_in = files_in
     name, faults.root = read_source(source, faults)
     _check_format(faults)
     several = faults.root.at(RESPONSES) is not None
@@ -102,6 +107,7 @@ def read_description(source: str | os.PathLike[str] | Mapping[str, Any], registr
         unknown_parts=MappingProxyType(unknown_parts),
         calibrations=MappingProxyType(calibrations),
         left_out=left_out,
+        files=MappingProxyType(faults.files),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
@@ -135,8 +136,9 @@ def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
     samples, lines = plan.samples, len(assembly.description.responses) * len(assembly.frequency)
     array, dtype = ARRAYS[plan.storage]
     chunk = max(1, min(samples, int(_CHUNK_BYTES / (np.dtype(dtype).itemsize * lines))))
-    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.new")
-    temporary.parent.mkdir(parents=True, exist_ok=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    temporary = folder.with_name(f".{folder.name}.{secrets.token_hex(8)}.new")
+    temporary.mkdir()  # an error where something is there, be it a link
     attributes: dict[str, Any] = {
         "dovetail_dataset": FORMAT,
         "dovetail_version": version("dovetail-frf"),

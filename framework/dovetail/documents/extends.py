@@ -15,6 +15,8 @@ __all__ = ["read_source"]
 
 LONGEST_CHAIN = 16
 _EXTENDS = "extends"
+_FORMATS = ("dovetail", "dovetail_cases")
+"""Keys of which each document has one, or extends one that has."""
 
 
 def read_source(source: str | os.PathLike[str] | Mapping[str, object], faults: FaultList) -> tuple[str, Item]:
@@ -51,7 +53,12 @@ def read_source(source: str | os.PathLike[str] | Mapping[str, object], faults: F
         _check_exists(chain[-1], base, faults)
         file = base
         seen.append(os.path.realpath(file))
-        chain.append(read_yaml(file, len(chain), faults))
+        own = FaultList()
+        item = read_yaml(file, len(chain), own)
+        if not {*_FORMATS, _EXTENDS} & item.entries.keys():
+            raise _no_description(chain[-1], base, faults)
+        faults.take(own)
+        chain.append(item)
     merged = chain.pop()
     while chain:
         merged = _merge(merged, chain.pop(), ())
@@ -75,6 +82,12 @@ def _endless(chain: list[Item], base: str, cyclic: bool, faults: FaultList) -> D
     mark = chain[-1].entries[_EXTENDS].item.mark
     reason = "extends itself in the end." if cyclic else f"is the end of a chain of more than {LONGEST_CHAIN} files."
     faults.add_at(mark, (_EXTENDS,), f"'{base}' {reason}")
+    return faults.error()
+
+
+def _no_description(item: Item, base: str, faults: FaultList) -> DescriptionError:
+    """Return an error that says nothing of what is in the file: it may be any file of the user's."""
+    faults.add_at(item.entries[_EXTENDS].item.mark, (_EXTENDS,), f"'{base}' is no description.")
     return faults.error()
 
 

@@ -23,6 +23,10 @@ class FaultList:
         self.root = Item(Mark(0, 0, 0, ""), {})
         self._faults: list[tuple[Mark, Fault]] = []
         self._garbled: set[Path] = set()
+        self.files_in: str | None = None
+        """The folder in which all files that the document names must lie; anywhere by default."""
+        self.files: dict[Path, str] = {}
+        """The files that it names, by the places where it does."""
 
     def __len__(self) -> int:
         return len(self._faults)
@@ -54,6 +58,12 @@ class FaultList:
         self._faults.append((mark, Fault(where, problem, accepted, remedy)))
         if len(self._faults) == MOST_FAULTS:
             raise self.error()
+
+    def take(self, others: FaultList) -> None:
+        """Take over the faults of another list."""
+        self._garbled |= others._garbled
+        for mark, fault in others._faults:
+            self._faults.append((mark, fault))
 
     def add_garbled(self, mark: Mark, path: Path, problem: str, accepted: str = "", remedy: str = "") -> None:
         """Report a value that cannot be read, and drop all later faults of it."""

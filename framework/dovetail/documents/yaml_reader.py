@@ -169,7 +169,8 @@ class _Composer:
             raise self._fatal(mark, f"the file asks for YAML {version}.", "YAML 1.2")
         root, _ = self._node(next(self._events), (), 1)
         if not root.is_mapping:
-            raise self._fatal(root.mark, f"the file holds {format_value(root.value)}.", "a section of keys and values")
+            held = "no description" if self._rank else format_value(root.value)  # of another file no line is printed
+            raise self._fatal(root.mark, f"the file holds {held}.", "a section of keys and values")
         next(self._events)
         if not isinstance(next(self._events), yaml.StreamEndEvent):
             raise self._fatal(self._last, "a second document begins here.", "one document in a file")

@@ -7,6 +7,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Mapping
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,8 @@ from dovetail.interfaces import State
 
 __all__ = ["read_bundle", "write_bundle"]
 
+FILES = "files"
+"""Folder of the files that the description names, each under its SHA-256."""
 _CHECK_FRACTIONS = (0.3, 0.5, 0.7)
 """Of the parameters' ranges: FRFs there and their predictions are in a bundle, to be compared after loading."""
 
@@ -144,7 +147,7 @@ def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, State
     manifest = Manifest(
         format=FORMAT,
         version=VERSION if trained.novelty is not None else 1,
-        description=trained.assembly.description.text,
+        description=_packed_description(folder, trained.assembly),
         parameters=tuple(parameter.name for parameter in trained.assembly.parameters),
         components=component_sources(trained.assembly),
         packages=package_versions(),
@@ -156,6 +159,18 @@ def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, State
     (folder / MANIFEST).write_text(text + "\n", encoding="utf-8")
     for section in states:  # safetensors lets only the owner read
         shutil.copymode(folder / MANIFEST, folder / f"{section}.safetensors")
+
+
+def _packed_description(folder: Path, assembly: Assembly) -> str:
+    """Copy the files that a description names into the model, and return its text with their names there."""
+    whole = json.loads(assembly.description.text)
+    for (*steps, option), file in assembly.description.files.items():
+        section = reduce(lambda held, step: held[step], steps, whole)
+        copy = folder / FILES / f"{_digest(Path(file))}{Path(file).suffix.lower()}"
+        copy.parent.mkdir(exist_ok=True)
+        shutil.copyfile(file, copy)
+        section[option] = f"{FILES}/{copy.name}"
+    return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
 
 
 def _states(trained: TrainedNetwork) -> dict[Section, State]:
@@ -243,8 +258,11 @@ def _assembly(folder: Path, manifest: Manifest, plugins: PluginPaths) -> Assembl
         raise damaged(file, "its description is not a JSON object.")
     if "extends" in description:
         raise damaged(file, "its description refers to a file outside the model.")
+    for held in (folder / FILES).glob("*"):
+        if not held.is_file() or _digest(held) != held.stem:
+            raise damaged(held, "the file is not the one that its name says.")
     try:
-        assembly = load(description, plugins=plugins)
+        assembly = load(description, plugins=plugins, files_in=folder)
     except DescriptionError as error:
         components = [
             f"{name} ({source})" for name, source in manifest.components.items() if "dovetail-frf" not in source
