@@ -98,9 +98,22 @@ def dimension(unit: str) -> tuple[float, Mapping[str, float]]:
     return float(quantity.magnitude), {str(name).strip("[]"): float(power) for name, power in dimensions.items()}
 
 
+def plain_float(text: str) -> float:
+    """Return the number that a text writes in ASCII; `float` takes ``1_0`` and the digits of other scripts too.
+
+    Raises
+    ------
+    ValueError
+        The text is no number.
+    """
+    if "_" in text or not text.isascii():
+        raise ValueError(f"{text!r} is not a number")
+    return float(text)
+
+
 def _parse_text(text: str, unit: str) -> float:
     try:
-        return float(text)
+        return plain_float(text)
     except ValueError:
         pass
     if len(text) > _LONGEST_TEXT:
@@ -109,7 +122,7 @@ def _parse_text(text: str, unit: str) -> float:
     if not suffix.strip():
         number, suffix = _split_glued(number)
     try:
-        magnitude = float(number)
+        magnitude = plain_float(number)
     except ValueError:
         raise UnitError(f"{text!r} is not a quantity: write a number, a space and a unit of {unit}.") from None
     return magnitude * _factor(suffix.strip(), unit, text)
@@ -119,7 +132,7 @@ def _split_glued(text: str) -> tuple[str, str]:
     """Split ``"10mm"`` into ``("10", "mm")``, after the longest beginning that is a number."""
     for end in range(len(text), 0, -1):
         try:
-            float(text[:end])
+            plain_float(text[:end])
         except ValueError:
             continue
         return text[:end], text[end:]

@@ -153,7 +153,7 @@ def _numbers(cells: Sequence[str], name: str, where: str) -> NDArray[np.float64]
     numbers = []
     for index, cell in enumerate(cells):
         try:
-            numbers.append(float(cell))
+            numbers.append(float(cell if cell.isascii() and "_" not in cell else "no number"))
         except ValueError:
             raise DovetailError(Fault(f"{where}  DOF {index + 1}", f"the {name} '{cell[:40]}' is no number.")) from None
     return np.array(numbers)

@@ -12,15 +12,18 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.measurement.formats.text_tables import split_lines
+from dovetail.measurement.formats.text_tables import check_end, split_lines
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 from dovetail.measurement.recording import ReadOptions, Recording
+from dovetail.units import plain_float
 
 __all__ = ["decode"]
 
 _COLUMNS = 3
 _GAP = re.compile(r"[\s,;]+")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LONGEST = 500
+"""Characters of a line, labels with it."""
 _NOT_READ = re.compile(r"\b(magnitude|mag|phase|amplitude|db)\b", re.IGNORECASE)
 
 
@@ -40,7 +43,9 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
-        words = _GAP.split(line.strip()[:_LONGEST])
+        if len(line) > _LONGEST:
+            raise MeasurementError(Fault(f"{path}:{number}", f"the line has {len(line):,} characters."))
+        words = _split(line.strip())
         rows.append(_parse_row(words, f"{path}:{number}"))
         numbers.append(number)
         if len(rows) == 1:
@@ -49,6 +54,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
             raise MeasurementError(Fault(f"{path}:{number}", f"the row has {len(words)} columns.", "three numbers"))
     if not rows:
         raise MeasurementError(Fault(str(path), "there is no row of numbers."))
+    check_end(str(path), lines)
     table = np.array(rows)
     meaning, unit = _unit(f"{path}:{numbers[0]}", labels)
     return Recording(
@@ -67,9 +73,18 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     )
 
 
+def _split(line: str) -> list[str]:
+    """Return the words of a row; where blanks stand between numbers with a comma inside, the comma is decimal."""
+    words = re.split(r"[\s;]+", line)
+    commas = [word for word in words[:_COLUMNS] if "," in word]
+    if len(words) >= _COLUMNS and commas and all(map(_DECIMAL_COMMA.fullmatch, commas)):
+        return [*(word.replace(",", ".") for word in words[:_COLUMNS]), *words[_COLUMNS:]]
+    return _GAP.split(line)
+
+
 def _parse_row(words: list[str], where: str) -> list[float]:
     try:
-        row = [float(word) for word in words[:_COLUMNS]]
+        row = [plain_float(word) for word in words[:_COLUMNS]]
     except ValueError:
         shown = " ".join(words)[:60]
         raise MeasurementError(Fault(where, f"the row '{shown}' does not start with three numbers.")) from None

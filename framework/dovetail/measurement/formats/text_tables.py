@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement.recording import MOST_LINES
 
-__all__ = ["TextTable", "find_rows", "find_table", "is_number", "read_rows", "split_lines"]
+__all__ = ["TextTable", "check_end", "find_rows", "find_table", "is_number", "read_rows", "split_lines"]
 
 _MOST_ABOVE = 10_000
 """Lines above a table: the longest protocol of an analyser has some hundred."""
@@ -31,6 +31,9 @@ _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 _BLANKS = ""
 """As a separator: blanks, one or more."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_LAST_NUMBER = re.compile(r"[^\s,;]+(?=\s*$)")
+_LAST_ROWS, _FEWEST_ROWS, _MANY_DIGITS = 60, 3, 8
+"""Rows that are looked at, rows that must be there, and characters of a number that is not round by chance."""
 _WORDS = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
 """A word with the brackets behind it, as in ``Real [um/N]``."""
 
@@ -217,6 +220,8 @@ def _split_names(line: str, separator: str, width: int) -> list[str]:
 
 def is_number(cell: str) -> bool:
     """Return whether a cell is a number, real or complex, with a decimal point or a decimal comma."""
+    if "_" in cell or not cell.isascii():
+        return False
     try:
         complex(cell.replace(",", ".").strip("()").replace("i", "j") or "x")
     except ValueError:
@@ -260,6 +265,7 @@ def read_rows(
             continue
         if len(line) > _LONGEST_LINE:
             raise MeasurementError(Fault(f"{table.where}:{number}", f"the line has {len(line):,} characters."))
+        is_plain = line.isascii() and "_" not in line
         quoted = '"' in line or separator == _BLANKS
         cells = _split(line, separator) if quoted else line.split(separator, width)
         if len(cells) != width:
@@ -272,6 +278,8 @@ def read_rows(
             if separator != "," or quoted:
                 text = _decimal_point(text, marks, f"{table.where}:{number}", number)
             try:
+                if not is_plain and ("_" in text or not text.isascii()):
+                    raise ValueError  # of numbers that `float` takes and no analyser writes
                 value = complex(text.strip("()").replace("i", "j")) if column == complex_column else float(text)
             except ValueError:
                 problem = f"{cells[column].strip()[:40]!r} in column {names[column]} is not a number."
@@ -281,8 +289,28 @@ def read_rows(
                 values.append(value.imag)
     if not numbers:
         raise MeasurementError(Fault(table.where, "there is no line after the header."))
+    check_end(table.where, lines)
     kind = np.float64 if complex_column is None else np.complex128
     return numbers, np.frombuffer(values, dtype=kind).reshape(len(numbers), len(wanted)).T
+
+
+def check_end(where: str, lines: Sequence[str]) -> None:
+    """Refuse a text that ends within its last number: the line is not ended, and the number shorter than all others.
+
+    Numbers of many digits are seldom round, so those of few are no sign.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    if not lines[-1].strip():
+        return
+    *others, last = (match[0].lstrip("+-") for line in lines[-_LAST_ROWS:] if (match := _LAST_NUMBER.search(line)))
+    shortest = min(map(len, others[1:]), default=0)
+    if len(others) > _FEWEST_ROWS and shortest >= _MANY_DIGITS and len(last) < shortest:
+        problem = f"the file ends within the row, or its last number, '{last}', is shorter than those above."
+        remedy = "Export it again, or end the last line if it is whole."
+        raise MeasurementError(Fault(f"{where}:{len(lines)}", problem, remedy=remedy))
 
 
 def _decimal_point(text: str, marks: dict[str, int], where: str, number: int) -> str:
