@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dovetail.evaluation import Calibration
-from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, WIDTH, style_axes
+from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, new_figure, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,11 +81,9 @@ def coverage_figure(calibration: Calibration) -> Figure:
 
 
 def _panels(calibration: Calibration) -> tuple[Figure, list[Axes]]:
-    from matplotlib.figure import Figure
-
     columns = min(_COLUMNS, len(calibration.names))
     rows = -(-len(calibration.names) // columns)
-    figure = Figure(figsize=(WIDTH, 0.8 + 1.9 * rows), layout="constrained", facecolor="white")
+    figure = new_figure(0.8 + 1.9 * rows)
     panels = list(figure.subplots(rows, columns, sharex=True, squeeze=False).ravel())
     for axes in panels[len(calibration.names) :]:
         axes.set_visible(False)

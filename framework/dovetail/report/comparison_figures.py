@@ -17,9 +17,9 @@ from dovetail.report.figures import (
     LINES,
     MARKERS,
     MEASURED,
-    WIDTH,
     draw_amplitude,
     draw_phase,
+    new_figure,
     set_title,
     style_axes,
 )
@@ -51,12 +51,10 @@ def parameter_comparison(comparison: Comparison) -> Figure:
     matplotlib.figure.Figure
         The upper and lower edge of each panel are the ends of the range; values beyond are drawn at the edge.
     """
-    from matplotlib.figure import Figure
-
     first = next(row.identification for row in comparison.rows if row.identification is not None)
     names = list(first.parameters)
     rows = -(-len(names) // _COLUMNS)
-    figure = Figure(figsize=(WIDTH, 1.0 + 2.2 * rows), layout="constrained", facecolor="white")
+    figure = new_figure(1.0 + 2.2 * rows)
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
     for axes, name in zip(panels, names, strict=False):
         _draw_parameter(axes, comparison, name)
@@ -134,10 +132,8 @@ def frf_comparison(comparison: Comparison, case: Case) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    from matplotlib.figure import Figure
-
     rows = comparison.of(case)
-    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained", facecolor="white")
+    figure = new_figure(6.4)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=[2.4, 1.4, 1.4])
     for axes in panels:
         style_axes(axes)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import sys
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -30,6 +32,8 @@ __all__ = [
     "draw_amplitude",
     "draw_phase",
     "frf_figure",
+    "load_matplotlib",
+    "new_figure",
     "robustness_figure",
     "save_png",
     "set_title",
@@ -152,9 +156,7 @@ def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
     matplotlib.figure.Figure
         What is far worse than a guess of the middle of the range leaves the figure.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained", facecolor="white")
+    figure = new_figure(3.6)
     r2_axes, rmse_axes = figure.subplots(1, 2)
     for index, model in enumerate(dict.fromkeys(str(row["model"]) for row in table)):
         rows = sorted((row for row in table if str(row["model"]) == model), key=lambda row: float(row["level"]))
@@ -210,14 +212,32 @@ def save_png(figure: Figure, path: str | Path, *, dpi: int = 200) -> Path:
 
 def _stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
     """Return panels one above the other that share the frequency axis."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 1.0 + sum(heights)), layout="constrained", facecolor="white")
+    figure = new_figure(1.0 + sum(heights))
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
     panels = list(grid[:, 0])
     for axes in panels:
         style_axes(axes)
     return figure, panels
+
+
+def new_figure(height: float) -> Figure:
+    """Return an empty figure of this height in inches."""
+    load_matplotlib()
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(WIDTH, height), layout="constrained", facecolor="white")
+
+
+def load_matplotlib() -> None:
+    """Load matplotlib with its own settings, unless the caller has loaded it already.
+
+    It would read the file `matplotlibrc` of the current folder, which may make it run LaTeX.
+    """
+    if "matplotlib" in sys.modules:
+        return
+    with contextlib.chdir(Path(__file__).parent):
+        import matplotlib
+    matplotlib.rcParams.update(matplotlib.rcParamsDefault)
 
 
 def set_title(figure: Figure, *lines: str) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from dovetail.frf import Frf
 from dovetail.identification import Identification
-from dovetail.report.figures import frf_figure, simulated_figure
+from dovetail.report.figures import frf_figure, load_matplotlib, simulated_figure
+
+load_matplotlib()
+from matplotlib.figure import Figure  # noqa: E402
 
 __all__ = ["plot_frf"]
 

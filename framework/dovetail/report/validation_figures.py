@@ -10,7 +10,16 @@ import numpy as np
 from dovetail.evaluation import PeakRow, ValidatedCase, Validation
 from dovetail.frf import Frf, unit_of
 from dovetail.plain_text import terminal_text
-from dovetail.report.figures import INK, LINES, MARKERS, MEASURED, RECONSTRUCTED, WIDTH, set_title, style_axes
+from dovetail.report.figures import (
+    INK,
+    LINES,
+    MARKERS,
+    MEASURED,
+    RECONSTRUCTED,
+    new_figure,
+    set_title,
+    style_axes,
+)
 from dovetail.report.wording import unit_text
 
 if TYPE_CHECKING:
@@ -35,10 +44,8 @@ def validation_figure(validation: Validation) -> Figure:
     matplotlib.figure.Figure
         Compensated and predicted peaks are marked; what has no counterpart by a cross.
     """
-    from matplotlib.figure import Figure
-
     count = len(validation.cases)
-    figure = Figure(figsize=(WIDTH, 0.7 + _PANEL_HEIGHT * count), layout="constrained", facecolor="white")
+    figure = new_figure(0.7 + _PANEL_HEIGHT * count)
     panels = figure.subplots(count, 1, squeeze=False)[:, 0]
     for axes, case in zip(panels, validation.cases, strict=True):
         _draw_case(axes, case)
@@ -90,11 +97,9 @@ def series_figure(validation: Validation) -> Figure:
     matplotlib.figure.Figure
         One panel for each resonance, the lowest below; with the models' natural frequencies where there are as many.
     """
-    from matplotlib.figure import Figure
-
     cases = sorted(validation.cases, key=lambda case: case.case.value or 0.0)
     most = max(len(_compensated(case)) for case in cases)
-    figure = Figure(figsize=(WIDTH, 0.8 + 2.1 * max(most, 1)), layout="constrained", facecolor="white")
+    figure = new_figure(0.8 + 2.1 * max(most, 1))
     panels = figure.subplots(max(most, 1), 1, squeeze=False, sharex=True)[::-1, 0]
     for index, axes in enumerate(panels):
         _draw_resonance(axes, cases, index)

@@ -92,6 +92,8 @@ def read_dof_table(path: Path, size: int) -> DofTable:
         The file cannot be read, or the table does not fit the matrices.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise DovetailError(Fault(str(path), "this is not a file."))
         if path.stat().st_size > _LARGEST_FILE:
             raise DovetailError(Fault(str(path), "the file is far larger than a table of DOFs."))
         with path.open(newline="", encoding="utf-8-sig") as stream:

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tempfile
 from dataclasses import dataclass
@@ -207,14 +208,16 @@ def parse_set(content: bytes, *, header_only: bool = False) -> dict[str, Any]:
     """Return what pyuff reads in a file of one set; empty when it cannot read it."""
     import pyuff
 
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "set.uff")
-        file.write_bytes(content)
-        try:
-            with np.errstate(all="ignore"):
-                parsed = pyuff.UFF(str(file)).read_sets(header_only=header_only)
-        except Exception:  # pyuff raises bare exceptions that do not say what is wrong
-            return {}
+    number, file = tempfile.mkstemp(".uff")  # a folder for each of ten thousand sets would take half a minute
+    try:
+        with os.fdopen(number, "wb") as stream:
+            stream.write(content)
+        with np.errstate(all="ignore"):
+            parsed = pyuff.UFF(file).read_sets(header_only=header_only)
+    except Exception:  # pyuff raises bare exceptions that do not say what is wrong
+        return {}
+    finally:
+        os.unlink(file)
     return parsed if isinstance(parsed, dict) else {}  # one set comes back bare, none as an empty list
 
 

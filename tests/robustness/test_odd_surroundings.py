@@ -1,0 +1,107 @@
+"""Names that are not UTF-8, half characters in notes, other locales, settings in the current folder, pipes for files."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.errors import DovetailError
+from dovetail.identification.result_file import read_identification
+
+FRF = dovetail.Frf(np.arange(1.0, 5.0), np.arange(4) + 1j, "accelerance")
+RUN = "from dovetail.cli import main; main()"
+SIMULATE = ("simulate", "--set", "k=3 MN/m", "--set", "c=40", "--overwrite", "-o", "a.png")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="names of bytes, locales and pipes are of POSIX")
+
+
+def dovetail_command(folder: Path, *words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a command with safe paths, as the installed script has them."""
+    path = os.pathsep.join(str(Path(module.__file__).parents[1]) for module in (dovetail,))
+    plugins = str(Path(__file__).parents[2] / "plugins")
+    return subprocess.run(
+        [sys.executable, "-P", "-c", RUN, *map(str, words)],
+        cwd=folder, capture_output=True, text=True, errors="surrogateescape", timeout=60, check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([path, plugins]), **environment},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".uff", ".npz"])
+def test_names_that_are_not_utf_8_and_half_characters(suffix: str, tmp_path: Path) -> None:
+    source, target = tmp_path / f"m\udcffx{suffix}", tmp_path / f"again\udc80{suffix}"
+    dovetail.write_frf(FRF, source)
+    read = dovetail.read_frf(source)
+    dovetail.write_frf(
+        dovetail.Frf(read.frequency, read.values, read.quantity, label=read.label, note="\udcff a"), target
+    )
+    np.testing.assert_array_equal(dovetail.read_frf(target).values, FRF.values)
+
+
+def test_settings_of_matplotlib_in_the_current_folder_are_not_read(tmp_path: Path, assemblies: Path) -> None:
+    shutil.copy(assemblies / "sdof.yaml", tmp_path / "a.yaml")
+    pictures = []
+    for content in (b"\xff\xfe text.usetex: true", b"text.usetex: true\nlines.linewidth: 20\n"):
+        (tmp_path / "matplotlibrc").write_bytes(content)
+        done = dovetail_command(tmp_path, SIMULATE[0], "a.yaml", *SIMULATE[1:])
+        assert done.returncode == 0, done.stderr
+        assert done.stderr == "Written: a.png\n"
+        pictures.append((tmp_path / "a.png").read_bytes())
+    assert pictures[0] == pictures[1]
+
+
+def test_another_locale(tmp_path: Path, assemblies: Path) -> None:
+    shutil.copy(assemblies / "sdof.yaml", tmp_path / "\u00e9\u4e2d.yaml")
+    plain = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    done = dovetail_command(tmp_path, "check", "\u00e9\u4e2d.yaml", **plain)
+    assert done.returncode == 0, done.stderr
+    done = dovetail_command(tmp_path, "check", "\u00e9\u4e2d.csv", **plain)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+
+
+INPUTS = {
+    "description": lambda pipe: dovetail.load(pipe.rename(pipe.with_suffix(".yaml"))),
+    "base": lambda pipe: dovetail.load({"extends": str(pipe)}),
+    "dataset": lambda pipe: dovetail.Dataset(pipe),
+    "model": lambda pipe: dovetail.load_model(pipe),
+    "plugin": lambda pipe: dovetail.load({}, plugins=pipe),
+    "result": lambda pipe: read_identification(pipe),
+    "receptance": lambda pipe: dovetail.read_receptance(pipe),
+    "matrices": lambda pipe: part(file=str(pipe.rename(pipe.with_suffix(".npz")))),
+    "table of DOFs": lambda pipe: part(mass="m.mtx", stiffness="k.mtx", dofs=str(pipe)),
+}
+
+
+def part(**options: str) -> None:
+    from dovetail_plugins.substructures.dof_table import read_dof_table
+    from dovetail_plugins.substructures.matrix_files import read_archive
+
+    if "dofs" in options:
+        read_dof_table(Path(options["dofs"]), 2)
+    read_archive(Path(options["file"]))
+
+
+@pytest.mark.parametrize("name", INPUTS)
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_a_pipe_or_a_device_as_an_input(name: str, kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "input"
+    os.mkfifo(path) if kind == "pipe" else os.symlink("/dev/zero", path)
+    start = time.monotonic()
+    with pytest.raises(DovetailError):
+        INPUTS[name](path)
+    assert time.monotonic() - start < 5
+
+
+def test_a_file_of_thousands_of_sets(tmp_path: Path) -> None:
+    dovetail.write_frf(FRF, tmp_path / "one.uff")
+    (tmp_path / "many.uff").write_bytes((tmp_path / "one.uff").read_bytes() * 2000)
+    start = time.process_time()
+    assert dovetail.read_frf(tmp_path / "many.uff", index=1999).values.size == 4
+    assert time.process_time() - start < 6
