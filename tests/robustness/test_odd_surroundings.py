@@ -1,4 +1,4 @@
-"""Names that are not UTF-8, half characters in notes, other locales, settings in the current folder, pipes for files."""
+"""Names that are not UTF-8, half characters in notes, other locales, settings in the current folder, pipes."""
 
 from __future__ import annotations
 

@@ -237,7 +237,8 @@ def load_matplotlib() -> None:
         return
     with contextlib.chdir(Path(__file__).parent):
         import matplotlib
-    matplotlib.rcParams.update(matplotlib.rcParamsDefault)
+    own = {name: value for name, value in matplotlib.rcParamsDefault.items() if not name.startswith("backend")}
+    matplotlib.rcParams.update(own)
 
 
 def set_title(figure: Figure, *lines: str) -> None:
