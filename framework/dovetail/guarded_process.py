@@ -92,7 +92,8 @@ def call_guarded(
     words = json.loads(str(answer.pop(_WORDS)))
     if "faults" in words:
         raise error(*(Fault(*fault) for fault in words["faults"]))
-    return answer | words["values"]
+    answer |= words["values"]
+    return answer
 
 
 def main() -> None:

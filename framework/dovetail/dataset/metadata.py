@@ -17,11 +17,11 @@ import numpy as np
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import DatasetError, Fault, FileError
 
-__all__ = ["check_metadata", "chunk_bytes", "read_metadata"]
+__all__ = ["LARGEST_ARRAY", "check_metadata", "chunk_bytes", "read_metadata"]
 
 _LARGEST_CHUNK = 200_000_000
 """Bytes."""
-_LARGEST_ARRAY = 500_000_000
+LARGEST_ARRAY = 500_000_000
 """Bytes of an array that is read whole: parameters, frequencies, flags."""
 _LARGEST_METADATA = 16_000_000
 """Bytes; the attributes of the group hold the description."""
@@ -79,7 +79,7 @@ def _checked(folder: Path, dtype: str, axes: int, *, whole: bool) -> dict[str, A
         chunk = grid["configuration"]["chunk_shape"]
         codecs = [codec["name"] for codec in metadata["codecs"]]
         endian = metadata["codecs"][0].get("configuration", {}).get("endian", "little")
-        plain = (
+        plain: tuple[Any, ...] = (
             *(grid["name"] == "regular", metadata["data_type"] == dtype, endian == "little"),
             *(not metadata.get("storage_transformers"), len(shape) == len(chunk) == axes),
             all(type(length) is int and length > 0 for length in (*shape, *chunk)),
@@ -95,9 +95,9 @@ def _checked(folder: Path, dtype: str, axes: int, *, whole: bool) -> dict[str, A
             Fault(str(folder), f"this is no array of {dtype} as 'dovetail generate' writes it.", "", _REMEDY)
         )
     size = np.dtype(dtype).itemsize
-    if size * math.prod(chunk) > _LARGEST_CHUNK or (whole and size * math.prod(shape) > _LARGEST_ARRAY):
+    if size * math.prod(chunk) > _LARGEST_CHUNK or (whole and size * math.prod(shape) > LARGEST_ARRAY):
         problem = f"its shape {tuple(shape)} in chunks of {tuple(chunk)} is far more than a dataset needs."
-        accepted = f"{_LARGEST_ARRAY / 1e6:.0f} MB, in chunks of {_LARGEST_CHUNK / 1e6:.0f} MB"
+        accepted = f"{LARGEST_ARRAY / 1e6:.0f} MB, in chunks of {_LARGEST_CHUNK / 1e6:.0f} MB"
         raise DatasetError(Fault(str(folder), problem, accepted, _REMEDY))
     return metadata
 
@@ -106,4 +106,4 @@ def chunk_bytes(metadata: Mapping[str, Any]) -> int:
     """Return the length of the file of a chunk."""
     chunk: list[int] = metadata["chunk_grid"]["configuration"]["chunk_shape"]
     has_checksum = any(codec["name"] == "crc32c" for codec in metadata["codecs"])
-    return math.prod(chunk) * np.dtype(metadata["data_type"]).itemsize + 4 * has_checksum
+    return int(math.prod(chunk) * np.dtype(metadata["data_type"]).itemsize + 4 * has_checksum)

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.dataset.metadata import LARGEST_ARRAY
+from dovetail.errors import DatasetError, Fault
 
 __all__ = ["latin_hypercube"]
 
@@ -25,8 +27,17 @@ def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int])
     -------
     (samples, n_params) array
         SI.
+
+    Raises
+    ------
+    DatasetError
+        There are more samples than a dataset may have.
     """
     from scipy.stats import qmc
+
+    most = LARGEST_ARRAY // (8 * max(1, len(assembly.parameters)))
+    if samples > most:
+        raise DatasetError(Fault("samples", f"{samples:.4g} were asked for.", f"at most {most:,}"))
 
     sampler = qmc.LatinHypercube(d=len(assembly.parameters), rng=np.random.default_rng(seed))
     return assembly.from_unit(sampler.random(samples))

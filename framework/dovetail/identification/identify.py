@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.calibration import unknown_signs, with_signs
-from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import MeasuredLines, one_per_response
@@ -24,6 +24,10 @@ from dovetail.identification.result import Identification
 
 __all__ = ["identify", "method_options"]
 
+_MOST_ZEROS = 0.01
+"""Part of the lines; single ones are bad lines like others."""
+_LARGEST_SPIKE = 1e20
+"""Times the median amplitude; above it squares and sums lose all other lines."""
 _DELAYS = 201
 """Delays over their range with which a sign is told; enough for 25 turns of the phase."""
 
@@ -109,6 +113,8 @@ def _prepared(
 ) -> tuple[Frf, ...]:
     """Return the measurements with the weights that are wanted, and without phase where that is not to count."""
     frfs = one_per_response(assembly, measured)
+    for frf in frfs:
+        _check_numbers(frf)
     if isinstance(weights, str):
         accepted_weights = ("coherence", "amplitude")
         if weights not in accepted_weights:
@@ -122,6 +128,19 @@ def _prepared(
         counted: list[Any] = [by if isinstance(by, str) else np.asarray(by, dtype=np.float64) for by in each]
         frfs = tuple(replace(frf, variance=weighted_variance(frf, by)) for frf, by in zip(frfs, counted, strict=True))
     return frfs if phase else tuple(_amplitudes(frf) for frf in frfs)
+
+
+def _check_numbers(frf: Frf) -> None:
+    """Raise a MeasurementError where amplitudes are zero at many lines, or one beyond what arithmetic holds."""
+    zeros = int(np.count_nonzero(frf.amplitude == 0.0))
+    if zeros > _MOST_ZEROS * frf.amplitude.size:
+        problem = f"its amplitude is exactly zero at {zeros} of {frf.amplitude.size} lines, as no structure's is."
+        remedy = "Measure again, or leave these lines out: 'frequency: {without: ...}'."
+        raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
+    line = int(np.argmax(frf.amplitude))
+    if frf.amplitude[line] > _LARGEST_SPIKE * float(np.median(frf.amplitude)):
+        problem = f"its amplitude is {frf.amplitude[line]:.3g} at {frf.frequency[line]:g} Hz, a damaged number."
+        raise MeasurementError(Fault(frf.label, problem, remedy="Leave this line out: 'frequency: {without: ...}'."))
 
 
 def _with_signs(lines: MeasuredLines) -> MeasuredLines:

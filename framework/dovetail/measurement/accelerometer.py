@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +11,9 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 
 __all__ = ["add_accelerometer_mass", "remove_accelerometer_mass"]
+
+_LARGEST_MASS = 1000.0
+"""kg; of a heavier one nothing is left of the FRF but rounding errors."""
 
 
 def remove_accelerometer_mass(
@@ -97,8 +99,9 @@ def add_accelerometer_mass(
 def _with_mass(
     frf: Frf, mass: float, sign: float, drive: Frf | None, to_response: Frf | None, from_force: Frf | None
 ) -> Frf:
-    if not (math.isfinite(mass) and mass >= 0):
-        raise MeasurementError(Fault(frf.label, f"the accelerometer's mass is {mass!r} kg.", "zero or more kg"))
+    if not 0 <= mass <= _LARGEST_MASS:
+        accepted = f"0 to {_LARGEST_MASS:g} kg"
+        raise MeasurementError(Fault(frf.label, f"the accelerometer's mass is {mass!r} kg.", accepted))
     if mass == 0:
         return frf
     for other in (frf, drive, to_response, from_force):

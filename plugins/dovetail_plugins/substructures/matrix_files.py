@@ -69,12 +69,12 @@ def matlab_arrays(path: Path, content: bytes) -> dict[str, Any]:
     from scipy.io import loadmat
     from scipy.sparse import issparse
 
-    try:
-        with _report_damage(path):
+    with _report_damage(path):
+        try:
             variables = loadmat(io.BytesIO(content))
-    except NotImplementedError:
-        problem = "the file has MATLAB's format 7.3, which is not read."
-        raise DovetailError(Fault(str(path), problem, _FORMATS, "Save it with the option '-v7'.")) from None
+        except NotImplementedError:
+            problem = "the file has MATLAB's format 7.3, which is not read."
+            raise DovetailError(Fault(str(path), problem, _FORMATS, "Save it with the option '-v7'.")) from None
     arrays: dict[str, Any] = {}
     for name, value in variables.items():
         if issparse(value):
@@ -123,7 +123,7 @@ def _text(cell: Any) -> str:
 def _report_damage(path: Path) -> Iterator[None]:
     try:
         yield
-    except (DovetailError, NotImplementedError):
+    except DovetailError:
         raise
     except Exception as error:  # zipfile, zlib and scipy each raise their own on a damaged file
         reason = str(error)[:120] or type(error).__name__
