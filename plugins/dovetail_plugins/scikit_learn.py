@@ -271,14 +271,14 @@ def _decode(node: Any, arrays: Mapping[str, Any]) -> Any:
 
 def _check_libsvm(estimator: Any) -> None:
     """Raise a ValueError where a state is not what fitting makes: libsvm reads as many numbers as it says there are."""
-    held, own = vars(estimator), vars(type(estimator)().fit([[0.0], [1.0]], [0.0, 1.0]))
+    held, fitted = vars(estimator), vars(type(estimator)().fit([[0.0], [1.0]], [0.0, 1.0]))
     count, width = held["support_vectors_"].shape
     shapes = dict.fromkeys(("dual_coef_", "_dual_coef_"), (1, count)) | {"support_vectors_": (count, width)}
     shapes |= {"support_": (count,), "_n_support": (2,), "_probA": (0,), "_probB": (0,), "_intercept_": (1,)}
     samples, columns = held["shape_fit_"]
     sound = (
-        *(set(held) == set(own), held["_sparse"] is False, columns == width),
-        all(held[name].shape == shape and held[name].dtype == own[name].dtype for name, shape in shapes.items()),
+        *(set(held) == set(fitted), held["_sparse"] is False, columns == width),
+        all(held[name].shape == shape and held[name].dtype == fitted[name].dtype for name, shape in shapes.items()),
         np.all(held["_n_support"] == count) and np.all((held["support_"] >= 0) & (held["support_"] < samples)),
     )
     if not all(sound):
