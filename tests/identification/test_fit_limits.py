@@ -54,14 +54,25 @@ def test_the_discrepancy_is_what_makes_chi_squared_one(sdof):
     assert fit.discrepancy == pytest.approx(0.01 / np.sqrt(2.0), rel=0.1)
 
 
+def test_an_error_that_is_alike_everywhere_is_told_from_one_that_grows_with_the_frf(sdof):
+    """A ripple of a tenth of the median amplitude leaves the peak, 20 times as high, where it is."""
+    truth = sdof.from_unit(np.full(len(sdof.parameters), 0.4))
+    clean = noisy(sdof, sdof.frf(truth), 1e-4)
+    ripple = 0.1 * np.median(clean.amplitude) * np.exp(1j * clean.frequency / 3.0)
+    fit = refine(sdof, replace(clean, values=clean.values + ripple))
+    assert fit.background == pytest.approx(0.1, rel=0.1)
+    assert fit.discrepancy < 0.01
+    np.testing.assert_allclose(fit.theta, truth, rtol=5e-3)
+
+
 def test_a_fit_tells_all_that_says_how_good_it_is(sdof):
     frf = noisy(sdof, sdof.frf(), 0.01, 1)
     off = 30.0 * np.sqrt(frf.variance) * (np.arange(len(frf.values)) == 100)
     fit = refine(sdof, replace(frf, values=frf.values + off))
     told = json.loads(json.dumps(fit.to_dict()))
     assert told.pop("ignored_lines_Hz") == [sdof.frequency[100]]
-    assert told.keys() == {"chi_squared", "degrees_of_freedom", "variance_known", "discrepancy", "at_bounds", "starts",
-                           "agreeing", "steps", "seconds"}  # fmt: skip
+    assert told.keys() == {"chi_squared", "degrees_of_freedom", "variance_known", "discrepancy", "background",
+                           "at_bounds", "starts", "agreeing", "steps", "seconds"}  # fmt: skip
     assert told == {name: getattr(fit, name) for name in told}
 
 

@@ -2,13 +2,12 @@
 
 The sizes are unknowns with a prior: errors of each kind are normally distributed, and their standard deviation is what
 makes the residuals most probable once parameters and errors are marginalised (empirical Bayes). It is found by the EM
-algorithm around the best fit, with residuals averaged ever more widely until that suffices. Then the fit is made anew
-with these errors allowed.
+algorithm around the best fit, with residuals averaged ever more widely until that suffices.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,13 +17,12 @@ from scipy.optimize import brentq
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior, linearise_frf
-from dovetail.identification.posterior.frequency_average import average, needs_average
+from dovetail.identification.posterior.frequency_average import weigh
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals, marginalised_squares
 from dovetail.identification.posterior.model_error import (
     KINDS,
     ModelError,
     error_shapes,
-    fit_resonances,
     typical_model_error,
 )
 from dovetail.identification.posterior.prior import PRIOR_PRECISION
@@ -56,6 +54,8 @@ class Settings:
     """Relative errors of natural frequencies, and other errors, below which they do not matter."""
     most: float = 10.0
     """Errors above which the FRF says nothing."""
+    fewest_peaks: int = 2
+    """That tell how far natural frequencies may be off at most; parameters can bring a single one to its place."""
     alternations: int = 6
     """Of the estimates of errors that have a shape, and of others."""
     tolerance: float = 0.05
@@ -104,27 +104,32 @@ class _Problem:
 
     def residual(self, values: NDArray[np.complex128], size: ModelError) -> tuple[NDArray[np.intp], Residual]:
         """Return lines of the model and residuals of it there, in which other errors are part of the random error."""
-        if not needs_average(size):
-            variance = self._variance + (size.other * np.abs(values)) ** 2
-            return np.arange(len(values)), self.target.weighted(variance, self._used)
-        poles = fit_resonances(self.axes, self.target.split(values)).poles
-        return average(self.model, self.target, self._variance, self._used, values, poles, size)
+        return weigh(self.model, self.target, self._variance, self._used, values, size)
 
     def shapes(self, values: NDArray[np.complex128], size: ModelError) -> dict[str, NDArray[np.complex128]]:
         """Return what errors of the model add to its FRFs."""
         return error_shapes(self.axes, self.target.split(values), size)
 
-    def misplaced(self, fraction: NDArray[np.float64]) -> float:
-        """Return the relative distance (rms) of peaks of measurement and model that belong together, beyond a line."""
+    def widths(self, fraction: NDArray[np.float64]) -> tuple[float, float]:
+        """Return from which to which error of natural frequencies the peaks allow to ask (relative, rms).
+
+        The least is how far peaks of measurement and model that belong together are apart, beyond a line; the most is
+        twice how far they are apart, where each peak of the measurement has its counterpart.
+        """
         values = self.model.frf(self.model.assemblies[0].from_unit(fraction[np.newaxis]))[0]
-        differences = []
+        apart, beyond, alone = list[float](), list[float](), 0
         for frf, fitted in zip(self.target.frfs, self.target.split(values), strict=True):
             measured, modelled = resonance_peaks(frf), resonance_peaks(replace(frf, values=fitted))
             step = float(np.median(np.diff(frf.frequency))) if len(frf.frequency) > 1 else 0.0
             pairs = [(peak, counterpart(peak, measured, modelled)) for peak in measured.tolist()]
-            apart = [(abs(other - peak) - step) / peak for peak, other in pairs if other is not None]
-            differences += [max(0.0, distance) for distance in apart]
-        return float(np.sqrt(np.mean(np.square(differences)))) if differences else 0.0
+            distances = [(abs(other - peak), peak) for peak, other in pairs if other is not None]
+            alone += len(pairs) - len(distances)
+            apart += [distance / peak for distance, peak in distances]
+            beyond += [max(0.0, distance - step) / peak for distance, peak in distances]
+        least = max(_SETTINGS.narrowest, _rms(beyond))
+        if alone or len(apart) < _SETTINGS.fewest_peaks:
+            return least, _SETTINGS.most
+        return least, _SETTINGS.consistent * max(least, _rms(apart))
 
     def fit(self, starts: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
         """Return the fractions (p,) that fit best with errors of this size, from starts (n, p), the last the surest."""
@@ -160,7 +165,7 @@ def estimate_model_error(
     used: NDArray[np.bool_],
     fraction: NDArray[np.float64],
 ) -> FitWithError:
-    """Fit the parameters and the sizes of the model's errors.
+    """Estimate the sizes of the model's errors around a fit.
 
     Parameters
     ----------
@@ -171,21 +176,19 @@ def estimate_model_error(
         E|random error|^2 of each line.
     used : (n_lines,) bool array
     fraction : (p,) array
-        Of the ranges, from which the search starts: the best fit without errors.
+        Of the ranges: the fit, which stays what it is. Where a model errs in many ways, a fit that allows for all of
+        them gives up what is plain, as the peaks, for what is not.
     """
     problem = _Problem(model, target, variance, used)
     size = _most_plausible(_estimates(problem, fraction))
-    refitted = problem.fit(fraction[np.newaxis], size)
-    if problem.misplaced(refitted) > max(problem.misplaced(fraction), size.natural_frequency):
-        refitted = fraction
-    return _Linearised(problem, refitted, size).result(size)
+    return _Linearised(problem, fraction, size).result(size)
 
 
 def _estimates(problem: _Problem, fraction: NDArray[np.float64]) -> Iterator[tuple[float, ModelError]]:
     """Yield the sizes that are told with residuals averaged for natural frequencies that are off by less or more."""
-    width = max(_SETTINGS.narrowest, problem.misplaced(fraction))
-    while width <= _SETTINGS.widest:
-        size = _Linearised(problem, fraction, typical_model_error(width)).estimate()
+    width, most = problem.widths(fraction)
+    while width <= min(most, _SETTINGS.widest):
+        size = _Linearised(problem, fraction, typical_model_error(width), most).estimate()
         yield width, replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
         width *= _SETTINGS.wider
 
@@ -203,8 +206,10 @@ def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError
 class _Linearised:
     """A fit, around which residuals are linear in the parameters and in the errors of the model."""
 
-    def __init__(self, problem: _Problem, fraction: NDArray[np.float64], size: ModelError) -> None:
-        self._problem, self.fraction, self._size = problem, fraction, size
+    def __init__(
+        self, problem: _Problem, fraction: NDArray[np.float64], size: ModelError, most: float = _SETTINGS.most
+    ) -> None:
+        self._problem, self.fraction, self._size, self._most = problem, fraction, size, most
         model = problem.model
         frf, jacobian = linearise_frf(model, model.assemblies[0].from_unit(fraction[np.newaxis]))
         self._frf, self._jacobian = frf, jacobian
@@ -257,7 +262,7 @@ class _Linearised:
         """Return the sizes from the second moments of the errors, in units of the sizes before."""
         of_frequency = second["natural_frequency"]
         frequency = size.natural_frequency * float(np.sqrt(of_frequency.mean()) if len(of_frequency) else 1.0)
-        typical = typical_model_error(min(max(frequency, _SETTINGS.least), _SETTINGS.most))
+        typical = typical_model_error(min(max(frequency, _SETTINGS.least), self._most))
         sizes = {}
         for kind in KINDS[1:]:
             squares = getattr(size, kind) ** 2 * float(second[kind].sum())
@@ -299,6 +304,10 @@ class _Linearised:
 
 def _mean_square(residuals: NDArray[np.float64], changes: NDArray[np.float64]) -> float:
     return float(marginalised_squares(residuals[np.newaxis], changes)[0]) / len(residuals)
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0
 
 
 def _change(size: ModelError, before: ModelError) -> float:

@@ -37,6 +37,8 @@ class Fit:
         Whether the variance came with the measurement; else it was estimated from the scatter from line to line.
     discrepancy : float
         Error of the model itself, relative to the magnitude of each line; 0 where the random error explains everything.
+    background : float
+        The same, relative to the median amplitude of each response: errors that do not grow with the FRF.
     ignored : (n,) array
         Frequencies [Hz] of the isolated lines, which the fit left out.
     used : (n_lines,) bool array
@@ -60,6 +62,7 @@ class Fit:
     variance: NDArray[np.float64]
     variance_known: bool
     discrepancy: float
+    background: float
     ignored: NDArray[np.float64]
     used: NDArray[np.bool_]
     at_bounds: Mapping[str, str]
@@ -94,6 +97,7 @@ class Fit:
             "degrees_of_freedom": self.degrees_of_freedom,
             "variance_known": self.variance_known,
             "discrepancy": self.discrepancy,
+            "background": self.background,
             "ignored_lines_Hz": np.asarray(self.ignored).tolist(),
             "at_bounds": dict(self.at_bounds),
             "starts": self.starts,

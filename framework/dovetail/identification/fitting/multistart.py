@@ -88,6 +88,7 @@ def multistart(
         variance=variance,
         variance_known=target.variance_known,
         discrepancy=0.0,
+        background=0.0,
         ignored=np.empty(0),
         used=used,
         at_bounds=bounds_reached(assembly, best),

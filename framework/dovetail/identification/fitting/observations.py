@@ -17,6 +17,7 @@ from dovetail.identification.fitting.random_error import (
     estimated_variance,
     isolated_lines,
     known_variance,
+    most_likely_parts,
     residual_variance,
 )
 from dovetail.identification.fitting.residuals import LogAmplitude, StackedResiduals, Weighted, split_by_response
@@ -24,6 +25,8 @@ from dovetail.measurement import find_gaps, find_missing_ends, on_grid, within_b
 
 __all__ = ["MeasuredLines", "Observations", "one_per_response"]
 
+_LEAST_DISCREPANCY = 1e-6
+"""Relative error of a model below which it does not matter."""
 _MOST_GAPS = 5
 """Gaps of a measurement that a warning lists."""
 
@@ -169,6 +172,29 @@ class Observations:
         return np.concatenate(
             [np.abs(_difference(frf, values)) ** 2 * (1.0 if frf.has_phase else 2.0) for frf, values in pairs]
         )
+
+    @cached_property
+    def level(self) -> NDArray[np.float64]:
+        """Median amplitude (n_lines,) of each line's response, against which errors that are alike everywhere stand."""
+        levels = [float(np.median(frf.amplitude)) or float(frf.amplitude.mean()) for frf in self.frfs]
+        return np.repeat(levels, self.counts)
+
+    def discrepancy(
+        self, model: NDArray[np.complex128], variance: NDArray[np.float64], used: NDArray[np.bool_]
+    ) -> tuple[float, float]:
+        """Return the most likely errors of a model's values (n_lines,) beside the random error.
+
+        Returns
+        -------
+        relative, background : float
+            Standard deviations over the magnitude of each line, and over the level of its response.
+        """
+        squares, rest = self.squares(model)[used], variance[used]
+        magnitude = np.maximum(np.abs(model[used]) ** 2, np.finfo(float).tiny)
+        level = np.maximum(self.level[used] ** 2, np.finfo(float).tiny)
+        least = _LEAST_DISCREPANCY**2 * float(level.min())
+        background, relative = most_likely_parts(squares, level, magnitude, least, rest)
+        return float(np.sqrt(relative)), float(np.sqrt(background))
 
     def isolated(self, size: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which lines (n_lines,) are isolated in their response, by the size of their residuals."""

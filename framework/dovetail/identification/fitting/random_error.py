@@ -19,6 +19,7 @@ __all__ = [
     "estimated_variance",
     "isolated_lines",
     "known_variance",
+    "most_likely_parts",
     "random_error_variance",
     "residual_variance",
     "weighted_variance",
@@ -203,25 +204,45 @@ def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.
     least = _least_variance(frf)
     magnitude = np.maximum(np.abs(model) ** 2, np.finfo(float).tiny)
     squares = np.abs(frf.values - model)[used] ** 2
-    floor, share = _most_likely(squares, magnitude[used], least)
+    floor, share = most_likely_parts(squares, np.ones_like(squares), magnitude[used], least)
     return np.asarray(np.maximum(floor + share * magnitude, least))
 
 
-def _most_likely(squares: NDArray[np.float64], magnitude: NDArray[np.float64], least: float) -> NDArray[np.float64]:
-    """Return the floor and the share that make squares (n,), exponentially distributed, the most likely."""
-    lowest = np.argsort(magnitude)[: max(1, len(magnitude) // 4)]
-    starts = np.array([np.median(squares[lowest]), np.median(squares / magnitude)]) / np.log(2.0)
-    starts = np.log(np.maximum(starts, [least, least / magnitude.max()]))
-    terms = np.stack([np.ones_like(magnitude), magnitude])
+def most_likely_parts(
+    squares: NDArray[np.float64],
+    level: NDArray[np.float64],
+    magnitude: NDArray[np.float64],
+    least: float,
+    known: NDArray[np.float64] | None = None,
+) -> tuple[float, float]:
+    """Return a and b with which ``known + a level + b magnitude`` is the most likely variance of complex errors.
+
+    Parameters
+    ----------
+    squares : (n,) array
+        |error|^2, which are distributed exponentially.
+    level, magnitude : (n,) arrays
+        Positive.
+    least : float
+        Variance below which a part does not matter.
+    known : (n,) array, optional
+        The rest of the variance; 0 by default.
+    """
+    lowest = np.argsort(magnitude / level)[: max(1, len(magnitude) // 4)]
+    starts = np.array([np.median((squares / level)[lowest]), np.median(squares / magnitude)]) / np.log(2.0)
+    smallest = np.array([least / level.max(), least / magnitude.max()])
+    terms, rest = np.stack([level, magnitude]), np.zeros_like(squares) if known is None else known
 
     def negative_log(logs: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         parts = np.exp(logs)[:, np.newaxis] * terms
-        variance = parts.sum(axis=0)
+        variance = rest + parts.sum(axis=0)
         slope = (1.0 - squares / variance) / variance
         return float(np.mean(np.log(variance) + squares / variance)), np.asarray((parts @ slope) / len(squares))
 
-    bounds = [(np.log(part) - _SETTINGS.most_decrease, None) for part in (least, least / magnitude.max())]
-    return np.asarray(np.exp(minimize(negative_log, starts, jac=True, method="L-BFGS-B", bounds=bounds).x))
+    bounds = [(np.log(part) - _SETTINGS.most_decrease, None) for part in smallest]
+    logs = minimize(negative_log, np.log(np.maximum(starts, smallest)), jac=True, method="L-BFGS-B", bounds=bounds).x
+    of_level, of_magnitude = np.exp(logs).tolist()
+    return of_level, of_magnitude
 
 
 def _least_variance(frf: Frf) -> float:

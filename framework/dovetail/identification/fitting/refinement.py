@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
@@ -68,12 +67,8 @@ class Settings:
     """Minima that are fitted again when the weights change: another may then be the best."""
     most_discrepancies: int = 8
     """Times that the discrepancy of the model is estimated and fitted again; it settles after 2 or 3."""
-    settled: float = 0.02
-    """Relative change of the discrepancy at which it has settled."""
-    least_discrepancy: float = 1e-6
-    """Relative error of a model below which it does not matter."""
-    most_discrepancy: float = 1e3
-    """Relative error of a model above which the FRF says nothing."""
+    settled: float = 0.04
+    """Relative change of the variances that it adds at which it has settled."""
 
 
 _SETTINGS = Settings()
@@ -108,8 +103,9 @@ def refine(
     around each resonance; then the FRF itself, complex where it has a phase. Isolated lines are left out. A fit is as
     good as the random error allows if chi-squared says so, and if the residuals are white: a smooth misfit is not
     taken for noise, however small. Where the measurement does not tell its random error, it is then estimated from all
-    residuals. Where no fit reaches the random error, the model itself is wrong by some part of each line's magnitude.
-    The part that makes chi-squared 1 enters the weights, so that the lines with the least noise do not dominate.
+    residuals. Where no fit reaches the random error, the model itself is wrong: by some part of each line's
+    magnitude, and by some part of the FRF's level everywhere, as by modes that it lacks. The most likely parts enter
+    the weights, so that the lines with the least noise do not dominate.
     """
     return _Refinement(assembly, Observations.of(assembly, measured), seed).run(starts)
 
@@ -154,9 +150,9 @@ class _Refinement:
         if not self._is_noise(best):
             minima, best = self._further(_Ranked.of(minima, self._told_apart(ends[_SETTINGS.first_carried :])))
         chi_squared = self._chi_squared(best)
-        discrepancy = 0.0
+        discrepancy = background = 0.0
         if not self._is_noise(best):
-            best, discrepancy = self._with_discrepancy(best, minima)
+            best, (discrepancy, background) = self._with_discrepancy(best, minima)
         return Fit(
             theta=self._assembly.from_unit(best.position[0]),
             information=best.curvature[0],
@@ -165,6 +161,7 @@ class _Refinement:
             variance=self._variance,
             variance_known=self._target.variance_known,
             discrepancy=discrepancy,
+            background=background,
             ignored=self._target.frequency[~self._used],
             used=self._used,
             at_bounds=bounds_reached(self._assembly, best.position[0]),
@@ -277,32 +274,18 @@ class _Refinement:
     def _missed(self, best: _Ranked) -> NDArray[np.float64]:
         return missed_resonances(self._target, self._variance, self._values(best))
 
-    def _with_discrepancy(self, best: _Ranked, minima: _Ranked) -> tuple[_Ranked, float]:
-        """Estimate the relative error of the model, and fit with it: another of the minima may then be the best."""
-        discrepancy, starts = 0.0, np.concatenate([best.position, minima.position[1 : _SETTINGS.refitted]])
+    def _with_discrepancy(self, best: _Ranked, minima: _Ranked) -> tuple[_Ranked, tuple[float, float]]:
+        """Estimate the errors of the model, and fit with them: another of the minima may then be the best."""
+        starts = np.concatenate([best.position, minima.position[1 : _SETTINGS.refitted]])
         for _ in range(_SETTINGS.most_discrepancies):
-            before = discrepancy
-            values = self._values(best)
-            discrepancy = self._discrepancy(values)
-            self._model_variance = (discrepancy * np.abs(values)) ** 2
+            before, values = self._model_variance, self._values(best)
+            relative, background = self._target.discrepancy(values, self._variance, self._used)
+            self._model_variance = (relative * np.abs(values)) ** 2 + (background * self._target.level) ** 2
             starts = self._told_apart(starts).position
             best = self._fitted(starts[:1])
-            if abs(discrepancy - before) <= _SETTINGS.settled * discrepancy:
+            if np.all(np.abs(self._model_variance - before) <= _SETTINGS.settled * self._model_variance):
                 break
-        return best, discrepancy
-
-    def _discrepancy(self, values: NDArray[np.complex128]) -> float:
-        """Return the part of each line's magnitude that makes chi-squared 1."""
-        squares = self._target.squares(values)[self._used]
-        magnitude, variance = np.abs(values[self._used]), self._variance[self._used]
-
-        def excess(logarithm: float) -> float:
-            return float(np.mean(squares / (variance + (np.exp(logarithm) * magnitude) ** 2)) - 1.0)
-
-        least, most = np.log(_SETTINGS.least_discrepancy), np.log(_SETTINGS.most_discrepancy)
-        if excess(least) <= 0:
-            return 0.0
-        return float(np.exp(most if excess(most) >= 0 else brentq(excess, least, most)))
+        return best, (relative, background)
 
     def _values(self, minima: _Ranked) -> NDArray[np.complex128]:
         return np.asarray(self._model.frf(self._assembly.from_unit(minima.position[:1]))[0])

@@ -1,4 +1,4 @@
-"""Residuals averaged over neighbouring lines, so that natural frequencies need not agree better than a model can.
+"""Residuals that allow for errors of a model: averaged over neighbouring lines where natural frequencies are off.
 
 A resonance a few of its widths beside the measured one leaves residuals that no longer depend linearly on where it is.
 Averaged over a band as wide as the error of natural frequencies they do, and all methods for small errors apply.
@@ -18,9 +18,9 @@ from scipy.sparse import csr_array
 from dovetail.frf import Frf
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs, Residual, StackedResiduals
-from dovetail.identification.posterior.model_error import ModelError
+from dovetail.identification.posterior.model_error import ModelError, fit_resonances
 
-__all__ = ["AveragedResiduals", "average", "needs_average"]
+__all__ = ["AveragedResiduals", "average", "needs_average", "unshaped_deviation", "weigh"]
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,40 @@ def needs_average(size: ModelError) -> bool:
     return size.natural_frequency >= _SETTINGS.averaged_from
 
 
+def weigh(
+    model: ModelFrfs,
+    target: Observations,
+    variance: NDArray[np.float64],
+    used: NDArray[np.bool_],
+    values: NDArray[np.complex128],
+    size: ModelError,
+) -> tuple[NDArray[np.intp], Residual]:
+    """Return residuals in which errors of the model without a shape are part of the random error.
+
+    Parameters
+    ----------
+    model, target, variance, used, values, size
+        As of `average`.
+
+    Returns
+    -------
+    lines : (m,) array
+        Of the model, on which the residuals need it.
+    residuals : Residual
+        Of single lines (`Weighted`, or those of several responses), or averaged over neighbouring ones.
+    """
+    if not needs_average(size):
+        allowed = variance + unshaped_deviation(values, size) ** 2
+        return np.arange(len(values)), target.weighted(allowed, used)
+    poles = fit_resonances([frf.frequency for frf in target.frfs], target.split(values)).poles
+    return average(model, target, variance, used, values, poles, size)
+
+
+def unshaped_deviation(values: NDArray[np.complex128], size: ModelError) -> NDArray[np.float64]:
+    """Return the standard deviation (n_lines,) of the errors of a model that have no shape."""
+    return np.asarray(size.other * np.abs(values))
+
+
 def average(
     model: ModelFrfs,
     target: Observations,
@@ -80,7 +114,7 @@ def average(
         Of these FRFs [Hz], as `Resonances.poles`.
     size : ModelError
         The standard deviation of the Gaussian that weights the lines, over the frequency in its middle, is twice its
-        error of natural frequencies. Its other errors are part of the random error of each average.
+        error of natural frequencies. Its errors without a shape are part of the random error of each average.
 
     Returns
     -------
@@ -89,7 +123,7 @@ def average(
     residuals : Residual
         Of the FRFs on these lines.
     """
-    deviations = target.split(size.other * np.abs(values))
+    deviations = target.split(unshaped_deviation(values, size))
     responses = zip(target.frfs, target.split(variance), target.split(used), deviations, strict=True)
     lines, averaged = [], []
     width = _SETTINGS.width * size.natural_frequency

@@ -20,8 +20,8 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, StackedResiduals, Weighted
-from dovetail.identification.posterior.frequency_average import average, needs_average
-from dovetail.identification.posterior.model_error import ModelError, error_shapes, fit_resonances
+from dovetail.identification.posterior.frequency_average import needs_average, unshaped_deviation, weigh
+from dovetail.identification.posterior.model_error import ModelError, error_shapes
 
 __all__ = [
     "Likelihood",
@@ -97,17 +97,13 @@ def build_likelihood(
     """
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     values = model.frf(fit.theta[np.newaxis])[0]
-    axes, by_response = [frf.frequency for frf in target.frfs], target.split(values)
-    shapes = np.concatenate(list(error_shapes(axes, by_response, model_error).values()))
-    if not needs_average(model_error):
-        variance = fit.variance + (model_error.other * np.abs(values)) ** 2
-        weighted = target.weighted(variance, fit.used)
-        errors = weighted.jacobian(values[np.newaxis], shapes[np.newaxis])[0]
-        return Likelihood(target, variance, model, weighted, weighted, errors)
-    poles = fit_resonances(axes, by_response).poles
-    lines, averaged = average(model, target, fit.variance, fit.used, values, poles, model_error)
-    errors = averaged.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
-    return Likelihood(target, fit.variance, model.at(lines), averaged, None, errors)
+    axes = [frf.frequency for frf in target.frfs]
+    shapes = np.concatenate(list(error_shapes(axes, target.split(values), model_error).values()))
+    lines, residual = weigh(model, target, fit.variance, fit.used, values, model_error)
+    errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
+    variance = fit.variance + unshaped_deviation(values, model_error) ** 2
+    by_line = None if needs_average(model_error) else target.weighted(variance, fit.used)
+    return Likelihood(target, variance, model.at(lines), residual, by_line, errors)
 
 
 def check_options(samples: int) -> None:
