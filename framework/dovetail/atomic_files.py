@@ -1,18 +1,48 @@
-"""Bounded reading of a file, and writing that never leaves half a file."""
+"""Bounded reading of a file, and writing that never leaves half a file or half a folder.
+
+What is written stands beside its target, under a name that cannot be guessed, until it is whole. One process at a time
+writes a target: it holds a lock of the operating system, which ends with the process, and whoever holds it removes what
+a killed process has left.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import os
+import re
 import secrets
+import shutil
 import stat
+import sys
+import tempfile
+from collections.abc import Callable, Container, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 from dovetail.errors import Fault, FileError
 
-__all__ = ["LARGEST_FILE", "read_bounded", "write_whole"]
+__all__ = [
+    "LARGEST_FILE",
+    "beside",
+    "check_room",
+    "check_target",
+    "held",
+    "new_files",
+    "new_folder",
+    "read_bounded",
+    "write_whole",
+]
 
 LARGEST_FILE = 100_000_000
 """Bytes; a larger file is refused before it is opened."""
+
+_LEAST_ROOM = 5_000_000
+"""Bytes that must be free before any work; a folder of results takes less."""
+_LONGEST_WRITING = 60.0
+"""Seconds to wait for another process that writes the same file."""
+_CURRENT_FOLDER, _EXCHANGE = -100, 2
+"""What ``renameat2`` of Linux calls them; ``renamex_np`` of macOS has the same 2."""
 
 
 def read_bounded(path: Path, largest: int = LARGEST_FILE) -> bytes:
@@ -53,15 +83,281 @@ def write_whole(path: Path, content: bytes, *, overwrite: bool) -> None:
     if path.exists() and not overwrite:
         remedy = "Choose another name, or say overwrite=True."
         raise FileError(Fault(str(path), "the file is there already.", remedy=remedy))
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    with held(path):
+        temporary = beside(path)
+        try:
+            with temporary.open("xb") as stream:
+                stream.write(content)
+            os.replace(temporary, path)
+        except OSError as error:
+            raise FileError(Fault(str(path), f"the file cannot be written: {_reason(error)}.")) from None
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def new_folder(target: Path, replaced: Container[str] = (), first: str = "", last: str = "") -> Iterator[Path]:
+    """Yield an empty folder beside `target`, which takes its place at once if the block ends without an error.
+
+    Parameters
+    ----------
+    target : Path
+        What the block does not write stays in it.
+    replaced : container of str
+        Names in `target` that do not stay.
+    first, last : str
+        Of the files, where they must take their places one by one.
+
+    Raises
+    ------
+    FileError
+        It cannot be written, or another process does not end writing it.
+
+    Notes
+    -----
+    The folder in which this process works, and one that is a disk of its own, cannot change its place. The files are
+    then written within it and take their places one by one. The last, the manifest, goes before any other is
+    replaced: a folder that has it is whole.
+    """
+    target = target.resolve()
+    with suppress(OSError):  # what it means is seen below
+        target.parent.mkdir(parents=True, exist_ok=True)
+    hidden = target / "results" if _stays(target) else target
+    with held(hidden):
+        fresh = beside(hidden)
+        try:
+            fresh.mkdir()
+            yield fresh
+            if hidden != target:
+                _move_into(target, fresh, replaced, first, last)
+                return
+            if target.exists():
+                shutil.copymode(target, fresh)
+                _keep_others(target, fresh, replaced)
+            _take_place(fresh, target)
+        except FileError as error:  # names a file in the hidden folder
+            raise FileError(Fault(str(target), error.faults[0].problem)) from None
+        except OSError as error:
+            raise FileError(Fault(str(target), f"the folder cannot be written: {_reason(error)}.")) from None
+        finally:
+            shutil.rmtree(fresh, ignore_errors=True)
+
+
+def _stays(folder: Path) -> bool:
+    return folder.is_dir() and (folder.is_mount() or Path.cwd().is_relative_to(folder))
+
+
+def _move_into(folder: Path, fresh: Path, replaced: Container[str], first: str, last: str) -> None:
+    names = sorted((file.name for file in fresh.iterdir()), key=lambda name: (name == last, name != first))
+    if last:
+        (folder / last).unlink(missing_ok=True)
+    for entry in list(folder.iterdir()):
+        if entry.name in replaced and entry.name not in names:
+            entry.unlink()
+    for name in names:
+        os.replace(fresh / name, folder / name)
+
+
+@contextmanager
+def new_files(targets: Sequence[Path], *, overwrite: bool) -> Iterator[list[Path]]:
+    """Yield where to write files of these names; they take their places, one right after the other, when all are there.
+
+    Raises
+    ------
+    FileError
+        One of them is there and `overwrite` is false, or cannot be written.
+    """
+    with ExitStack() as places:
+        staged = {target: places.enter_context(_staged(target)) for target in dict.fromkeys(targets)}
+        yield [staged[target] for target in targets]
+        for target, file in staged.items():
+            if target.exists() and not overwrite:
+                raise FileError(Fault(str(target), "the file is there already."))
+            os.replace(file, target)
+
+
+@contextmanager
+def _staged(target: Path) -> Iterator[Path]:
+    with held(target):
+        folder = beside(target)
+        try:
+            folder.mkdir()
+            yield folder / target.name
+        except FileError as error:
+            raise FileError(*(replace(fault, where=str(target)) for fault in error.faults)) from None
+        except OSError as error:
+            raise FileError(Fault(str(target), f"the file cannot be written: {_reason(error)}.")) from None
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _keep_others(old: Path, fresh: Path, replaced: Container[str]) -> None:
+    for entry in old.iterdir():
+        kept = fresh / entry.name
+        if entry.name in replaced or kept.exists():
+            continue
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.copytree(entry, kept, symlinks=True, copy_function=_link)
+        else:
+            _link(entry, kept)
+
+
+def _link(source: str | Path, target: str | Path) -> None:
+    """Give a file a second name, or copy it where it can have only one."""
     try:
-        with temporary.open("xb") as stream:
-            stream.write(content)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise FileError(Fault(str(path), f"the file cannot be written: {_reason(error)}.")) from None
+        if os.path.islink(source):
+            raise OSError
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target, follow_symlinks=False)
+
+
+def _take_place(fresh: Path, target: Path) -> None:
+    """Move a folder to its target. What was there is then at `fresh`, or gone; where it fails it stays."""
+    if not target.exists():
+        fresh.rename(target)
+    elif not _exchange(fresh, target):
+        old = fresh.with_suffix(".old")
+        target.rename(old)
+        try:
+            fresh.rename(target)
+        except BaseException:  # Ctrl-C too
+            old.rename(target)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _exchange(first: Path, second: Path) -> bool:
+    """Exchange two folders in one step; return False where the system cannot."""
+    names = os.fsencode(first), os.fsencode(second)
+    if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "renameat2"):
+        return bool(library.renameat2(_CURRENT_FOLDER, names[0], _CURRENT_FOLDER, names[1], _EXCHANGE) == 0)
+    if sys.platform == "darwin":
+        return bool(ctypes.CDLL(None).renamex_np(*names, _EXCHANGE) == 0)
+    return False
+
+
+@contextmanager
+def held(path: Path, wait: float = _LONGEST_WRITING, tell: Callable[[str], None] | None = None) -> Iterator[None]:
+    """Let no other process of Dovetail write a path meanwhile, and remove what killed ones have left beside it.
+
+    Parameters
+    ----------
+    path : Path
+    wait : float
+        Seconds to wait for another process; negative: for as long as it takes.
+    tell : callable, optional
+        Called with the name of the other process before waiting.
+
+    Raises
+    ------
+    FileError
+        Another process holds it.
+
+    Notes
+    -----
+    On a disk that has no locks, or that cannot be written, nothing is held.
+    """
+    from filelock import FileLock, Timeout
+
+    place = path.absolute()
+    if not place.parent.is_dir():  # the lock would make it
+        yield
+        return
+    marker = place.with_name(f".{place.name}.lock")
+    lock = FileLock(marker)
+    try:
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            if tell is not None:
+                tell(_holder(marker))
+            lock.acquire(timeout=wait)
+    except Timeout:
+        remedy = "Wait until it has ended."
+        raise FileError(Fault(str(path), f"{_holder(marker)} is writing it.", remedy=remedy)) from None
+    except OSError:
+        pass
+    try:
+        if lock.is_locked:
+            with suppress(OSError):
+                _sweep(place)
+            with suppress(OSError):
+                _sign(marker)
+        yield
     finally:
-        temporary.unlink(missing_ok=True)
+        if lock.is_locked:
+            with suppress(OSError):  # Windows removes it itself
+                marker.unlink()
+            lock.release()
+
+
+def _sign(marker: Path) -> None:
+    """Write the number of this process into a lock, behind the byte that Windows locks."""
+    with marker.open("r+b", buffering=0) as stream:
+        stream.seek(1)
+        stream.write(f"{os.getpid():<12}".encode())
+
+
+def _holder(marker: Path) -> str:
+    with suppress(OSError, ValueError), marker.open("rb") as stream:
+        stream.seek(1)
+        return f"process {int(stream.read(12))}"
+    return "another process"
+
+
+def beside(target: Path) -> Path:
+    """Return a name beside `target` that cannot be guessed; whoever holds `target` next removes what is there."""
+    return target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
+
+
+def _sweep(path: Path) -> None:
+    """Remove what killed processes have left of `path`; if they had moved it away, move it back."""
+    left = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{16}}\.(part|old)")
+    for entry in list(path.parent.iterdir()):
+        if not left.fullmatch(entry.name):
+            continue
+        if entry.suffix == ".old" and not path.exists():
+            entry.rename(path)
+        elif entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry, ignore_errors=True)
+        else:
+            entry.unlink(missing_ok=True)
+
+
+def check_target(target: Path, room: int = _LEAST_ROOM) -> None:
+    """Make sure, before any work, that a folder can be written at `target`, or replaced there as a whole.
+
+    Raises
+    ------
+    FileError
+        The folder cannot be moved, or as `check_room`.
+    """
+    folder = target.resolve()
+    if _stays(folder):
+        problem = "the folder in which you work, or a disk of its own, cannot be replaced as a whole."
+        raise FileError(Fault(str(target), problem, remedy="Name a folder within it."))
+    check_room(folder.parent, room)
+
+
+def check_room(folder: Path, room: int = _LEAST_ROOM) -> None:
+    """Make sure, before any work, that files can be made in a folder, which need not be there yet.
+
+    Raises
+    ------
+    FileError
+        It cannot be written, or its disk has less than `room` bytes left.
+    """
+    there = next(place for place in (folder, *folder.parents) if place.exists())
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            free = shutil.disk_usage(there).free
+    except OSError as error:
+        remedy = "Choose another folder."
+        raise FileError(Fault(str(folder), f"nothing can be written here: {_reason(error)}.", remedy=remedy)) from None
+    if free < room:
+        problem = f"its disk has {free / 1e6:.1f} MB left, and {room / 1e6:.1f} MB are needed."
+        raise FileError(Fault(str(folder), problem, remedy="Make room, or choose another folder."))
 
 
 def _reason(error: Exception) -> str:

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-FILES = {"calibration.json", "calibration.md", "parameters.csv", "cases.csv", "ranks.png", "coverage.png"}
+FILES = {"calibration.json", "calibration.md", "parameters.csv", "cases.csv", "ranks.png", "coverage.png", "SHA256SUMS"}
 
 
 def test_the_study_by_one_command(run, bench, tmp_path):

@@ -4,6 +4,8 @@ import csv
 import dataclasses
 import json
 import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ import pytest
 import dovetail
 from dovetail.frf import Frf
 
-FILES = ["frf.csv", "frf.png", "parameters.csv", "report.html", "result.json"]
+FILES = ["SHA256SUMS", "frf.csv", "frf.png", "parameters.csv", "report.html", "result.json"]
 
 
 @pytest.fixture
@@ -45,7 +47,7 @@ def test_all_files_are_written(run, bench, tmp_path):
     folder = tmp_path / "deep" / "results"
     done = run("identify", bench.model, bench.measured, "--truth", bench.truth, "-o", folder)
     assert sorted(path.name for path in folder.iterdir()) == FILES
-    assert done.stderr == f"Written to {folder}: report.html, result.json, parameters.csv, frf.csv, frf.png\n"
+    assert done.stderr == f"Written to {folder}: {', '.join([*FILES[1:], FILES[0]])}\n"
     result = json.loads((folder / "result.json").read_text())
     with (folder / "parameters.csv").open() as stream:
         parameters = {row["name"]: row for row in csv.DictReader(stream)}
@@ -109,6 +111,33 @@ def test_a_damaged_kept_model_is_replaced(run, bench, tmp_path, trains_nothing):
     assert len(trains_nothing) == 2
     run("identify", bench.description, bench.measured)
     assert len(trains_nothing) == 2
+
+
+HOLDER = """
+import sys, time, dovetail
+from dovetail.cli import app
+
+def train(*_, **__):
+    print("trains", flush=True)
+    time.sleep(2)
+    return dovetail.load_model(sys.argv[1])
+
+dovetail.train = train
+app(sys.argv[2:])
+"""
+
+
+def test_a_second_training_waits_for_the_first(run, bench, tmp_path, trains_nothing):
+    arguments = [str(word) for word in (bench.model, "identify", bench.description, bench.measured)]
+    first = subprocess.Popen([sys.executable, "-c", HOLDER, *arguments], stdout=-1, text=True)
+    assert first.stdout.readline() == "trains\n"
+    done = run("identify", bench.description, bench.measured)
+    assert f"process {first.pid} is at work on the model of 'small'; waiting for it.\n" in done.stderr
+    assert "Using the model trained before" in done.stderr
+    assert trains_nothing == []
+    first.communicate()
+    assert first.returncode == 0
+    assert len(list((tmp_path / "cache" / "models").iterdir())) == 1
 
 
 def test_without_a_place_for_the_model_the_work_goes_on(run, bench, tmp_path, trains_nothing):

@@ -92,4 +92,4 @@ def test_a_place_that_cannot_be_written(run, assemblies, tmp_path):
     blocker = tmp_path / "file"
     blocker.write_text("")
     message = run("simulate", assemblies / "sdof.yaml", "-o", blocker / "frf.csv", code=1).stderr
-    assert message.startswith(f"{blocker}\n  the system refuses: ")
+    assert message.startswith(f"{blocker}\n  nothing can be written here: ")

@@ -52,7 +52,7 @@ def test_identify_takes_a_file_for_each_response(run, two, measured, tmp_path):
     assert "joint identified from tip.uff, middle.uff" in done.stdout.replace("\n", " ")
     assert "FRF at tool, 0 mm: 1.000" in done.stdout
     assert "FRF at tool, 60 mm: 1.000" in done.stdout
-    assert done.stderr.endswith("frf.csv, frf.png, frf_2.csv, frf_2.png\n")
+    assert done.stderr.endswith("frf_2.png, parameters.csv, report.html, result.json, SHA256SUMS\n")
     assert (folder / "frf_2.png").stat().st_size > 1000
     result = json.loads((folder / "result.json").read_text())
     assert result["parameters"]["kt_tc"]["value"] == pytest.approx(5e8, rel=1e-4)

@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -20,7 +22,7 @@ def test_a_pipe_gets_results_and_no_control_characters(shell, bench, tmp_path):
     assert not CONTROL.search(done.stdout)
     assert done.stderr == (
         "Training a network for 'small' on 200 simulated FRFs; it is kept for the next time.\n"
-        f"Written to {tmp_path / 'results'}: report.html, result.json, parameters.csv, frf.csv, frf.png\n"
+        f"Written to {tmp_path / 'results'}: frf.csv, frf.png, parameters.csv, report.html, result.json, SHA256SUMS\n"
     )
 
 
@@ -107,7 +109,7 @@ def test_ctrl_c_in_training_ends_without_a_traceback(interruptible, bench, tmp_p
     assert process.returncode == 130
     assert printed == ""
     assert said.splitlines()[1:] == ["", "Interrupted."]
-    assert not (tmp_path / "cache").exists()
+    assert not [file for file in (tmp_path / "cache").rglob("*") if file.is_file()]
 
 
 def test_a_pipe_that_closes_early_is_no_fault(command, environment):
@@ -129,3 +131,26 @@ def test_a_stage_that_ends_early_is_shown_as_done():
         bars("evaluation", 1, 4)
         assert [task.finished for task in bars._bars.tasks] == [True, False]
     assert [task.finished for task in bars._bars.tasks] == [True, True]
+
+
+INTERRUPTED = """
+import sys
+class Interruption:
+    def find_spec(name, *_):
+        if name == sys.argv[1]:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interruption)
+import runpy
+runpy.run_module("dovetail", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("module", ["dovetail.cli", "typer", "dovetail.cli.validate"])
+def test_ctrl_c_in_the_first_tenth_of_a_second(module):
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED, module], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "\nInterrupted.\n")
+
+
+def test_the_installed_command_is_the_one_that_answers_ctrl_c():
+    settings = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))
+    assert settings["project"]["scripts"] == {"dovetail": "dovetail.__main__:main"}

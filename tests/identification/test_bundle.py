@@ -18,7 +18,9 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 import dovetail
+from dovetail import atomic_files
 from dovetail.errors import BundleError, PluginError
+from dovetail.identification.network.manifest import manifest_hash
 
 PLUGIN = """
 import numpy as np
@@ -67,6 +69,8 @@ def bundle(saved: Path, tmp_path: Path) -> Path:
 def change_manifest(bundle: Path, change: Callable[[dict[str, Any]], object]) -> None:
     manifest = json.loads((bundle / "manifest.json").read_text())
     change(manifest)
+    if "sha256" in manifest:  # as a thorough forger would
+        manifest["sha256"] = manifest_hash(manifest)
     (bundle / "manifest.json").write_text(json.dumps(manifest))
 
 
@@ -189,10 +193,11 @@ def test_an_old_model_comes_back_if_the_new_one_cannot_take_its_place(
     rename = Path.rename
 
     def refuse_the_new(self: Path, target: Path) -> Path:
-        if self.name == "new":
+        if self.suffix == ".part":
             raise OSError("the folder is in use")
         return rename(self, target)
 
+    monkeypatch.setattr(atomic_files, "_exchange", lambda *_: False)  # as on Windows
     monkeypatch.setattr(Path, "rename", refuse_the_new)
     with pytest.raises(BundleError, match="in use"):
         model.save(bundle)
@@ -272,6 +277,22 @@ def test_a_model_of_the_first_format_loads_and_says_what_it_cannot_tell(
     np.testing.assert_array_equal(result.theta, model.identify(measured).theta)
     assert older.save(bundle) == bundle
     assert dovetail.load_model(bundle).novelty is None
+
+
+def test_the_evaluation_is_covered_by_the_hash(bundle: Path) -> None:
+    file = bundle / "manifest.json"
+    manifest = json.loads(file.read_text())
+    assert manifest["evaluation"]["parameters"]["k"]["r2"] < 1
+    manifest["evaluation"]["parameters"]["k"]["r2"] = 1.0
+    file.write_text(json.dumps(manifest))
+    with pytest.raises(BundleError, match="the manifest is not the one that was written with the model") as caught:
+        dovetail.load_model(bundle)
+    assert caught.value.faults[0].where == str(file)
+
+
+def test_a_model_that_was_written_before_manifests_had_a_hash_loads(bundle: Path) -> None:
+    change_manifest(bundle, lambda manifest: manifest.pop("sha256"))
+    dovetail.load_model(bundle)
 
 
 @pytest.mark.parametrize("part", ["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty"])

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -47,6 +48,19 @@ PACKAGES = {
     "unimportable": "import gone_package\n",
     "unparsable": "def broken(:\n",
     "exiting": "raise SystemExit(3)\n",
+    "exiting_hook": joint("hemp", offer="raise SystemExit(3)"),
+    "exiting_constructor": joint("jute", extra="def __init__(self, c=None): raise SystemExit(3)"),
+    "no_exception": "class Stop(BaseException): pass\nraise Stop('no licence')\n",
+    "no_exception_in_hook": joint("flax", offer="raise type('Stop', (BaseException,), {})('no licence')"),
+    "raising_class": "import abc\n" + joint("kapok", offer="return [Raising]") + "class Meta(abc.ABCMeta):\n"
+    "    def __getattribute__(self, name):\n"
+    "        if name == 'interface_versions':\n"
+    "            raise RuntimeError(f'no {name}')\n"
+    "        return super().__getattribute__(name)\n"
+    "class Raising(dovetail.JointModel, metaclass=Meta):\n    name, summary = 'kapok', 'raising'\n",
+    "exiting_repr": joint("sisal", offer="return [Silent()]")
+    + "class Silent:\n    def __repr__(self): raise SystemExit('no name')\n",
+    "raising_module": joint("abaca") + "def __dir__(): raise RuntimeError('nothing to see')\n",
     "misspelt": joint("cork", hook="dovetail_component"),
     "hookless": "x = 1\n",
     "raising_hook": joint("wool", offer="raise RuntimeError('no licence')"),
@@ -57,6 +71,7 @@ PACKAGES = {
     "wrong_config": joint("gold", extra="Config = 3"),
     "raising_constructor": joint("glass", extra="def __init__(self, c=None): raise RuntimeError('no licence')"),
     "wrong_matrices": joint("silk") + "\nPad.matrices = lambda self, theta: np.zeros((len(theta), 4, 4))\n",
+    "exiting_matrices": joint("straw") + "\nimport sys\nPad.matrices = lambda self, theta: sys.exit(3)\n",
     "wrong_parameters": joint("cane") + "\nPad.parameters = ('k',)\n",
     "first_of_two": joint("twin"),
     "second_of_two": joint("twin"),
@@ -65,6 +80,12 @@ FAILURES = {
     "unimportable": "ModuleNotFoundError: No module named 'gone_package'",
     "unparsable": "SyntaxError: ",
     "exiting": "SystemExit: 3",
+    "exiting_hook": "its hook 'dovetail_components' raised SystemExit: 3",
+    "no_exception": "Stop: no licence",
+    "no_exception_in_hook": "its hook 'dovetail_components' raised Stop: no licence",
+    "raising_class": "a class that it offers cannot be looked at: RuntimeError: no ",
+    "exiting_repr": "a class that it offers cannot be looked at: SystemExit: no name",
+    "raising_module": "its hooks cannot be looked at: RuntimeError: nothing to see",
     "misspelt": "'dovetail_component' is not a hook of dovetail.",
     "hookless": "it has no hook 'dovetail_components' marked with @dovetail.hookimpl.",
     "raising_hook": "its hook 'dovetail_components' raised RuntimeError: no licence",
@@ -126,7 +147,8 @@ def test_each_broken_package_is_listed_with_one_reason_and_the_sound_ones_with_t
     registry = Registry()
     registry.load_entry_points()
     names = {name for kind in KINDS for name in registry.names(kind)}
-    assert names | {"felt", "zinc", "glass", "silk", "cane"} == {entry["name"] for entry in listed["components"]}
+    names |= {"felt", "zinc", "glass", "silk", "cane", "jute", "straw"}
+    assert names == {entry["name"] for entry in listed["components"]}
 
 
 def test_everything_else_goes_on_working(installed, tmp_path, assemblies):
@@ -146,7 +168,12 @@ def test_everything_else_goes_on_working(installed, tmp_path, assemblies):
             "glass",
             "joint model 'glass' (raising_constructor 1.0) cannot be made from this section: RuntimeError: ",
         ),
+        (
+            "jute",
+            "joint model 'jute' (exiting_constructor 1.0) cannot be made from this section: SystemExit: 3",
+        ),
         ("cane", "joint model 'cane' (wrong_parameters 1.0) has 'k' among its parameters, which is not a Parameter."),
+        ("straw", "failed: SystemExit: 3"),
         ("silk", "joint 'j' (silk) returns ndarray, not StructuralMatrices."),
     ],
 )
@@ -223,3 +250,32 @@ def test_a_broken_file_is_not_remembered_as_loaded(tmp_path):
     os.utime(file, (1, 1))
     registry.load_file(file)
     assert "felt" in registry.names("joint")
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        (joint("pad", offer="raise SystemExit(3)"), "its hook 'dovetail_components' raised SystemExit: 3"),
+        ("class Stop(BaseException): pass\nraise Stop('no licence')\n", "Stop: no licence"),
+    ],
+)
+def test_a_plugin_file_that_ends_the_process_is_an_error(tmp_path, code, reason):
+    (tmp_path / "pad.py").write_text(code)
+    with pytest.raises(PluginError) as error:
+        Registry().load_file(tmp_path / "pad.py")
+    assert error.value.faults[0].problem.startswith(reason)
+
+
+def test_ctrl_c_while_a_plugin_is_imported_is_no_failure_of_it(tmp_path):
+    (tmp_path / "pad.py").write_text("raise KeyboardInterrupt\n")
+    with pytest.raises(KeyboardInterrupt):
+        Registry().load_file(tmp_path / "pad.py")
+
+
+def test_a_slow_import_is_listed(tmp_path, monkeypatch):
+    clock = iter([0.0, 9.5])
+    monkeypatch.setattr(time, "perf_counter", lambda: next(clock))
+    (tmp_path / "pad.py").write_text(joint("pad"))
+    registry = Registry()
+    registry.load_file(tmp_path / "pad.py")
+    assert registry.slow == {str(tmp_path / "pad.py"): 9.5}

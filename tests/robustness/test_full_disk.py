@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -49,6 +50,8 @@ print(len(refusals))
 
 FULL = """
 import json, random, subprocess, sys, dovetail
+from dovetail.dataset import generation
+generation.check_room = lambda *_: None  # which would refuse from the start
 assembly = dovetail.load(json.loads(open(sys.argv[1]).read()))
 moments, megabytes, refusals = random.Random(2), 0.2, []
 while True:
@@ -122,3 +125,82 @@ def test_a_disk_that_is_full(whole, tmp_path):
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) >= 4
     same(tmp_path / "copy.zarr", whole)
+
+
+FILLED = """
+import hashlib, json, os, pathlib, random, shutil, sys, dovetail
+from dovetail.cli.result_files import write_results, writing
+from dovetail.cli.frf_files import write_frf_files
+
+assembly = dovetail.load(json.loads(open(sys.argv[1]).read()))
+disk, moments, times = pathlib.Path(sys.argv[2]), random.Random(3), int(sys.argv[3])
+model = dovetail.train(assembly)
+frfs = [dovetail.Frf(assembly.frequency, assembly.frf(theta), "accelerance") for theta in ([4e6, 60.0], [3e6, 40.0])]
+results = [model.identify(frf) for frf in frfs]
+printed, refused = 0, {"results": 0, "model": 0, "files": 0}
+
+
+def attempt(kind, write):
+    try:
+        write()
+    except dovetail.DovetailError as error:
+        assert "No space left on device" in str(error), error
+        refused[kind] += 1
+
+
+def write(folder, result):
+    global printed
+    with writing(folder, lambda place: write_results(result, place, None)):
+        printed += 1
+
+
+def size(path):
+    return sum(file.stat().st_blocks * 512 for file in path.rglob("*"))
+
+
+def digest(file):
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+write(disk / "results", results[0])
+model.save(disk / "model")
+write_frf_files(frfs[0], [disk / "a.csv", disk / "a.npz"], (), {}, overwrite=True)
+whole = [shutil.disk_usage(disk).free, size(disk)]
+for turn in range(times):
+    free = int(whole[1] * moments.uniform(0.0, 0.7))
+    with open(disk / "ballast", "wb") as ballast:
+        ballast.truncate(0)
+        os.posix_fallocate(ballast.fileno(), 0, shutil.disk_usage(disk).free - free)
+    attempt("results", lambda: write(disk / "results", results[turn % 2]))
+    attempt("model", lambda: model.save(disk / "model"))
+    attempt("files", lambda: write_frf_files(
+        frfs[turn % 2], [disk / "a.csv", disk / "a.npz"], (), {}, overwrite=True))
+    os.remove(disk / "ballast")
+    lines = (disk / "results" / "SHA256SUMS").read_text().splitlines()
+    assert sorted(line.split("  ")[1] for line in lines) == sorted(
+        file.name for file in (disk / "results").iterdir() if file.name != "SHA256SUMS")
+    assert all(digest(disk / "results" / line.split("  ")[1]) == line.split("  ")[0] for line in lines)
+    dovetail.load_model(disk / "model")
+    assert (dovetail.read_frf(disk / "a.csv").values == dovetail.read_frf(disk / "a.npz").values).all()
+    assert sorted(path.name for path in disk.iterdir()) == ["a.csv", "a.npz", "model", "results"], list(disk.iterdir())
+assert printed == times + 1
+print(json.dumps(refused))
+"""
+
+
+@pytest.mark.skipif(not may_mount(), reason="mounting a small disk is not permitted here")
+@pytest.mark.parametrize("times", [6, pytest.param(50, marks=pytest.mark.slow)])
+def test_a_disk_that_fills_while_results_are_written(sdof, tmp_path, times):
+    description = json.loads(sdof.description.text)
+    regressor = {"model": "mlp", "hidden": [8, 4], "max_epochs": 3}
+    description["identification"].update(samples=60, reducer={"model": "none"}, regressor=regressor)
+    (tmp_path / "description.json").write_text(json.dumps(description))
+    (tmp_path / "disk").mkdir()
+    mounted = 'mount -t tmpfs -o size=20m tmpfs "$1"; shift; exec "$@"'
+    command = ["unshare", "--map-root-user", "--mount", "sh", "-ec", mounted, "sh", str(tmp_path / "disk")]
+    command += [sys.executable, "-c", FILLED, str(tmp_path / "description.json"), str(tmp_path / "disk"), str(times)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    refused = json.loads(done.stdout)
+    assert 0 < refused["results"] <= times
+    assert 0 < refused["files"] <= times

@@ -1,7 +1,7 @@
 """Assembly descriptions, and the assemblies made from them."""
 
 from dovetail.assembly.assembly import Assembly
-from dovetail.assembly.description import Description, IdentificationSettings
+from dovetail.assembly.description import Description, IdentificationSettings, fingerprint
 from dovetail.assembly.json_schema import description_schema
 from dovetail.assembly.loading import PluginPaths, components, load
 from dovetail.assembly.parameters import ParameterSpace, Theta
@@ -19,6 +19,7 @@ __all__ = [
     "Theta",
     "components",
     "description_schema",
+    "fingerprint",
     "largest_frf_difference",
     "load",
 ]

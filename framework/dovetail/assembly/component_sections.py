@@ -67,7 +67,7 @@ def build_component(
         return None
     try:
         return LabelledComponent(offer.component(config), label)
-    except Exception as error:  # a plugin's constructor may raise anything
+    except (Exception, SystemExit) as error:  # a plugin's constructor may raise anything
         fault = error.faults[0] if isinstance(error, DovetailError) and len(error.faults) == 1 else Fault("", "")
         problem = f"{label} cannot be made from this section: {_reason(error)}"
         faults.add(path, problem, fault.accepted, fault.remedy, key=True)
@@ -123,12 +123,12 @@ def read_property(model: LabelledComponent, name: str, path: Path, faults: Fault
     """Return a property of a component; where it raises, add a fault and return None."""
     try:
         return getattr(model.component, name)
-    except Exception as error:  # a plugin's property may raise anything
+    except (Exception, SystemExit) as error:  # a plugin's property may raise anything
         faults.add(path, f"{model.label} cannot give its {name}: {_reason(error)}", key=True)
         return None
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: BaseException) -> str:
     """Return what a component raised as a sentence."""
     if isinstance(error, DovetailError):
         text = " ".join(f"{fault.where}: {fault.problem}" if fault.where else fault.problem for fault in error.faults)

@@ -17,7 +17,16 @@ from dovetail.interfaces import DIRECTIONS, Parameter, Reducer, Regressor, Subst
 from dovetail.synthesis import Connection, Point
 from dovetail.units import format_quantity
 
-__all__ = ["Description", "IdentificationSettings", "JointEntry", "ParameterEntry", "Place", "Response", "Tie"]
+__all__ = [
+    "Description",
+    "IdentificationSettings",
+    "JointEntry",
+    "ParameterEntry",
+    "Place",
+    "Response",
+    "Tie",
+    "fingerprint",
+]
 
 
 @dataclass(frozen=True)
@@ -224,11 +233,7 @@ class Description:
     @property
     def fingerprint(self) -> str:
         """SHA-256 of all that determines the FRFs: frequency, substructures, joints and responses."""
-        whole = json.loads(self.text)
-        physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
-        if "responses" in whole:
-            physics["responses"] = whole["responses"]
-        return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()
+        return fingerprint(self.text)
 
     def with_identification(self, section: Mapping[str, object], **settings: Any) -> Description:
         """Return the description with other settings of the training.
@@ -247,3 +252,12 @@ class Description:
 
 def _as_json(whole: Mapping[str, Any]) -> str:
     return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def fingerprint(text: str) -> str:
+    """Return the fingerprint of a description that is given as JSON."""
+    whole = json.loads(text)
+    physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
+    if "responses" in whole:
+        physics["responses"] = whole["responses"]
+    return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()

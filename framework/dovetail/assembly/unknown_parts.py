@@ -336,7 +336,7 @@ def _objection(model: UnknownPart, options: Mapping[str, float]) -> str:
     except ValidationError as error:
         reason = error.errors()[0]["msg"].removeprefix("Value error, ").replace("Input should", "it must")
         return f"the part cannot have {where}: {reason}."
-    except Exception as error:  # a plugin's constructor may raise anything
+    except (Exception, SystemExit) as error:  # a plugin's constructor may raise anything
         return f"the part cannot have {where}: {type(error).__name__}: {error}"
     if [node.label for node in part.nodes] != [node.label for node in model.part.nodes]:
         return f"with {where} the part has other nodes, so that joints cannot attach to the same ones."

@@ -52,7 +52,7 @@ def calibrate(
     with the cases that are done. Files of an earlier run in the output folder are replaced.
     """
     import dovetail
-    from dovetail.cli.result_files import prepare_folder
+    from dovetail.cli.result_files import prepare_folder, writing
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
     if output is not None:
@@ -69,14 +69,11 @@ def calibrate(
             workers=workers,
             progress=progress,
         )
-    if output is not None:
-        _write(done, output)
-    if as_json:
-        print_json(done.to_dict())
-    else:
-        _print(loaded.name, done)
-    if output is not None:
-        note(f"Written to {output}: {', '.join(_FILES)}")
+    with writing(output, lambda folder: _write(done, folder), _FILES[0]):
+        if as_json:
+            print_json(done.to_dict())
+        else:
+            _print(loaded.name, done)
     if len(done.case) < cases:
         note(f"Interrupted after {len(done.case)} of {cases} cases.")
         raise typer.Exit(INTERRUPTED)
@@ -121,8 +118,7 @@ def _print(name: str, done: Calibration) -> None:
 
 
 def _write(done: Calibration, folder: Path) -> None:
-    from dovetail.atomic_files import write_whole
-    from dovetail.cli.result_files import csv_text
+    from dovetail.cli.result_files import csv_text, write_texts
     from dovetail.report.calibration_figures import coverage_figure, rank_figure
     from dovetail.report.figures import save_png
 
@@ -141,8 +137,7 @@ def _write(done: Calibration, folder: Path) -> None:
         ),
         _FILES[3]: _cases(done),
     }
-    for name, text in content.items():
-        write_whole(folder / name, text.encode("utf-8", "replace"), overwrite=True)
+    write_texts(folder, content)
     save_png(rank_figure(done), folder / _FILES[4])
     save_png(coverage_figure(done), folder / _FILES[5])
 

@@ -9,7 +9,7 @@ import typer
 
 from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles
-from dovetail.cli.terminal import heading, note, print_json, progress_bars, table, title
+from dovetail.cli.terminal import heading, print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
     from dovetail.evaluation import Comparison
@@ -56,7 +56,7 @@ def compare(
     code is 3 where a result is not to be believed.
     """
     import dovetail
-    from dovetail.cli.result_files import prepare_folder
+    from dovetail.cli.result_files import prepare_folder, writing
     from dovetail.evaluation.comparison import DEFAULT_METHODS
 
     read = dovetail.read_cases(cases)
@@ -68,14 +68,11 @@ def compare(
         done = dovetail.compare(
             read, chosen, samples=samples, data=data, truth=known, plugins=plugin or (), progress=progress
         )
-    if output is not None:
-        _write(done, output)
-    if as_json:
-        print_json(_plain(done))
-    else:
-        _print(done)
-    if output is not None:
-        note(f"Written to {output}: {', '.join(_FILES)}")
+    with writing(output, lambda folder: _write(done, folder), _FILES[0]):
+        if as_json:
+            print_json(_plain(done))
+        else:
+            _print(done)
     exit_unless_believable(done)
 
 
@@ -113,10 +110,8 @@ def _print(done: Comparison) -> None:
 
 
 def _write(done: Comparison, folder: Path) -> None:
-    from dovetail.atomic_files import write_whole
-    from dovetail.cli.result_files import csv_text
+    from dovetail.cli.result_files import csv_text, write_texts
     from dovetail.report.comparison import write_comparison
 
-    for name, (header, rows) in _tables(done).items():
-        write_whole(folder / f"{name}.csv", csv_text(header, rows).encode("utf-8", "replace"), overwrite=True)
     write_comparison(done, folder / _FILES[0])
+    write_texts(folder, {f"{name}.csv": csv_text(header, rows) for name, (header, rows) in _tables(done).items()})

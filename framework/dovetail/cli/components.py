@@ -36,6 +36,9 @@ def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
     if registry.failures:
         heading("Not loaded")
         table(["source", "reason"], [(failure.source, failure.reason) for failure in registry.failures])
+    if registry.slow:
+        heading("Slow to import, at every command")
+        table(["source", "seconds"], [(source, f"{seconds:.1f}") for source, seconds in registry.slow.items()])
     if registry.conflicts:
         heading("Offered more than once, and so not usable")
         rows = [(kind, name, " and ".join(sources)) for (kind, name), sources in registry.conflicts.items()]
@@ -54,6 +57,7 @@ def _registry_as_dict(registry: Registry, offers: list[Offer]) -> dict[str, Any]
             for offer in offers
         ],
         "failures": [{"source": failure.source, "reason": failure.reason} for failure in registry.failures],
+        "slow": registry.slow,
         "conflicts": [
             {"kind": kind, "name": name, "sources": list(sources)}
             for (kind, name), sources in registry.conflicts.items()

@@ -86,7 +86,7 @@ def frf(
         label=signals.name,
         note=f"{chosen} of {signals.name}",
     )
-    write_frf_files(estimated.frf, output, (), overwrite)
+    write_frf_files(estimated.frf, output, (), {}, overwrite=overwrite)
     title(f"{chosen} from {signals.name}")
     say(describe_frf(estimated.frf))
     for warning in estimated.warnings:

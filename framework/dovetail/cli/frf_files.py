@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,8 +28,10 @@ def check_frf_files(files: Sequence[Path], overwrite: bool) -> None:
     check_new_files(files, _SUFFIXES, overwrite)
 
 
-def write_frf_files(frf: Frf, files: Sequence[Path], natural: Sequence[float], overwrite: bool) -> None:
-    """Write an FRF to each of `files`; folders that are missing are made.
+def write_frf_files(
+    frf: Frf, files: Sequence[Path], natural: Sequence[float], texts: Mapping[Path, str], *, overwrite: bool
+) -> None:
+    """Write an FRF to each of `files`, and other files with it; folders that are missing are made.
 
     Parameters
     ----------
@@ -37,15 +39,23 @@ def write_frf_files(frf: Frf, files: Sequence[Path], natural: Sequence[float], o
     files : sequence of Path
     natural : sequence of float
         Natural frequencies [Hz] to mark in figures.
+    texts : mapping of Path to str
+        The other files. They appear when all are written.
     overwrite : bool
     """
-    for file in files:
+    from dovetail.atomic_files import new_files
+
+    for file in (*files, *texts):
         file.parent.mkdir(parents=True, exist_ok=True)
-        if file.suffix.lower() == ".png":
-            from dovetail.report.figures import save_png, simulated_figure
+    with new_files((*files, *texts), overwrite=overwrite) as staged:
+        for file in staged[: len(files)]:
+            if file.suffix.lower() == ".png":
+                from dovetail.report.figures import save_png, simulated_figure
 
-            save_png(simulated_figure(frf, natural), file)
-        else:
-            from dovetail import write_frf
+                save_png(simulated_figure(frf, natural), file)
+            else:
+                from dovetail import write_frf
 
-            write_frf(frf, file, overwrite=overwrite)
+                write_frf(frf, file)
+        for file, text in zip(staged[len(files) :], texts.values(), strict=True):
+            file.write_bytes(text.encode("utf-8", "replace"))

@@ -20,7 +20,7 @@ from dovetail.cli.reading import (
     read_measured,
     selections,
 )
-from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
+from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -119,6 +119,7 @@ def identify(
     and says so.
     """
     import dovetail
+    from dovetail.cli.result_files import write_results, writing
     from dovetail.report.truth import read_truth
 
     chosen = {
@@ -156,16 +157,11 @@ def identify(
         counted: dict[str, Any] = {"weights": weights, "phase": not amplitude_only}
         watched: dict[str, Any] = {} if method == "network" else {"progress": progress}
         result = dovetail.identify(assembly, frfs, method, model=model, **counted, **options, **watched)
-    if output is not None:
-        from dovetail.cli.result_files import write_results
-
-        files = write_results(result, output, known)
-    if as_json:
-        print_json(result.to_dict())
-    else:
-        _print(result, known)
-    if output is not None:
-        note(f"Written to {output}: {', '.join(file.name for file in files)}")
+    with writing(output, lambda folder: write_results(result, folder, known)):
+        if as_json:
+            print_json(result.to_dict())
+        else:
+            _print(result, known)
     exit_unless_believable(result)
 
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,23 +44,40 @@ def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool)
     -------
     Identifier
     """
-    from dovetail import load_model, train
-    from dovetail.errors import BundleError
+    from dovetail import train
+    from dovetail.atomic_files import held
 
     folder = cache_folder() / _key(assembly, plugins)
-    if folder.exists() and not retrain:
-        try:
-            model = load_model(folder, plugins=plugins)
-        except BundleError:
-            note(f"The model kept in {folder} cannot be used; training anew.")
-        else:
-            note(f"Using the model trained before from this description ({folder}); --retrain trains anew.")
-            return model
-    samples = assembly.description.identification.samples
-    note(f"Training a network for '{assembly.name}' on {samples} simulated FRFs; it is kept for the next time.")
-    with progress_bars() as progress:
-        model = train(assembly, progress=progress)
-    _keep(model, folder)
+    with suppress(OSError):  # without a place for it the work goes on
+        folder.parent.mkdir(parents=True, exist_ok=True)
+
+    def waiting(other: str) -> None:
+        note(f"{other} is at work on the model of '{assembly.name}'; waiting for it.")
+
+    with held(folder.with_suffix(".training"), wait=-1, tell=waiting):
+        model = None if retrain else _kept(folder, plugins)
+        if model is None:
+            samples = assembly.description.identification.samples
+            note(f"Training a network for '{assembly.name}' on {samples} simulated FRFs; it is kept for the next time.")
+            with progress_bars() as progress:
+                model = train(assembly, progress=progress)
+            _keep(model, folder)
+        return model
+
+
+def _kept(folder: Path, plugins: Sequence[Path]) -> Identifier | None:
+    """Return the model that is kept in a folder, or None if there is none that can be used."""
+    from dovetail import load_model
+    from dovetail.errors import BundleError
+
+    if not folder.exists():
+        return None
+    try:
+        model = load_model(folder, plugins=plugins)
+    except BundleError:
+        note(f"The model kept in {folder} cannot be used; training anew.")
+        return None
+    note(f"Using the model trained before from this description ({folder}); --retrain trains anew.")
     return model
 
 
@@ -77,7 +95,7 @@ def _key(assembly: Assembly, plugins: Sequence[Path]) -> str:
 
 
 def _keep(model: Identifier, folder: Path) -> None:
-    """Save a model for the next time; without a place for it the work goes on."""
+    """Save a model for the next time, or say why it cannot be kept."""
     from dovetail.errors import BundleError
 
     try:

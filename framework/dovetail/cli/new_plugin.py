@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import keyword
-import os
 import re
 from pathlib import Path
 from string import Template
@@ -74,9 +73,9 @@ def _words(kind: str, wanted: str) -> dict[str, str]:
 
 def _write(folder: Path, words: dict[str, str]) -> list[str]:
     """Write the package, whole or not at all, and return the names of its files."""
-    import tempfile
     from importlib.resources import files
 
+    from dovetail.atomic_files import new_folder
     from dovetail.errors import DovetailError, Fault
 
     if folder.exists():
@@ -86,12 +85,10 @@ def _write(folder: Path, words: dict[str, str]) -> list[str]:
     templates = files("dovetail.cli") / "plugin_template"
     own = {f"{words['kind']}.{suffix}": path for suffix, path in _OWN.items()}
     paths = {source: Template(path).substitute(words) for source, path in {**_COMMON, **own}.items()}
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as workplace:
+    with new_folder(folder) as fresh:
         for source, path in paths.items():
-            target = Path(workplace) / "new" / path
+            target = fresh / path
             target.parent.mkdir(parents=True, exist_ok=True)
             text = (templates / f"{source}.template").read_text(encoding="utf-8")
             target.write_text(Template(text).substitute(words), encoding="utf-8")
-        os.rename(Path(workplace) / "new", folder)
     return sorted(paths.values())

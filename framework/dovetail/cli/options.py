@@ -118,8 +118,9 @@ def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: b
     typer.BadParameter
         A suffix is not accepted.
     DovetailError
-        A file is there already.
+        A file is there already, or its folder cannot be written.
     """
+    from dovetail.atomic_files import check_room
     from dovetail.errors import DovetailError, Fault, listing
 
     accepted = list(suffixes)
@@ -132,3 +133,4 @@ def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: b
             raise DovetailError(
                 Fault(str(file), "there is such a file already.", remedy="Choose another name, or add --overwrite.")
             )
+        check_room(file.resolve().parent)

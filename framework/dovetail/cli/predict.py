@@ -57,9 +57,8 @@ def predict(
     frf = predicted_frf(loaded, identified)
     natural, reason = natural_frequencies(loaded, values)
     amplitudes = None if band is None else predicted_band(loaded, identified)
-    write_frf_files(frf, files, natural, overwrite)
-    if band is not None and amplitudes is not None:
-        _write_band(amplitudes, frf, band)
+    bands = {} if band is None or amplitudes is None else {band: _band_text(amplitudes, frf)}
+    write_frf_files(frf, files, natural, bands, overwrite=overwrite)
     if as_json:
         caveat = {"believable": identified.believable, "caveat": identified.caveat}
         print_json({"name": loaded.name, **caveat, "parameters": values, "natural_frequencies": natural})
@@ -74,17 +73,15 @@ def predict(
             table(["parameter", "value", "note"], rows)
         heading(f"Natural frequencies, {doubt}" if doubt else "Natural frequencies")
         say_natural_frequencies(natural, reason)
-    for file in (*files, *([] if band is None else [band])):
+    for file in (*files, *bands):
         note(f"Written: {file}")
     exit_unless_believable(identified)
 
 
-def _write_band(band: Band, frf: Frf, file: Path) -> None:
-    from dovetail.atomic_files import write_whole
+def _band_text(band: Band, frf: Frf) -> str:
     from dovetail.cli.result_files import caveat_comment, csv_text
 
     columns = (band.frequency, frf.amplitude, band.lower, band.upper)
     rows = zip(*(column.tolist() for column in columns), strict=True)
     text = f"# quantity: {frf.quantity}; {band.level:.0%} of each line\n{caveat_comment(band.caveat)}"
-    text += csv_text(["frequency_Hz", "amplitude", "lower", "upper"], rows)
-    write_whole(file, text.encode("utf-8", "replace"), overwrite=True)
+    return text + csv_text(["frequency_Hz", "amplitude", "lower", "upper"], rows)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,14 +17,16 @@ if TYPE_CHECKING:
     from dovetail.identification import AtPoint, Identification
     from dovetail.report.truth import Truth
 
-__all__ = ["caveat_comment", "csv_text", "prepare_folder", "write_results"]
+__all__ = ["MANIFEST", "caveat_comment", "csv_text", "prepare_folder", "write_results", "write_texts", "writing"]
 
+MANIFEST = "SHA256SUMS"
+"""Names every file of a run with its hash, as ``sha256sum --check`` reads it."""
 _RESULT = "result.json"
 _FILES = ("report.html", _RESULT, "parameters.csv", "frf.csv", "frf.png")
 
 
 def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RESULT) -> None:
-    """Make sure, before any work, that results can be written to a folder, and make it.
+    """Make sure, before any work, that results can be written to a folder.
 
     Parameters
     ----------
@@ -35,8 +39,9 @@ def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RES
     Raises
     ------
     DovetailError
-        The folder is a file, or holds files of these names that are no results.
+        The folder is a file, cannot be written, or holds files of these names that are no results.
     """
+    from dovetail.atomic_files import check_room
     from dovetail.errors import DovetailError, Fault, listing
 
     remedy = "Choose another folder."
@@ -46,43 +51,91 @@ def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RES
     if taken and mark not in taken:
         problem = f"{listing(taken)} would be replaced, and {'is' if len(taken) == 1 else 'are'} not of an earlier run."
         raise DovetailError(Fault(str(folder), problem, remedy=remedy))
-    folder.mkdir(parents=True, exist_ok=True)
+    check_room(folder.resolve() if folder.exists() else folder.resolve().parent)
 
 
-def write_results(result: Identification, folder: Path, truth: Truth | None) -> tuple[Path, ...]:
+@contextmanager
+def writing(folder: Path | None, write: Callable[[Path], None], mark: str = _RESULT) -> Iterator[None]:
+    """Write the files of a run to a folder, print what the block prints, and then say what was written, or why not.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Where the files appear, all at once and with a manifest. Files of an earlier run that nobody has changed go;
+        whatever else is in `folder` stays.
+    write : callable
+        Writes them to the folder that it is given.
+    mark : str
+        As `prepare_folder` has it.
+
+    Raises
+    ------
+    FileError
+        They cannot be written. The block has run all the same.
+    """
+    from dovetail.atomic_files import new_folder
+    from dovetail.cli.terminal import note
+
+    if folder is None:
+        yield
+        return
+    try:
+        with new_folder(folder, _unchanged(folder), mark, MANIFEST) as fresh:
+            write(fresh)
+            names = sorted(file.name for file in fresh.iterdir())
+            lines = [f"{_digest(fresh / name)}  {name}\n" for name in names]
+            write_texts(fresh, {MANIFEST: "".join(lines)})
+    finally:
+        yield
+    note(f"Written to {folder}: {', '.join((*names, MANIFEST))}")
+
+
+def _unchanged(folder: Path) -> set[str]:
+    """Return the names of the files that an earlier run has written and that are still as it wrote them."""
+    listed: dict[str, str] = {}
+    with suppress(OSError, ValueError):
+        for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
+            digest, _, name = line.partition("  ")
+            listed[name] = digest
+        return {file.name for file in folder.iterdir() if file.is_file() and _digest(file) == listed.get(file.name)}
+    return set()
+
+
+def _digest(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_results(result: Identification, folder: Path, truth: Truth | None) -> None:
     """Write a report, the result as JSON, parameters and FRFs as CSV, and a figure of each FRF.
 
     Parameters
     ----------
     result : Identification
     folder : Path
-        Files of an earlier run are replaced, each whole or not at all.
     truth : Truth or None
         Shown beside what was identified.
-
-    Returns
-    -------
-    tuple of Path
     """
-    from dovetail.atomic_files import write_whole
     from dovetail.report.figures import save_png
     from dovetail.report.plots import plot_frf
     from dovetail.report.report import write_report
 
-    paths = {name: folder / name for name in _FILES}
     texts = {
         _RESULT: json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         "parameters.csv": _parameters(result, truth),
     }
+    names = [_frf_files(number) for number in range(1, len(result.responses) + 1)]
+    texts |= {table: _frfs(response) for (table, _), response in zip(names, result.responses, strict=True)}
+    write_texts(folder, texts)
+    for index, (_, figure) in enumerate(names):
+        save_png(plot_frf(result, index), folder / figure)
+    write_report(result, folder / "report.html", truth=truth)
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files of these names and contents to a folder, with the same line ends on every system."""
     for name, text in texts.items():
-        write_whole(paths[name], text.encode("utf-8", "replace"), overwrite=True)
-    for index, response in enumerate(result.responses):
-        table, figure = (folder / name for name in _frf_files(index + 1))
-        paths |= {table.name: table, figure.name: figure}
-        write_whole(table, _frfs(response).encode("utf-8", "replace"), overwrite=True)
-        save_png(plot_frf(result, index), figure)
-    write_report(result, paths["report.html"], truth=truth)
-    return tuple(paths.values())
+        (folder / name).write_bytes(text.encode("utf-8", "replace"))
 
 
 def _parameters(result: Identification, truth: Truth | None) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
-from dovetail.cli.terminal import note, print_json, progress_bars, table, title
+from dovetail.cli.terminal import print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
     from dovetail.evaluation import RobustnessRow
@@ -62,7 +62,7 @@ def robustness(
     """
     import dovetail
     from dovetail.assembly import components
-    from dovetail.cli.result_files import prepare_folder
+    from dovetail.cli.result_files import prepare_folder, writing
     from dovetail.evaluation.robustness import variant
 
     chosen, noise = [name.strip() for name in models.split(",")], _levels(levels)
@@ -76,16 +76,13 @@ def robustness(
         rows = dovetail.robustness(
             loaded, dataset, models=chosen, levels=noise, seed=seed, plugins=plugin or (), progress=progress
         )
-    if output is not None:
-        _write(rows, output)
-    if as_json:
-        print_json([_finite(row.flat()) for row in rows])
-    else:
-        title(f"{loaded.name}: accuracy with noise")
-        printed = [(row.model, f"{row.level:g}", f"{row.r2:.3f}", f"{row.rmse:.3f}") for row in rows]
-        table(["model", "noise", "R2", "RMSE"], printed, numbers=["noise", "R2", "RMSE"])
-    if output is not None:
-        note(f"Written to {output}: {', '.join(_FILES)}")
+    with writing(output, lambda folder: _write(rows, folder), _FILES[0]):
+        if as_json:
+            print_json([_finite(row.flat()) for row in rows])
+        else:
+            title(f"{loaded.name}: accuracy with noise")
+            printed = [(row.model, f"{row.level:g}", f"{row.r2:.3f}", f"{row.rmse:.3f}") for row in rows]
+            table(["model", "noise", "R2", "RMSE"], printed, numbers=["noise", "R2", "RMSE"])
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:
@@ -94,8 +91,7 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write(rows: Sequence[RobustnessRow], folder: Path) -> None:
-    from dovetail.atomic_files import write_whole
-    from dovetail.cli.result_files import csv_text
+    from dovetail.cli.result_files import csv_text, write_texts
     from dovetail.report.figures import robustness_figure, save_png
 
     flat = [_finite(row.flat()) for row in rows]
@@ -103,6 +99,5 @@ def _write(rows: Sequence[RobustnessRow], folder: Path) -> None:
         _FILES[0]: json.dumps(flat, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         _FILES[1]: csv_text(list(flat[0]), [row.values() for row in flat]),
     }
-    for name, text in content.items():
-        write_whole(folder / name, text.encode("utf-8", "replace"), overwrite=True)
+    write_texts(folder, content)
     save_png(robustness_figure(flat), folder / _FILES[2])

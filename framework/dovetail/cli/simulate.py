@@ -44,7 +44,7 @@ def simulate(
     values = loaded.frf(theta)
     frf = dovetail.Frf(loaded.frequency, values, response.quantity, label=label, rotation=response.rotation)
     natural, reason = natural_frequencies(loaded, theta)
-    write_frf_files(frf, files, natural, overwrite)
+    write_frf_files(frf, files, natural, {}, overwrite=overwrite)
     if as_json:
         print_json({"name": loaded.name, "parameters": theta, "natural_frequencies": natural})
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,29 +35,38 @@ def train(
     The errors are those on the test part of the dataset, which the network has not seen.
     """
     import dovetail
+    from dovetail.atomic_files import check_target
+    from dovetail.identification.network.bundle import check_replaceable
 
-    _check_target(output)
+    check_replaceable(output)
+    check_target(output)
     loaded = dovetail.load(assembly, plugins=plugin or ())
     dataset = None if data is None else dovetail.Dataset(data)
     with progress_bars() as progress:
         model = dovetail.train(loaded, dataset, robust=robust, progress=progress)
-    model.save(output)
-    if as_json:
-        print_json(evaluation_as_dict(model.evaluation))
-    else:
-        print_evaluation(model)
+    try:
+        _save(model, output)
+    finally:
+        if as_json:
+            print_json(evaluation_as_dict(model.evaluation))
+        else:
+            print_evaluation(model)
     note(f"Written: {output}")
 
 
-def _check_target(folder: Path) -> None:
-    """Make sure, before any work, that a model can be put at `folder`."""
-    from dovetail.errors import BundleError, Fault
-    from dovetail.identification.network.manifest import is_bundle
+def _save(model: Identifier, folder: Path) -> None:
+    """Save a model; where that fails, save it among the system's temporary files, and say so."""
+    import tempfile
 
-    if folder.exists() and not is_bundle(folder) and not (folder.is_dir() and not any(folder.iterdir())):
-        raise BundleError(
-            Fault(str(folder), "something else than a model is there already.", remedy="Choose another folder.")
-        )
+    from dovetail.errors import BundleError
+
+    try:
+        model.save(folder)
+    except BundleError:
+        with suppress(BundleError, OSError):
+            kept = model.save(Path(tempfile.mkdtemp(prefix="dovetail-")) / folder.resolve().name)
+            note(f"The model is kept in {kept} for now.")
+        raise
 
 
 def evaluation_as_dict(evaluation: Evaluation) -> dict[str, object]:

@@ -11,7 +11,7 @@ import typer
 
 from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles, check_method
-from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
+from dovetail.cli.terminal import print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def validate(
     joint is not to be believed.
     """
     import dovetail
-    from dovetail.cli.result_files import prepare_folder
+    from dovetail.cli.result_files import prepare_folder, writing
 
     check_method(method)
     read = dovetail.read_cases(cases)
@@ -55,14 +55,11 @@ def validate(
         prepare_folder(output, names, _FILES[0])
     with progress_bars() as progress:
         done = dovetail.validate(read, _method(method, plugin or []), plugins=plugin or (), progress=progress)
-    if output is not None:
-        _write(done, output)
-    if as_json:
-        print_json(done.to_dict())
-    else:
-        _print(done)
-    if output is not None:
-        note(f"Written to {output}: {', '.join(names)}")
+    with writing(output, lambda folder: _write(done, folder), _FILES[0]):
+        if as_json:
+            print_json(done.to_dict())
+        else:
+            _print(done)
     exit_unless_believable(done)
 
 
@@ -115,8 +112,7 @@ def _text(value: float | None, form: str) -> str:
 
 
 def _write(done: Validation, folder: Path) -> None:
-    from dovetail.atomic_files import write_whole
-    from dovetail.cli.result_files import csv_text
+    from dovetail.cli.result_files import csv_text, write_texts
     from dovetail.report.figures import save_png
     from dovetail.report.validation_figures import series_figure, validation_figure
 
@@ -134,8 +130,7 @@ def _write(done: Validation, folder: Path) -> None:
         _FILES[1]: csv_text(header, rows),
         _FILES[2]: _markdown(done),
     }
-    for name, text in content.items():
-        write_whole(folder / name, text.encode("utf-8", "replace"), overwrite=True)
+    write_texts(folder, content)
     save_png(validation_figure(done), folder / _FILES[3], dpi=120)
     if done.series:
         save_png(series_figure(done), folder / _SERIES, dpi=120)

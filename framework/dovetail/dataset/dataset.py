@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference
+from dovetail.assembly import FRF_TOLERANCE, Assembly, fingerprint, largest_frf_difference
 from dovetail.dataset.metadata import check_metadata, read_metadata
 from dovetail.dataset.storage import ARRAYS, Storage, StoredFrfs, read_array, read_flags
 from dovetail.errors import DatasetError, Fault
@@ -17,6 +17,11 @@ from dovetail.errors import DatasetError, Fault
 __all__ = ["FORMAT", "Dataset"]
 
 FORMAT = 1
+
+_PROBES = 64
+"""FRFs that are computed again before a training; a tenth of a second for the reference assembly."""
+_SLACK = 1e-9
+"""Of a range's larger end, by which a parameter may be outside: rounding of logarithms."""
 
 
 class Dataset:
@@ -99,7 +104,7 @@ class Dataset:
         return int(self.attributes["seed"])
 
     def require(self, assembly: Assembly) -> None:
-        """Check that the dataset is complete and holds FRFs of this assembly.
+        """Check that the dataset is complete, and whole against the description of this assembly.
 
         Raises
         ------
@@ -119,22 +124,55 @@ class Dataset:
                 Fault(str(self.path), "its generation was interrupted.", remedy="Finish it with --resume.")
             )
         self.amplitude.check_chunks()
-        self.require_same_frfs(assembly)
+        self.require_same_frfs(assembly, _PROBES)
 
-    def require_same_frfs(self, assembly: Assembly) -> None:
-        """Check that an assembly of the same description still computes the FRFs that the dataset holds.
+    def _require_own_description(self, assembly: Assembly) -> None:
+        """Check shapes, frequencies, parameters and fingerprint against the description, which is the assembly's."""
+        lines = len(assembly.description.responses) * len(assembly.frequency)
+        shape = len(self), len(assembly.parameters)
+        problem = ""
+        if self.parameters.shape != shape or self.amplitude.shape != (len(self), lines):
+            problem = f"its parameters have the shape {self.parameters.shape} and its FRFs {self.amplitude.shape}"
+        elif not np.array_equal(self.frequency, assembly.frequency):
+            problem = "its frequencies are not those of its description"
+        elif not self._has_own_fingerprint():
+            problem = "its description is not the one that its fingerprint was taken of"
+        else:
+            lower = np.array([parameter.lower for parameter in assembly.parameters])
+            upper = np.array([parameter.upper for parameter in assembly.parameters])
+            slack = _SLACK * np.maximum(np.abs(lower), np.abs(upper))
+            outside = ~((self.parameters >= lower - slack) & (self.parameters <= upper + slack))
+            if outside.any():
+                row, column = np.argwhere(outside)[0]
+                first = assembly.parameters[int(column)]
+                problem = (
+                    f"{int(outside.any(axis=1).sum())} of its {len(self)} parameter vectors are outside the ranges, "
+                    f"the first in row {row + 1}: {first.name} = {self.parameters[row, column]:g} {first.unit}"
+                )
+        if problem:
+            raise DatasetError(Fault(str(self.path), f"{problem}.", remedy="Generate it anew, or take it from a copy."))
 
-        The first, the middle and the last FRF that are written are computed again.
+    def _has_own_fingerprint(self) -> bool:
+        try:
+            return bool(fingerprint(self.description) == self.attributes["fingerprint"])
+        except (ValueError, AttributeError, RecursionError):
+            return False
+
+    def require_same_frfs(self, assembly: Assembly, probes: int = 3) -> None:
+        """Check that the dataset is what its description says, and that an assembly of it still computes the same FRFs.
+
+        Of those that are written, `probes` from the first to the last are computed again.
 
         Raises
         ------
         DatasetError
-            They differ: the code of a model has changed.
+            They differ: the code of a model has changed; or frequencies, parameters or shapes are not those described.
         """
+        self._require_own_description(assembly)
         chunk = self.amplitude.chunks[0]
         samples = np.flatnonzero(np.repeat(self.amplitude.complete_chunks(), chunk)[: len(self)])
-        rows = sorted({int(samples[index]) for index in (0, len(samples) // 2, -1)}) if len(samples) else []
-        amplitudes = [self.amplitude[row] for row in rows]
+        rows = samples[np.unique(np.linspace(0, len(samples) - 1, probes).astype(int))] if len(samples) else samples
+        amplitudes = [self.amplitude[int(row)] for row in rows]
         difference = largest_frf_difference(assembly, self.parameters[rows], amplitudes)
         if difference > FRF_TOLERANCE:
             problem = "its FRFs are not those that the assembly gives now"

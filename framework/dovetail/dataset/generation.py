@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 import shutil
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
@@ -15,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.atomic_files import beside, check_room, held
 from dovetail.dataset.dataset import FORMAT, Dataset
 from dovetail.dataset.sampling import latin_hypercube
 from dovetail.dataset.storage import ARRAYS, Storage
-from dovetail.errors import DatasetError, Fault, listing
+from dovetail.errors import DatasetError, Fault, FileError, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Progress, silent
 
@@ -67,8 +67,8 @@ def generate(
     ------
     DatasetError
         The path exists; the dataset to resume was begun with another description, seed, storage, interpolation or
-        number of samples, or with models whose code has changed; or the disk cannot be written, after which the
-        dataset can be resumed.
+        number of samples, or with models whose code has changed; another process is at it; or the disk has no room
+        for it or cannot be written, after which the dataset can be resumed.
     """
     settings = assembly.description.identification
     plan = _Plan(
@@ -87,11 +87,16 @@ def generate(
         assembly = assembly.interpolated(interpolation)
     folder = Path(path)
     try:
-        if folder.exists():
-            _check_resumable(folder, assembly, plan, resume)
-        else:
-            _create(folder, assembly, plan)
-        _fill(folder, assembly, progress)
+        check_room(folder.resolve().parent, max(plan.bytes(assembly) - _written_bytes(folder), 0))
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with held(folder, wait=0):
+            if folder.exists():
+                _check_resumable(folder, assembly, plan, resume)
+            else:
+                _create(folder, assembly, plan)
+            _fill(folder, assembly, progress)
+    except FileError as error:
+        raise DatasetError(*error.faults) from None
     except OSError as error:
         remedy = "Make room for it and go on with --resume."
         raise DatasetError(Fault(str(folder), f"it cannot be written: {error}.", remedy=remedy)) from error
@@ -111,6 +116,15 @@ class _Plan:
     def of(cls, dataset: Dataset) -> Self:
         interpolation = dataset.attributes.get("interpolation")
         return cls(len(dataset), dataset.seed, dataset.storage, interpolation)
+
+    def bytes(self, assembly: Assembly) -> int:
+        """Return the room that the numbers take on the disk."""
+        lines = len(assembly.description.responses) * len(assembly.frequency)
+        return self.samples * (np.dtype(ARRAYS[self.storage][1]).itemsize * lines + 8 * len(assembly.parameters))
+
+
+def _written_bytes(folder: Path) -> int:
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
 def _check_resumable(folder: Path, assembly: Assembly, plan: _Plan, resume: bool) -> None:
@@ -136,8 +150,7 @@ def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
     samples, lines = plan.samples, len(assembly.description.responses) * len(assembly.frequency)
     array, dtype = ARRAYS[plan.storage]
     chunk = max(1, min(samples, int(_CHUNK_BYTES / (np.dtype(dtype).itemsize * lines))))
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = folder.with_name(f".{folder.name}.{secrets.token_hex(8)}.new")
+    temporary = beside(folder)
     temporary.mkdir()  # an error where something is there, be it a link
     attributes: dict[str, Any] = {
         "dovetail_dataset": FORMAT,

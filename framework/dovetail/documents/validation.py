@@ -74,7 +74,7 @@ def validate(
         return model.model_validate(section)
     except ValidationError as error:
         _Translation(model, path, faults, owner, reserved, item).report(error)
-    except Exception as error:  # a plugin's validator may raise anything
+    except (Exception, SystemExit) as error:  # a plugin's validator may raise anything
         faults.add(path, f"{owner} cannot check this section: {type(error).__name__}: {error}", key=True)
     return None
 

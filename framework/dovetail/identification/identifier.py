@@ -66,7 +66,7 @@ class Identifier(TrainedNetwork):
         Parameters
         ----------
         path : str or Path
-            The folder; a model that is there already is replaced.
+            The folder; a model that is there already is replaced at once and never absent.
 
         Returns
         -------

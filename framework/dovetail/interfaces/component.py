@@ -131,7 +131,7 @@ def plugin_errors(component: object, label: str) -> Iterator[None]:
         yield
     except DovetailError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         where = _failing_line(component, error.__traceback__)
         if not where:
             raise

@@ -79,7 +79,7 @@ def _read(model: Component, name: str, faults_of: Callable[[Any], list[Fault]]) 
     except PluginError as error:
         lead = f"cannot give its {name}:"
         return [Fault(name, f"{lead} {fault.where}: {fault.problem}", fault.accepted) for fault in error.faults]
-    except Exception as error:  # a plugin's property may raise anything
+    except (Exception, SystemExit) as error:  # a plugin's property may raise anything
         return [Fault(name, f"cannot give its {name}: {type(error).__name__}: {error}.")]
     return faults_of(value)
 

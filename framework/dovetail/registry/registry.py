@@ -6,7 +6,9 @@ import hashlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -35,6 +37,8 @@ __all__ = ["HOW_TO_OFFER", "LoadFailure", "Offer", "Registry", "installed_compon
 _CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor)
 _HOOK = "dovetail_components"
 _CLASH_REMEDY = "Uninstall one of the packages, leave out one of the plugin files, or give one model another name."
+_SLOW = 2.0
+"""Seconds; an import that takes longer is listed."""
 HOW_TO_OFFER = "A model of your own needs '--plugin FILE.py', or 'plugins=' in Python."
 
 
@@ -59,14 +63,16 @@ class Registry:
 
     Notes
     -----
-    A plugin that fails to load is listed in `failures` and affects no other. A name that two plugins offer for one
-    kind cannot be used; the error names both.
+    A plugin that fails to load is listed in `failures` and affects no other, whatever it raises, Ctrl-C apart. A name
+    that two plugins offer for one kind cannot be used; the error names both. `slow` has the seconds of imports that
+    keep every command waiting.
     """
 
     def __init__(self) -> None:
         self._offers: dict[tuple[Kind, str], list[Offer]] = {}
         self._failures: list[LoadFailure] = []
         self._files: set[Path] = set()
+        self.slow: dict[str, float] = {}
 
     @property
     def failures(self) -> tuple[LoadFailure, ...]:
@@ -120,7 +126,9 @@ class Registry:
         for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
             owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
             try:
-                self.add(_load(entry, owner), owner)
+                with self._timed(owner):
+                    plugin = _load(entry, owner)
+                self.add(plugin, owner)
             except PluginError as error:
                 self._failures.append(LoadFailure(owner, error.faults[0].problem))
 
@@ -145,12 +153,22 @@ class Registry:
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
         try:
-            spec.loader.exec_module(module)
-        except (Exception, SystemExit) as error:
+            with self._timed(str(path)):
+                spec.loader.exec_module(module)
+        except BaseException as error:
             del sys.modules[name]
+            if isinstance(error, KeyboardInterrupt):
+                raise
             raise PluginError(Fault(_failing_line(error, file), _reason(error))) from error
         self.add(module, str(path), strict=True)
         self._files.add(file.resolve())
+
+    @contextmanager
+    def _timed(self, source: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        if (seconds := time.perf_counter() - start) > _SLOW:
+            self.slow[source] = seconds
 
     def add(self, plugin: ModuleType | object, source: str, *, strict: bool = False) -> None:
         """Add the components of a plugin module or object.
@@ -170,7 +188,7 @@ class Registry:
             The hook is missing, misspelt, fails, or does not return component classes.
         """
         for component in _components_of(plugin, source):
-            reason = _unfitness(component)
+            reason = _reason_against(component)
             if reason and strict:
                 raise PluginError(Fault(source, reason))
             if reason:
@@ -186,7 +204,9 @@ def _load(entry: EntryPoint, owner: str) -> object:
     try:
         plugin: object = entry.load()
         return plugin
-    except (Exception, SystemExit) as error:  # a stranger's import may raise anything
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a stranger's import may raise anything
         raise PluginError(Fault(owner, _reason(error))) from error
 
 
@@ -210,12 +230,18 @@ def _components_of(plugin: ModuleType | object, source: str) -> list[type[Compon
         misspelt = ", ".join(n for n in dir(plugin) if _is_marked(plugin, n) and n != _HOOK)
         problem = f"'{misspelt}' is not a hook of dovetail." if misspelt else str(error)
         raise PluginError(Fault(source, problem, hint, did_you_mean(misspelt, [_HOOK]))) from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise PluginError(Fault(source, f"its hooks cannot be looked at: {_reason(error)}")) from error
     if not manager.hook.dovetail_components.get_hookimpls():
         raise PluginError(Fault(source, f"it has no hook '{_HOOK}' marked with @dovetail.hookimpl.", hint))
     try:
         (returned,) = manager.hook.dovetail_components()
         offered = list(returned) if isinstance(returned, Iterable) else returned
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise PluginError(Fault(source, f"its hook '{_HOOK}' raised {type(error).__name__}: {error}")) from error
     if isinstance(returned, (str, bytes)) or not isinstance(returned, Iterable):
         raise PluginError(Fault(source, f"its hook '{_HOOK}' returned {returned!r}, not a list of classes.", hint))
@@ -224,6 +250,16 @@ def _components_of(plugin: ModuleType | object, source: str) -> list[type[Compon
 
 def _is_marked(plugin: ModuleType | object, name: str) -> bool:
     return hasattr(inspect.getattr_static(plugin, name, None), f"{GROUP}_impl")
+
+
+def _reason_against(component: Any) -> str:
+    """Return why what a hook gave cannot be used, or an empty text, even if it raises where it is looked at."""
+    try:
+        return _unfitness(component)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        return f"a class that it offers cannot be looked at: {_reason(error)}"
 
 
 def _unfitness(component: Any) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-import tempfile
 from collections.abc import Mapping
 from functools import reduce
 from pathlib import Path
@@ -15,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, PluginPaths, largest_frf_difference, load
-from dovetail.errors import BundleError, DescriptionError, Fault, PluginError, listing
+from dovetail.atomic_files import new_folder
+from dovetail.errors import BundleError, DescriptionError, Fault, FileError, PluginError, listing
 from dovetail.identification.network.manifest import (
     FORMAT,
     MANIFEST,
@@ -29,6 +29,7 @@ from dovetail.identification.network.manifest import (
     TensorFile,
     damaged,
     is_bundle,
+    manifest_hash,
     read_manifest,
 )
 from dovetail.identification.network.network import Network
@@ -38,7 +39,7 @@ from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.provenance import component_sources, package_versions
 from dovetail.interfaces import State
 
-__all__ = ["read_bundle", "write_bundle"]
+__all__ = ["check_replaceable", "read_bundle", "write_bundle"]
 
 FILES = "files"
 """Folder of the files that the description names, each under its SHA-256."""
@@ -59,18 +60,18 @@ def write_bundle(trained: TrainedNetwork, path: str | Path) -> Path:
     PluginError
         A component's state is more than arrays and plain values.
     """
+    from safetensors import SafetensorError
+
     target = Path(path)
-    _check_replaceable(target)
+    check_replaceable(target)
     states = _states(trained)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as workplace:
-            fresh = Path(workplace) / "new"
-            fresh.mkdir()
+        arrays = {f"{section}.safetensors" for section in SECTIONS}
+        with new_folder(target, arrays, last=MANIFEST) as fresh:
             _write(fresh, trained, states)
-            _replace_folder(target, fresh, Path(workplace) / "old")
-    except (OSError, ValueError) as error:
-        raise BundleError(Fault(str(target), f"the model cannot be written: {error}.")) from error
+    except (FileError, SafetensorError, ValueError) as error:
+        reason = error.faults[0].problem if isinstance(error, FileError) else f"{error}."
+        raise BundleError(Fault(str(target), f"the model cannot be written: {reason}")) from error
     return target
 
 
@@ -85,7 +86,7 @@ def read_bundle(path: str | Path, *, plugins: PluginPaths = ()) -> TrainedNetwor
         network = _network(assembly, states)
         novelty = Novelty.restore(states["novelty"]) if "novelty" in states else None
         differences = _prediction_differences(assembly, network, states["check"])
-    except Exception as error:  # a component may raise anything on a state that it did not write
+    except (Exception, SystemExit) as error:  # a component may raise anything on a state that it did not write
         reason = f"{type(error).__name__}: {error}"
         raise damaged(folder, f"the model cannot be rebuilt from its arrays ({reason}).") from error
     if not np.all(differences <= _CHECK_TOLERANCE):
@@ -119,23 +120,11 @@ def _check_vectors(assembly: Assembly) -> NDArray[np.float64]:
     return np.repeat(np.array(_CHECK_FRACTIONS)[:, np.newaxis], len(assembly.parameters), axis=1)
 
 
-def _check_replaceable(target: Path) -> None:
+def check_replaceable(target: Path) -> None:
+    """Raise BundleError if something else than a model is at `target`."""
     if target.exists() and not is_bundle(target) and not (target.is_dir() and not any(target.iterdir())):
         problem = "something else than a model is there already."
         raise BundleError(Fault(str(target), problem, remedy="Choose another folder."))
-
-
-def _replace_folder(target: Path, fresh: Path, old: Path) -> None:
-    """Move a complete folder to its target; what was there stays there if that fails."""
-    if not target.exists():
-        fresh.rename(target)
-        return
-    target.rename(old)
-    try:
-        fresh.rename(target)
-    except BaseException:  # Ctrl-C too: the model that was there comes back
-        old.rename(target)
-        raise
 
 
 def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, State]) -> None:
@@ -155,7 +144,8 @@ def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, State
         files=files,
         evaluation=trained.evaluation,
     )
-    text = json.dumps(manifest.model_dump(), indent=1, allow_nan=False)
+    entries = manifest.model_dump()
+    text = json.dumps({**entries, "sha256": manifest_hash(entries)}, indent=1, allow_nan=False)
     (folder / MANIFEST).write_text(text + "\n", encoding="utf-8")
     for section in states:  # safetensors lets only the owner read
         shutil.copymode(folder / MANIFEST, folder / f"{section}.safetensors")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,6 +25,7 @@ __all__ = [
     "TensorFile",
     "damaged",
     "is_bundle",
+    "manifest_hash",
     "read_manifest",
 ]
 
@@ -75,6 +77,8 @@ class Manifest(_Strict):
     files : dict of str to TensorFile
         Arrays of each section's state.
     evaluation : Evaluation
+    sha256 : str or None
+        Of all other entries. It shows damage and changes made by hand, not those of somebody who writes it anew.
     """
 
     format: Literal["dovetail-model"]
@@ -86,6 +90,13 @@ class Manifest(_Strict):
     values: dict[Section, dict[str, PlainValue]]
     files: dict[Section, TensorFile]
     evaluation: Evaluation
+    sha256: str | None = None
+
+
+def manifest_hash(manifest: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a manifest's entries but the hash itself."""
+    entries = {key: entry for key, entry in manifest.items() if key != "sha256"}
+    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()
 
 
 def is_bundle(folder: Path) -> bool:
@@ -117,9 +128,12 @@ def read_manifest(folder: Path) -> Manifest:
         remedy = "Upgrade dovetail-frf, or train the model again."
         raise BundleError(Fault(where, problem, f"version {VERSION}", remedy))
     try:
-        return Manifest.model_validate_json(json.dumps(header))
+        manifest = Manifest.model_validate_json(json.dumps(header))
     except (ValidationError, ValueError, RecursionError) as error:
         raise BundleError(*_faults(where, error)) from None
+    if manifest.sha256 not in (None, manifest_hash(header)):
+        raise damaged(folder / MANIFEST, "the manifest is not the one that was written with the model.")
+    return manifest
 
 
 def damaged(file: Path, problem: str) -> BundleError:
