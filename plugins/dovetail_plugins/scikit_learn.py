@@ -271,7 +271,8 @@ def _decode(node: Any, arrays: Mapping[str, Any]) -> Any:
 
 def _check_libsvm(estimator: Any) -> None:
     """Raise a ValueError where a state is not what fitting makes: libsvm reads as many numbers as it says there are."""
-    held, fitted = vars(estimator), vars(type(estimator)().fit([[0.0], [1.0]], [0.0, 1.0]))
+    with _own_random_numbers():  # libsvm draws one, whatever it is for
+        held, fitted = vars(estimator), vars(type(estimator)().fit([[0.0], [1.0]], [0.0, 1.0]))
     count, width = held["support_vectors_"].shape
     shapes = dict.fromkeys(("dual_coef_", "_dual_coef_"), (1, count)) | {"support_vectors_": (count, width)}
     shapes |= {"support_": (count,), "_n_support": (2,), "_probA": (0,), "_probB": (0,), "_intercept_": (1,)}

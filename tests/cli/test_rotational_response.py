@@ -59,7 +59,12 @@ def test_what_is_simulated_and_identified_is_a_rotation(turned, monkeypatch):
 
 def test_simulate_labels_its_figure(run, turned, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr("dovetail.report.figures.save_png", lambda figure, path: drawn.append(figure))
+
+    def save(figure, path):
+        drawn.append(figure)
+        path.write_bytes(b"a figure")
+
+    monkeypatch.setattr("dovetail.report.figures.save_png", save)
     run("simulate", turned, "-o", tmp_path / "frf.png")
     assert drawn[0].axes[0].get_ylabel() == "Accelerance [rad/(N·m·s²)]"
 

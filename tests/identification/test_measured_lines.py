@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -184,3 +185,46 @@ def test_the_truth_of_the_whole_band_is_shown(sdof, tmp_path):
     truth = Truth(dict(zip(result.parameters, theta, strict=True)), (float(natural),))
     page = dovetail.write_report(result, tmp_path / "report.html", truth=truth).read_text()
     assert f"{natural:.1f}" in page
+
+
+def two_masses(**calibration):
+    """Two masses on springs, with a transfer FRF each way."""
+    masses = {name: {"model": "lumped", "masses": [{"mass": "1 kg"}]} for name in ("one", "two")}
+
+    def spring(below, above, **parameters):
+        ends = {"a": {"to": below, "at": 0}, "b": {"to": above, "at": 0}}
+        return {"model": "spring_damper", "direction": "x", "connect": ends, "parameters": parameters}
+
+    def response(at, force, **more):
+        return {"at": at, "position": 0, "force": {"at": force, "position": 0}, **more}
+
+    sought = {"k": {"range": [1e5, 1e7], "scale": "log"}, "c": {"range": [1, 100], "scale": "log"}}
+    return dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "two masses",
+            "frequency": {"start": "20 Hz", "stop": "500 Hz", "lines": 300},
+            "substructures": {**masses, "base": {"model": "ground"}},
+            "joints": {
+                "foot": spring("base", "one", k={"value": 1e6}, c={"value": 10}),
+                "joint": spring("one", "two", **sought),
+            },
+            "responses": [response("one", "two"), response("two", "one", **calibration)],
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("gain", "calibration", "said"), [(1.0, {}, 0), (1.2, {}, 1), (1.2, {"gain": {"range": [0.5, 2]}}, 0)]
+)
+def test_frfs_with_force_and_response_exchanged_are_held_against_each_other(gain, calibration, said):
+    assembly = two_masses(**({"calibration": calibration} if calibration else {}))
+    axes = [assembly.frequency, np.concatenate([assembly.frequency[::2], [500.25]])]
+    _, (first, second) = genuine(two_masses(), axes, 1)
+    result = dovetail.identify(assembly, [first, replace(second, values=gain * second.values)])
+    sentences = [warning for warning in result.warnings if "reciprocity" in warning]
+    assert len(sentences) == said
+    for sentence in sentences:
+        assert "at one, 0 mm, force at two, 0 mm and at two, 0 mm, force at one, 0 mm should be equal" in sentence
+        assert "differ by 18 % or more" in sentence
+        assert float(re.search(r"explain (\S+) %", sentence)[1]) == pytest.approx(100 * NOISE * np.sqrt(2), rel=0.2)

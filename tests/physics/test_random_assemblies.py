@@ -7,6 +7,8 @@ moves is computed for each entry (`System.receptance`), and the tolerance is the
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tempfile
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -27,7 +29,12 @@ from dovetail.synthesis.natural_frequencies import elastic_frequencies
 EPS = float(np.finfo(float).eps)
 UNUSUAL_JOINTS = str(Path(__file__).with_name("unusual_joints.py"))
 QUICK = settings(
-    max_examples=100, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=100,
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+    phases=[Phase.generate],  # to shrink a failing case takes more than five minutes
 )
 POWER = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
@@ -211,6 +218,14 @@ def check_shares(tally: Tally) -> None:
 
 
 def test_a_hundred_random_assemblies_against_the_dense_solve():
+    """In a process of its own, since Hypothesis draws constants of whatever modules are loaded: always the same."""
+    folders = [str(Path(__file__).parent), *sys.path]
+    start = "import sys; sys.path[:0] = sys.argv[1:]; import test_random_assemblies as t; t.hold_a_hundred()"
+    done = subprocess.run([sys.executable, "-c", start, *folders], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-10_000:]
+
+
+def hold_a_hundred():
     tally = Tally()
 
     @QUICK
@@ -353,3 +368,43 @@ def test_the_units_of_rows_do_not_choose_the_pivots(tmp_path):
     computed = assembly.receptance([], [("part", 0.0, "x"), ("part", 0.0, "rz")], [("part", 0.0, "x")])[:, :, 0]
     inverse = np.array([1.0 / unit**2, -1.0 / unit]) / (soft - 1.0)
     np.testing.assert_allclose(computed, np.tile(inverse, (2, 1)), rtol=1e-13)
+
+
+@pytest.mark.xfail(
+    reason="rounding of a free mass beside stiff parts passes for a mode at 0.002 Hz", raises=AssertionError
+)
+def test_a_free_mass_beside_stiff_parts_is_no_mode():
+    """Drawn at random; the lowest mode that deforms the assembly is at 1897 Hz."""
+
+    def beam(diameters):
+        material = {"young": 1e9, "density": 900.0, "poisson": 0.0, "loss_factor": 0.0}
+        sections = [{"elements": 1, "length": 0.005, "outer": diameter} for diameter in diameters]
+        return {"model": "timoshenko_beam", "material": material, "sections": sections}
+
+    def spring(direction, part, node, **values):
+        ends = {"a": {"to": "masses", "at": ["m1"]}, "b": {"to": part, "at": [node]}}
+        known = {name: {"value": value} for name, value in values.items()}
+        return {"model": "spring_damper", "direction": direction, "connect": ends, "parameters": known}
+
+    mass = {"mass": 0.01, "inertia": 1e-6}
+    description = {
+        "dovetail": 1,
+        "name": "free",
+        "frequency": {"start": 1.0, "stop": 2.0, "lines": 2},
+        "substructures": {
+            "masses": {"model": "lumped", "masses": [{"position": 0.0, **mass}, {"position": 0.02, **mass}]},
+            "held": {"model": "lumped", "masses": [{"position": 0.0, "mass": 0.047}]},
+            "base": {"model": "ground"},
+            "long": beam([0.00684, 0.005]),
+            "first": beam([0.005]),
+            "second": beam([0.005]),
+        },
+        "joints": {
+            "j0": spring("x", "held", "m1", k=1e4, c=1.0),
+            "j1": spring("rz", "long", "n3", kr=1.06e6, cr=1e-3),
+            "j2": spring("x", "first", "n1", k=1e4, c=1.0),
+            "j3": spring("x", "second", "n1", k=1.27e5, c=1.0),
+        },
+        "response": {"at": "masses", "position": "m1", "direction": "x"},
+    }
+    assert dovetail.load(description).natural_frequencies([], 1)[0] > 1.0

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.atomic_files import beside, check_room, held
 from dovetail.dataset.dataset import FORMAT, Dataset
-from dovetail.dataset.sampling import latin_hypercube
+from dovetail.dataset.sampling import check_number, latin_hypercube
 from dovetail.dataset.storage import ARRAYS, Storage
 from dovetail.errors import DatasetError, Fault, FileError, listing
 from dovetail.frf import conversion
@@ -81,6 +81,7 @@ def generate(
         raise DatasetError(Fault(assembly.description.source, "no joint parameter is sought: nothing to sample."))
     if plan.samples < 1:
         raise DatasetError(f"{plan.samples} samples were asked for; at least 1 is needed.")
+    check_number(assembly, plan.samples)
     if storage not in get_args(Storage):
         raise DatasetError(Fault("storage", f"{storage!r} was asked for.", listing(get_args(Storage))))
     if interpolation is not None:

@@ -11,7 +11,7 @@ from dovetail.assembly import Assembly
 from dovetail.dataset.metadata import LARGEST_ARRAY
 from dovetail.errors import DatasetError, Fault
 
-__all__ = ["latin_hypercube"]
+__all__ = ["check_number", "latin_hypercube"]
 
 
 def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int]) -> NDArray[np.float64]:
@@ -35,9 +35,18 @@ def latin_hypercube(assembly: Assembly, samples: int, seed: int | Sequence[int])
     """
     from scipy.stats import qmc
 
+    check_number(assembly, samples)
+    sampler = qmc.LatinHypercube(d=len(assembly.parameters), rng=np.random.default_rng(seed))
+    return assembly.from_unit(sampler.random(samples))
+
+
+def check_number(assembly: Assembly, samples: int) -> None:
+    """Make sure that a dataset may have so many samples.
+
+    Raises
+    ------
+    DatasetError
+    """
     most = LARGEST_ARRAY // (8 * max(1, len(assembly.parameters)))
     if samples > most:
         raise DatasetError(Fault("samples", f"{samples:.4g} were asked for.", f"at most {most:,}"))
-
-    sampler = qmc.LatinHypercube(d=len(assembly.parameters), rng=np.random.default_rng(seed))
-    return assembly.from_unit(sampler.random(samples))

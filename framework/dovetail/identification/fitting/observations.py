@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,6 +19,7 @@ from dovetail.identification.fitting.random_error import (
     isolated_lines,
     known_variance,
     most_likely_parts,
+    random_error_variance,
     residual_variance,
 )
 from dovetail.identification.fitting.residuals import LogAmplitude, StackedResiduals, Weighted, split_by_response
@@ -27,6 +29,8 @@ __all__ = ["MeasuredLines", "Observations", "one_per_response"]
 
 _LEAST_DISCREPANCY = 1e-6
 """Relative error of a model below which it does not matter."""
+_RECIPROCITY, _EXCESS = 0.05, 3.0
+"""Difference of two FRFs with force and response exchanged that is said, also over what their random error explains."""
 _MOST_GAPS = 5
 """Gaps of a measurement that a warning lists."""
 
@@ -297,7 +301,26 @@ class MeasuredLines:
                 messages.append(
                     f"The measurement{where} lacks lines between {_listed(gaps)}: nothing was compared there."
                 )
-        return tuple(messages)
+        return (*messages, *self._unlike_reciprocals())
+
+    def _unlike_reciprocals(self) -> Iterable[str]:
+        """Yield which FRFs with force and response exchanged differ by more than their random error.
+
+        An FRF with a calibration may.
+        """
+        calibrated = self.described.description.calibrations
+        for (first, one, here), (second, other, there) in combinations(self._responses, 2):
+            of_first, of_second = one.description.response, other.description.response
+            exchanged = (of_first.point, of_first.force_point) == (of_second.force_point, of_second.point)
+            if not exchanged or of_first.is_drive_point or {of_first.name, of_second.name} & calibrated.keys():
+                continue
+            apart, explained = _difference_of_reciprocals(first.to("receptance"), second.to("receptance"))
+            if apart > max(_RECIPROCITY, _EXCESS * explained):
+                yield (
+                    f"The measurements{here} and{there} should be equal by reciprocity. Half of their lines differ by "
+                    f"{100 * apart:.2g} % or more, and random errors explain {100 * explained:.2g} %: a gain, a "
+                    "sensor or a point is not what the description says, or the structure is not linear."
+                )
 
     @property
     def warnings_of_features(self) -> tuple[str, ...]:
@@ -337,6 +360,20 @@ def _each(prepare: Callable[[Frf, NDArray[np.float64]], Frf], pairs: Iterable[tu
     if faults:
         raise MeasurementError(*faults)
     return tuple(prepared)
+
+
+def _difference_of_reciprocals(first: Frf, second: Frf) -> tuple[float, float]:
+    """Return the median relative difference on the lines that both have, and the one that random errors explain."""
+    _, rows, others = np.intersect1d(first.frequency, second.frequency, return_indices=True)
+    if not len(rows):
+        return 0.0, 0.0
+    pair = (first, rows), (second, others)
+    values = [
+        frf.values[lines] if first.has_phase and second.has_phase else frf.amplitude[lines] for frf, lines in pair
+    ]
+    size = np.maximum((np.abs(values[0]) + np.abs(values[1])) / 2.0, np.finfo(float).tiny)
+    deviation = np.sqrt(sum(random_error_variance(frf)[lines] for frf, lines in pair))
+    return float(np.median(np.abs(values[0] - values[1]) / size)), float(np.median(deviation / size))
 
 
 def _listed(gaps: Sequence[tuple[float, float]]) -> str:
