@@ -166,6 +166,7 @@ def test_a_finer_mesh_is_the_description_with_more_elements(collet, torque_100):
     assert finer(collet, 1) is collet
 
 
+@pytest.mark.slow
 def test_several_responses_are_measured_and_identified_together(assemblies):
     two = dovetail.load(assemblies / "bt40_er32_two_points.yaml")
     options = {"cases": 1, "samples": 60, "finer_mesh": 2, "model_error": 5e-4}

@@ -59,6 +59,7 @@ def test_noise_has_the_size_of_each_response():
     np.testing.assert_array_equal(with_noise(clean, 1, 0.1, 3), np.abs(data_noise(clean, 0.1, 3)).astype(np.float32))
 
 
+@pytest.mark.slow
 def test_umap_takes_part(study):
     assembly, dataset, _ = study
     clean, noisy = robustness(assembly, dataset, models=["umap"], levels=[0.0, 0.3])
