@@ -12,8 +12,7 @@ import dovetail
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, StackedResiduals
 from dovetail.identification.posterior import ModelError
-from dovetail.identification.posterior.frequency_average import AveragedResiduals, average, needs_average
-from dovetail.identification.posterior.model_error import fit_resonances
+from dovetail.identification.posterior.frequency_average import AveragedResiduals, needs_average, weigh
 
 EVEN = np.arange(50.0, 2050.0, 0.25)
 UNEVEN = np.unique(np.concatenate([EVEN[::4], EVEN[3000:5000], [60.1, 60.2]]))
@@ -89,9 +88,8 @@ def test_fewer_lines_of_the_model_give_the_same_averages(collet, torque_100, wid
     values = collet.frf(torque_100)
     target = Observations.of(collet, noisy(collet, values, 0.01, 1))
     used, variance = np.ones(len(values), dtype=bool), target.frfs[0].variance
-    poles = fit_resonances([collet.frequency], [values]).poles
     model = ModelFrfs.of(collet)
-    lines, residual = average(model, target, variance, used, values, poles, ModelError(width))
+    lines, residual = weigh(model, target, variance, used, values, ModelError(width))
     every_line = np.arange(len(values))
     whole = AveragedResiduals(target.frfs[0], variance, used, every_line, 2.0 * width, np.zeros(len(values)))
     assert len(lines) < 0.5 * len(values)
@@ -111,13 +109,12 @@ def test_several_responses_are_averaged_each_on_its_own_lines(assemblies):
     frfs = [noisy(alone, alone.frf(theta), 0.01, seed) for seed, alone in enumerate(assembly.each_response)]
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, frfs)
     values, variance = model.frf(theta[np.newaxis])[0], np.concatenate([frf.variance for frf in frfs])
-    poles = fit_resonances([frf.frequency for frf in frfs], target.split(values)).poles
     without = Observations.of(
         assembly, [replace(frf, values=part) for frf, part in zip(frfs, target.split(values), strict=True)]
     )
     shown = []
     for measured in (target, without):
-        lines, residual = average(model, measured, variance, variance > 0.0, values, poles, ModelError(0.01))
+        lines, residual = weigh(model, measured, variance, variance > 0.0, values, ModelError(0.01))
         assert isinstance(residual, StackedResiduals)
         shown.append(residual.of(model.at(lines).frf(theta[np.newaxis]))[0])
         np.testing.assert_allclose(shown[-1], residual.of(values[np.newaxis, lines])[0], rtol=1e-6, atol=1e-9)

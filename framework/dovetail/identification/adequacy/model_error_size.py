@@ -102,6 +102,10 @@ class _Problem:
         self.axes = [frf.frequency for frf in target.frfs]
         self._variance, self._used = variance, used
 
+    def values(self, fraction: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the model's FRFs (n_lines,)."""
+        return np.asarray(self.model.frf(self.model.assemblies[0].from_unit(fraction[np.newaxis]))[0])
+
     def residual(self, values: NDArray[np.complex128], size: ModelError) -> tuple[NDArray[np.intp], Residual]:
         """Return lines of the model and residuals of it there, in which other errors are part of the random error."""
         return weigh(self.model, self.target, self._variance, self._used, values, size)
@@ -116,7 +120,7 @@ class _Problem:
         The least is how far peaks of measurement and model that belong together are apart, beyond a line; the most is
         twice how far they are apart, where each peak of the measurement has its counterpart.
         """
-        values = self.model.frf(self.model.assemblies[0].from_unit(fraction[np.newaxis]))[0]
+        values = self.values(fraction)
         apart, beyond, alone = list[float](), list[float](), 0
         for frf, fitted in zip(self.target.frfs, self.target.split(values), strict=True):
             measured, modelled = resonance_peaks(frf), resonance_peaks(replace(frf, values=fitted))
@@ -131,17 +135,17 @@ class _Problem:
             return least, _SETTINGS.most
         return least, _SETTINGS.consistent * max(least, _rms(apart))
 
-    def fit(self, starts: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
-        """Return the fractions (p,) that fit best with errors of this size, from starts (n, p), the last the surest."""
-        values = self.model.frf(self.model.assemblies[0].from_unit(starts[-1:]))[0]
+    def fit(self, start: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
+        """Return the fractions (p,) that fit best with errors of this size, from a start (p,)."""
+        values = self.values(start)
         lines, residual = self.residual(values, size)
         shapes = np.concatenate(list(self.shapes(values, size).values()))
         errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
         model = self.model if len(lines) == len(values) else self.model.at(lines)
         misfit = MarginalisedResiduals(FrfResiduals(model, residual), errors)
         problem = WithPrior(misfit, model.assemblies[0])
-        minima = minimise(problem, starts, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
-        return np.asarray(minima.position[np.argmin(minima.cost)])
+        minima = minimise(problem, start[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+        return np.asarray(minima.position[0])
 
 
 def fit_with_error(
@@ -154,7 +158,7 @@ def fit_with_error(
 ) -> FitWithError:
     """Fit the parameters with errors of the model of a given size allowed."""
     problem = _Problem(model, target, variance, used)
-    fraction = problem.fit(fraction[np.newaxis], size)
+    fraction = problem.fit(fraction, size)
     return _Linearised(problem, fraction, size).result(size)
 
 

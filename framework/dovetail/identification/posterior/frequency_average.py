@@ -20,7 +20,7 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs, Residual, StackedResiduals
 from dovetail.identification.posterior.model_error import ModelError, fit_resonances
 
-__all__ = ["AveragedResiduals", "average", "needs_average", "unshaped_deviation", "weigh"]
+__all__ = ["AveragedResiduals", "needs_average", "unshaped_deviation", "weigh"]
 
 
 @dataclass(frozen=True)
@@ -64,42 +64,7 @@ def weigh(
     values: NDArray[np.complex128],
     size: ModelError,
 ) -> tuple[NDArray[np.intp], Residual]:
-    """Return residuals in which errors of the model without a shape are part of the random error.
-
-    Parameters
-    ----------
-    model, target, variance, used, values, size
-        As of `average`.
-
-    Returns
-    -------
-    lines : (m,) array
-        Of the model, on which the residuals need it.
-    residuals : Residual
-        Of single lines (`Weighted`, or those of several responses), or averaged over neighbouring ones.
-    """
-    if not needs_average(size):
-        allowed = variance + unshaped_deviation(values, size) ** 2
-        return np.arange(len(values)), target.weighted(allowed, used)
-    poles = fit_resonances([frf.frequency for frf in target.frfs], target.split(values)).poles
-    return average(model, target, variance, used, values, poles, size)
-
-
-def unshaped_deviation(values: NDArray[np.complex128], size: ModelError) -> NDArray[np.float64]:
-    """Return the standard deviation (n_lines,) of the errors of a model that have no shape."""
-    return np.asarray(size.other * np.abs(values))
-
-
-def average(
-    model: ModelFrfs,
-    target: Observations,
-    variance: NDArray[np.float64],
-    used: NDArray[np.bool_],
-    values: NDArray[np.complex128],
-    poles: NDArray[np.complex128],
-    size: ModelError,
-) -> tuple[NDArray[np.intp], Residual]:
-    """Return residuals of FRFs averaged over neighbouring lines, and the lines on which they need the model.
+    """Return residuals that allow for errors of a model, and the lines on which they need the model.
 
     Parameters
     ----------
@@ -110,32 +75,39 @@ def average(
     used : (n_lines,) bool array
     values : (n_lines,) complex array
         The model's FRFs.
-    poles : (n,) complex array
-        Of these FRFs [Hz], as `Resonances.poles`.
     size : ModelError
-        The standard deviation of the Gaussian that weights the lines, over the frequency in its middle, is twice its
-        error of natural frequencies. Its errors without a shape are part of the random error of each average.
+        Its errors without a shape are part of the random error. Where `needs_average`, the standard deviation of the
+        Gaussian that weights the lines, over the frequency in its middle, is twice its error of natural frequencies.
 
     Returns
     -------
     lines : (m,) array
-        Increasing numbers, fewer than all where resonances are broad.
+        Increasing numbers; fewer than all where lines are averaged and resonances are broad.
     residuals : Residual
-        Of the FRFs on these lines.
+        Of single lines (`Weighted`, or those of several responses), or averaged over neighbouring ones, of the FRFs on
+        these lines.
     """
-    deviations = target.split(unshaped_deviation(values, size))
-    responses = zip(target.frfs, target.split(variance), target.split(used), deviations, strict=True)
-    lines, averaged = [], []
+    deviation = unshaped_deviation(values, size)
+    if not needs_average(size):
+        return np.arange(len(values)), target.weighted(variance + deviation**2, used)
+    poles = fit_resonances([frf.frequency for frf in target.frfs], target.split(values)).poles
     width = _SETTINGS.width * size.natural_frequency
-    for frf, of_response, counted, deviation in responses:
+    lines, averaged = [], []
+    responses = zip(target.frfs, *map(target.split, (variance, used, deviation)), strict=True)
+    for frf, of_response, counted, unshaped in responses:
         needed = _needed_lines(frf.frequency, poles, width)
-        averaged.append(AveragedResiduals(frf, of_response, counted, needed, width, deviation))
+        averaged.append(AveragedResiduals(frf, of_response, counted, needed, width, unshaped))
         lines.append(needed)
     firsts = np.cumsum((0, *model.counts))[:-1].tolist()
     numbers = np.concatenate([first + needed for first, needed in zip(firsts, lines, strict=True)])
     if len(averaged) == 1:
         return numbers, averaged[0]
     return numbers, StackedResiduals(tuple(averaged), tuple(len(needed) for needed in lines))
+
+
+def unshaped_deviation(values: NDArray[np.complex128], size: ModelError) -> NDArray[np.float64]:
+    """Return the standard deviation (n_lines,) of the errors of a model that have no shape."""
+    return np.asarray(size.other * np.abs(values))
 
 
 def _needed_lines(frequency: NDArray[np.float64], poles: NDArray[np.complex128], width: float) -> NDArray[np.intp]:
