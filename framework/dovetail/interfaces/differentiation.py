@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -158,6 +158,31 @@ def _weighted_sum(weights: NDArray[np.float64], values: NDArray[Any]) -> NDArray
     return total
 
 
+@dataclass(frozen=True, eq=False)
+class _Entries:
+    """The entries of M, K, C and D that are looked at; the others, most of them, are zero at all vectors so far.
+
+    Parameters
+    ----------
+    numbers : four int arrays
+        Of the entries of each matrix, row by row.
+    slopes : (n_linear, n_entries) array
+        Of the matrices by the parameters in which they are linear.
+    """
+
+    numbers: tuple[NDArray[np.intp], ...]
+    slopes: NDArray[np.float64]
+
+    @property
+    def count(self) -> int:
+        return sum(map(len, self.numbers))
+
+    @property
+    def ends(self) -> NDArray[np.intp]:
+        """Where the entries of M, K and C end."""
+        return np.cumsum([len(numbers) for numbers in self.numbers])[:-1]
+
+
 class Differentiation:
     """Derivatives of matrices by their parameters.
 
@@ -177,21 +202,38 @@ class Differentiation:
 
     def __init__(self, matrices: Matrices, size: int, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> None:
         self._matrices, self._size, self._lower, self._upper = matrices, size, lower, upper
+        self._filled = np.zeros((4, size**2), dtype=np.bool_)
         slopes = {column: self._constant_slope(column) for column in range(len(lower))}
         self._slopes = {column: slope for column, slope in slopes.items() if slope is not None}
         self._nonlinear = [column for column, slope in slopes.items() if slope is None]
+        self._entries = self._entries_of(self._filled)
+        self._constant: tuple[int, dict[int, StructuralMatrices]] = (0, {})
 
     def jacobian(self, theta: NDArray[np.float64]) -> list[StructuralMatrices]:
         """Return the derivatives (n, d, d) by each parameter at parameter vectors (n, n_params)."""
-        derivatives = self._differences(theta, self._nonlinear)
-        bent = self._is_bent(theta)
-        differences_of_bent = self._differences(theta[bent], list(self._slopes)) if bent.any() else {}
-        for column, slope in self._slopes.items():
-            derivatives[column] = np.broadcast_to(slope, (4, len(theta), self._size, self._size))
-            if differences_of_bent:
-                derivatives[column] = derivatives[column].copy()
-                derivatives[column][:, bent] = differences_of_bent[column]
-        return [StructuralMatrices(*derivative) for _, derivative in sorted(derivatives.items())]
+        while True:
+            entries = self._entries
+            differences = self._differences(theta, self._nonlinear, entries)
+            bent = self._is_bent(theta, entries)
+            of_bent = self._differences(theta[bent], list(self._slopes), entries) if bent.any() else {}
+            if self._entries is entries:
+                break
+        derivatives = {**self._constant_derivatives(len(theta)), **self._spread(differences, entries)}
+        for column, derivative in self._spread(of_bent, entries).items():
+            whole = np.broadcast_to(self._slopes[column], (4, len(theta), self._size, self._size)).copy()
+            whole[:, bent] = np.stack([derivative.M, derivative.K, derivative.C, derivative.D])
+            derivatives[column] = StructuralMatrices(*whole)
+        return [derivative for _, derivative in sorted(derivatives.items())]
+
+    def _constant_derivatives(self, count: int) -> dict[int, StructuralMatrices]:
+        """Return the slopes for so many parameter vectors; they are kept for the next time."""
+        kept, constant = self._constant
+        if kept != count:
+            shape = (4, count, self._size, self._size)
+            slopes = self._slopes.items()
+            constant = {column: StructuralMatrices(*np.broadcast_to(slope, shape)) for column, slope in slopes}
+            self._constant = count, constant
+        return constant
 
     def _constant_slope(self, column: int) -> NDArray[np.float64] | None:
         """Return the slope (4, 1, d, d) of M, K, C and D by a parameter, None where it is not the same everywhere."""
@@ -201,41 +243,71 @@ class Differentiation:
             rows = np.tile(low + fractions * width, (3, 1))
             rows[0, column], rows[2, column] = low[column], self._upper[column]
             distance = (rows[:, column] - low[column])[:, np.newaxis, np.newaxis]
-            values = np.moveaxis(self._stacked(rows), 1, 0)
+            values = np.stack(self._each_matrix(rows))
+            self._filled |= (values != 0).any(axis=1)
+            values = values.reshape(4, 3, self._size, self._size)
             slope = (values[:, 2:] - values[:, :1]) / width[column] if slope is None else slope
             errors = np.abs(values - values[:, :1] - distance * slope)
             if (errors > SETTINGS.rounding * np.abs(values).max(axis=1, keepdims=True)).any():
                 return None
         return slope
 
-    def _is_bent(self, theta: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _is_bent(self, theta: NDArray[np.float64], entries: _Entries) -> NDArray[np.bool_]:
         """Return at which of n parameter vectors the constant slopes do not explain the matrices, (n,)."""
         bent = np.zeros(len(theta), dtype=np.bool_)
         linear = list(self._slopes)
         for block in self._blocks(len(theta), 2) if linear else ():
             start = theta[block].copy()
             start[:, linear] = self._lower[linear]
-            there, here = self._stacked(np.concatenate([theta[block], start])).reshape(2, len(start), 4, -1)
-            slopes = np.stack([slope.reshape(4, -1) for slope in self._slopes.values()])
-            change = np.tensordot((theta[block] - start)[:, linear], slopes, axes=1)
+            there, here = self._values(np.concatenate([theta[block], start]), entries).reshape(2, len(start), -1)
+            change = (theta[block] - start)[:, linear] @ entries.slopes
             limit = SETTINGS.rounding * np.maximum(np.abs(here), np.abs(there))
-            bent[block] = np.any(np.abs(there - here - change) > limit, axis=(1, 2))
+            bent[block] = np.any(np.abs(there - here - change) > limit, axis=1)
         return bent
 
-    def _differences(self, theta: NDArray[np.float64], columns: Sequence[int]) -> dict[int, NDArray[np.float64]]:
-        """Return the derivatives (4, n, d, d) of M, K, C and D by some parameters, by differences."""
-        derivatives = np.zeros((len(columns), 4, len(theta), self._size, self._size))
+    def _differences(
+        self, theta: NDArray[np.float64], columns: Sequence[int], entries: _Entries
+    ) -> dict[int, NDArray[np.float64]]:
+        """Return the derivatives (n, n_entries) by some parameters, by differences."""
+        derivatives = np.zeros((len(columns), len(theta), entries.count))
         for block in self._blocks(len(theta), _NODES.shape[1] * len(columns)) if columns else ():
-            values = differences(self._stacked, theta[block], columns, self._lower, self._upper)
-            derivatives[:, :, block] = np.moveaxis(values, 2, 1)
+            derivatives[:, block] = differences(
+                lambda vectors: self._values(vectors, entries), theta[block], columns, self._lower, self._upper
+            )
         return dict(zip(columns, derivatives, strict=True))
+
+    def _spread(
+        self, derivatives: Mapping[int, NDArray[np.float64]], entries: _Entries
+    ) -> dict[int, StructuralMatrices]:
+        """Return matrices (n, d, d) with values (n, n_entries) at the entries and zeros elsewhere."""
+        spread = {}
+        for column, values in derivatives.items():
+            full = np.zeros((4, len(values), self._size**2))
+            parts = np.split(values, entries.ends, axis=1)
+            for matrix, numbers, part in zip(full, entries.numbers, parts, strict=True):
+                matrix[:, numbers] = part
+            spread[column] = StructuralMatrices(*full.reshape(4, len(values), self._size, self._size))
+        return spread
 
     def _blocks(self, count: int, evaluations: int) -> Iterator[slice]:
         """Divide `count` parameter vectors, each with some evaluations of the matrices."""
         size = max(1, int(SETTINGS.block_bytes / (4 * 8 * self._size**2 * evaluations)))
         return (slice(first, first + size) for first in range(0, count, size))
 
-    def _stacked(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return M, K, C and D, (n, 4, d, d)."""
+    def _values(self, theta: NDArray[np.float64], entries: _Entries) -> NDArray[np.float64]:
+        """Return some entries of M, K, C and D, (n, n_entries); take note where others are filled too."""
+        every = self._each_matrix(theta)
+        chosen = [matrix[:, numbers] for matrix, numbers in zip(every, entries.numbers, strict=True)]
+        if sum(map(np.count_nonzero, chosen)) < sum(map(np.count_nonzero, every)):
+            self._filled |= np.array([(matrix != 0).any(axis=0) for matrix in every])
+            self._entries = self._entries_of(self._filled)
+        return np.concatenate(chosen, axis=1)
+
+    def _each_matrix(self, theta: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return M, K, C and D, (n, d^2) each."""
         matrices = self._matrices(theta)
-        return np.stack((matrices.M, matrices.K, matrices.C, matrices.D), axis=1)
+        return [matrix.reshape(len(matrix), -1) for matrix in (matrices.M, matrices.K, matrices.C, matrices.D)]
+
+    def _entries_of(self, filled: NDArray[np.bool_]) -> _Entries:
+        slopes = np.array([slope.reshape(4, -1)[filled] for slope in self._slopes.values()])
+        return _Entries(tuple(np.flatnonzero(of_matrix) for of_matrix in filled), slopes)

@@ -65,7 +65,8 @@ class StructuralMatrices:
 
     def __init__(self, M: ArrayLike, K: ArrayLike, C: ArrayLike | None = None, D: ArrayLike | None = None) -> None:
         for name, values in (("M", M), ("K", K), ("C", C), ("D", D)):
-            refuse_complex(name, values)
+            if getattr(values, "dtype", None) != np.float64:  # a joint makes many, mostly of such arrays
+                refuse_complex(name, values)
         stiffness = np.asarray(K, dtype=np.float64)
         if stiffness.ndim < 2 or stiffness.shape[-1] != stiffness.shape[-2]:
             raise ValueError(f"K has the shape {stiffness.shape}; square matrices (..., d, d) are expected.")

@@ -55,7 +55,7 @@ def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
     label = _label(name, model)
     with plugin_errors(model, label):
         matrices = model.matrices(theta)
-    _check_matrices(label, model, matrices, len(theta))
+    _check_matrices(label, model, [matrices], len(theta))
     for matrix in MATRICES:
         _check_symmetry(label, f"a matrix {matrix}", getattr(matrices, matrix))
     return matrices
@@ -75,8 +75,7 @@ def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
     if len(derivatives) != len(model.parameters):
         problem = f"{label} returns {len(derivatives)} derivatives of its matrices"
         raise PluginError(f"{problem}, not one for each of its {len(model.parameters)} parameters.")
-    for matrices in derivatives:
-        _check_matrices(label, model, matrices, len(theta))
+    _check_matrices(label, model, derivatives, len(theta))
     return derivatives
 
 
@@ -137,16 +136,18 @@ def _label(name: str, model: JointModel) -> str:
     return f"joint '{name}' ({model.name})"
 
 
-def _check_matrices(label: str, model: JointModel, matrices: object, count: int) -> None:
-    if not isinstance(matrices, StructuralMatrices):
-        raise PluginError(f"{label} returns {type(matrices).__name__}, not StructuralMatrices.")
+def _check_matrices(label: str, model: JointModel, sets: Sequence[StructuralMatrices], count: int) -> None:
     wanted = (count, model.size, model.size)
-    if matrices.K.shape != wanted:
-        raise PluginError(f"{label} returns matrices of shape {matrices.K.shape}, not {wanted}.")
-    for matrix in MATRICES:
-        values = getattr(matrices, matrix)
-        if not np.isfinite(values if values.strides[0] else values[:1]).all():
-            raise PluginError(f"{label} returns a matrix {matrix} that is not finite.")
+    for matrices in sets:
+        if not isinstance(matrices, StructuralMatrices):
+            raise PluginError(f"{label} returns {type(matrices).__name__}, not StructuralMatrices.")
+        if matrices.K.shape != wanted:
+            raise PluginError(f"{label} returns matrices of shape {matrices.K.shape}, not {wanted}.")
+    arrays = _without_repetition(sets)
+    if not arrays or np.isfinite(np.concatenate(arrays)).all():
+        return
+    at_fault = next(index for index, values in enumerate(arrays) if not np.isfinite(values).all())
+    raise PluginError(f"{label} returns a matrix {MATRICES[at_fault % len(MATRICES)]} that is not finite.")
 
 
 def _check_symmetry(label: str, noun: str, values: NDArray[Any]) -> None:
@@ -229,11 +230,19 @@ def filled_entries(values: NDArray[np.generic]) -> NDArray[np.bool_]:
 
 def filled_by_matrix(*sets: StructuralMatrices) -> NDArray[np.bool_]:
     """Return the entries of K, D, C and M, sets of (n, d, d) arrays, that any sample fills, (n_sets, 4, d, d)."""
-    arrays = [getattr(matrices, matrix) for matrices in sets for matrix in MATRICES]
-    nonzero = [(values if values.strides[0] else values[:1]) != 0 for values in arrays]
-    starts = np.cumsum([0, *map(len, nonzero[:-1])])
-    filled: NDArray[np.bool_] = np.logical_or.reduceat(np.concatenate(nonzero), starts, axis=0)
+    arrays = _without_repetition(sets)
+    filled: NDArray[np.bool_]
+    if max(map(len, arrays)) == 1:
+        filled = np.concatenate(arrays) != 0
+    else:
+        filled = np.array([(values != 0).any(axis=0) for values in arrays])
     return filled.reshape(len(sets), len(MATRICES), *filled.shape[1:])
+
+
+def _without_repetition(sets: Sequence[StructuralMatrices]) -> list[NDArray[np.float64]]:
+    """Return the matrices of each set, (n, d, d), or (1, d, d) where all samples share one."""
+    arrays = [getattr(matrices, matrix) for matrices in sets for matrix in MATRICES]
+    return [values if len(values) < 2 or values.strides[0] else values[:1] for values in arrays]
 
 
 def probe_matrices(graph: Graph, frequency: NDArray[np.float64], theta: Theta) -> dict[str, JointSparsity]:
