@@ -1,17 +1,30 @@
-"""The commands of the pages on methods and on what a measurement tells, as a reader types them."""
+"""The commands of the pages on methods and on what a measurement tells, as a reader types them.
+
+The pages name the reference assembly and a measurement of it. Here these names stand for the same ones made small: every
+tenth line, and eight of the twelve parameters known. The commands are those of the page but for the numbers in `SMALLER`.
+"""
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
+import dovetail
 from dovetail.cli import app
 
 ROOT = Path(__file__).resolve().parents[2]
+MEASURED = "h0_j_t0_60Nm"
+UNKNOWN = ("Dc", "mn1", "kt_tc", "kr_tc")
+EVERY = 10
+"""Lines of which one is kept."""
+SMALLER = {"--cases": "1", "--starts": "4"}
 
 
 def commands(page):
@@ -19,15 +32,38 @@ def commands(page):
     return [shlex.split(line)[1:] for block in blocks for line in block.splitlines() if line.startswith("dovetail ")]
 
 
+@pytest.fixture
+def small(tmp_path):
+    """Write a smaller assembly and measurement under the names that the pages use."""
+    there, here = ROOT / "assemblies", tmp_path / "assemblies"
+    (here / "measurements").mkdir(parents=True)
+    truth = f"measurements/{MEASURED}.truth.json"
+    told = json.loads((there / truth).read_text())
+    known = told["parameters"]
+    fixed = {name: {"value": value} for name, value in known.items() if name not in UNKNOWN}
+    description = {
+        "extends": str(there / "bt40_er32.yaml"),
+        "name": "small",
+        "frequency": {"start": "100 Hz", "stop": "9000 Hz", "step": f"{2 * EVERY} Hz"},
+        "joints": {"collet": {"parameters": fixed}},
+    }
+    (here / "bt40_er32.yaml").write_text(yaml.safe_dump(description))
+    (here / truth).write_text(json.dumps({**told, "parameters": {name: known[name] for name in UNKNOWN}}))
+    frf = dovetail.read_frf(there / f"measurements/{MEASURED}.uff")
+    fewer = {"frequency": frf.frequency[::EVERY], "values": frf.values[::EVERY]}
+    if frf.coherence is not None:
+        fewer["coherence"] = frf.coherence[::EVERY]
+    dovetail.write_frf(replace(frf, **fewer), here / f"measurements/{MEASURED}.uff")
+
+
+@pytest.mark.usefixtures("small")
 @pytest.mark.parametrize("page", ["identification.md", "uncertainty.md"])
 def test_each_command_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = commands(page)
     assert len(found) >= 2
     for words in found:
-        if "--cases" in words:  # as many take a quarter of an hour
-            words[words.index("--cases") + 1] = "1"
-        placed = [str(ROOT / word) if word.startswith("assemblies/") else word for word in words]
+        placed = [SMALLER.get(option, word) for option, word in zip(["", *words], words, strict=False)]
         done = CliRunner().invoke(app, placed)
         assert done.exit_code == 0, done.output
     written = {file.name for file in (tmp_path / "results").iterdir()}

@@ -10,6 +10,7 @@ import json
 import re
 import warnings
 from dataclasses import replace
+from functools import wraps
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,7 @@ import pytest
 
 import dovetail
 from dovetail.cli.result_files import write_results
+from dovetail.identification import methods
 from dovetail.identification.result_file import read_identification
 
 CAVEAT = "The model does not fit the measurement: do not believe the numbers."
@@ -63,8 +65,29 @@ def run_all(run, folder, code):
     return SimpleNamespace(folder=folder, tables=tables, plain=plain)
 
 
+@pytest.fixture(scope="module")
+def each_fit_once():
+    """Let a fit of the same assembly to the same measurement be made once: eight commands differ in what they say."""
+    fits, fit = {}, methods.by_refined_fit
+
+    @wraps(fit)
+    def remembered(measured, trained=None, **options):
+        assert trained is None
+        values = tuple((frf.label, frf.values.tobytes()) for frf in measured.frfs)
+        settings = tuple((name, value) for name, value in options.items() if name != "progress")
+        key = (measured.described.description.text, values, settings)
+        if key not in fits:
+            fits[key] = fit(measured, **options)
+        return fits[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(methods, "by_refined_fit", remembered)
+        patch.setitem(methods.METHODS, "refined", remembered)
+        yield fits
+
+
 @pytest.fixture(scope="module", params=[(-1.0, 3), (1.0, 0)], ids=["another sign", "genuine"])
-def made(request, run, assemblies, tmp_path_factory):
+def made(request, run, assemblies, tmp_path_factory, each_fit_once):
     sign, code = request.param
     folder = tmp_path_factory.mktemp("made")
     make_bench(folder, assemblies, sign)
