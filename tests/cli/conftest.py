@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sysconfig
@@ -91,6 +92,25 @@ def shell(command: str, environment: dict[str, str]) -> Callable[..., subprocess
         return subprocess.run(words, capture_output=True, text=True, timeout=300, env=environment)
 
     return call
+
+
+@pytest.fixture
+def type_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Run a line of a page in `tmp_path`: `dovetail` in this process, which spares its start, all else in a shell."""
+    monkeypatch.chdir(tmp_path)
+    path = f"{sysconfig.get_path('scripts')}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "OMP_NUM_THREADS": "1"}
+
+    def typed(line: str) -> None:
+        words = shlex.split(line)
+        if words[0] == "dovetail":
+            done = CliRunner().invoke(app, words[1:])
+            assert done.exit_code == 0, f"{line}\n{done.output}"
+        else:
+            ran = subprocess.run(line, shell=True, env=environment, capture_output=True, text=True)
+            assert ran.returncode == 0, f"{line}\n{ran.stderr}"
+
+    return typed
 
 
 @pytest.fixture(scope="session")

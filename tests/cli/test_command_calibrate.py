@@ -12,7 +12,7 @@ FILES = {"calibration.json", "calibration.md", "parameters.csv", "cases.csv", "r
 
 def test_the_study_by_one_command(run, bench, tmp_path):
     folder = tmp_path / "study"
-    arguments = ["calibrate", bench.description, "--cases", 20, "--samples", 100, "--noise", 0.1, "-o", folder]
+    arguments = ["calibrate", bench.description, "--cases", 4, "--samples", 50, "--noise", 0.1, "-o", folder]
     printed = run(*arguments).stdout
     assert {file.name for file in folder.iterdir()} == FILES
     told = json.loads((folder / "calibration.json").read_text())

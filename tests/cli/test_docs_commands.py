@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"^```(bash|yaml)\n(.*?)^```", flags=re.S | re.M)
 
 
-def test_the_first_look_runs_from_top_to_bottom(tmp_path):
+def test_the_first_look_runs_from_top_to_bottom(tmp_path, type_line):
     shutil.copytree(ROOT / "assemblies", tmp_path / "assemblies")
-    environment = {
-        **os.environ,
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "DOVETAIL_CACHE_DIR": str(tmp_path / "cache"),
-        "OMP_WAIT_POLICY": "PASSIVE",
-    }
     commands = 0
     for language, text in BLOCK.findall((ROOT / "docs" / "first_look.md").read_text(encoding="utf-8")):
         if language == "yaml":
@@ -28,8 +19,7 @@ def test_the_first_look_runs_from_top_to_bottom(tmp_path):
             (tmp_path / name).write_text(text, encoding="utf-8")
             continue
         for command in text.strip().splitlines():
-            done = subprocess.run(command, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True)
-            assert done.returncode == 0, f"{command}\n{done.stderr}"
+            type_line(command)
             commands += 1
     assert commands >= 10
     made = {"frf.csv", "frf.png", "measured.uff", "small.zarr", "small_model", "predicted.csv"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -57,12 +58,12 @@ class SpringDamper(JointModel):
         """K and c in translation, kr and cr in rotation."""
         return {"x": _TRANSLATION, "rz": _ROTATION, "both": _TRANSLATION + _ROTATION}[self.config.direction]
 
-    @property
+    @cached_property
     def ports(self) -> tuple[Port, ...]:
         """The two sides, a and b."""
         return Port("a", self.config.nodes), Port("b", self.config.nodes)
 
-    @property
+    @cached_property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
         """Facing DOFs in the connected directions."""
         half = 2 * int(self.config.nodes)
@@ -72,7 +73,9 @@ class SpringDamper(JointModel):
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices for theta (n, 2) or (n, 4)."""
         joint = StructuralMatrices.zeros(len(theta), self.size)
-        by_direction = np.array_split(np.array(self.contact_dofs), len(self.parameters) // 2)
-        for index, pairs in enumerate(by_direction):
-            joint.add_contact_layer([tuple(pair) for pair in pairs], theta[:, 2 * index], theta[:, 2 * index + 1])
+        directions = len(self.parameters) // 2
+        each = len(self.contact_dofs) // directions
+        for index in range(directions):
+            pairs = self.contact_dofs[index * each : (index + 1) * each]
+            joint.add_contact_layer(pairs, theta[:, 2 * index], theta[:, 2 * index + 1])
         return joint
