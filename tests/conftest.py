@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,19 @@ def memory_is_bounded(request: pytest.FixtureRequest) -> Iterator[None]:
 def one_thread_of_linear_algebra():
     """NumPy is loaded already, so that its libraries do not look at the environment again."""
     with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+@pytest.fixture(scope="module")
+def few_mode_searches() -> Iterator[None]:
+    """Search modes of posteriors from two points in place of twelve: for assemblies whose posterior has one mode.
+
+    These searches are most of the time that a posterior of two parameters takes.
+    """
+    from dovetail.identification.posterior import mode_search
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mode_search, "_SETTINGS", replace(mode_search._SETTINGS, searches=2))
         yield
 
 

@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+pytestmark = pytest.mark.usefixtures("few_mode_searches")
 FILES = {"calibration.json", "calibration.md", "parameters.csv", "cases.csv", "ranks.png", "coverage.png", "SHA256SUMS"}
 
 
