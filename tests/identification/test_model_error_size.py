@@ -181,6 +181,7 @@ def test_a_network_takes_no_model_error(model, measured):
         model.identify(measured, model_error=0.01)
 
 
+@pytest.mark.usefixtures("few_mode_searches")
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("model_error", [0.0, 1e-4, 0.01, 0.3])
 def test_every_error_can_be_allowed_with_noise_and_without(sdof, method, model_error):

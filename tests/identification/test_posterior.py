@@ -51,7 +51,7 @@ def exact_likelihood(assembly, frf):
     return Likelihood(target, frf.variance, ModelFrfs.of(assembly), residual, residual, none)
 
 
-def on_a_grid(assembly, frf, model_error=EXACT, widening=1.0, points=200):
+def on_a_grid(assembly, frf, model_error=EXACT, widening=1.0, points=120):
     """Mean and standard deviation of two parameters, in fractions of their ranges, by brute force."""
     fit = refine(assembly, frf)
     likelihood = build_likelihood(assembly, frf, fit, model_error)
@@ -69,6 +69,7 @@ def on_a_grid(assembly, frf, model_error=EXACT, widening=1.0, points=200):
     return mean, np.sqrt(weight @ (places - mean) ** 2)
 
 
+@pytest.mark.usefixtures("few_mode_searches")
 @pytest.mark.parametrize("has_phase", [True, False])
 def test_the_samples_are_those_of_the_posterior_on_a_grid(sdof, has_phase):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.2, 1, has_phase=has_phase)
@@ -91,6 +92,7 @@ def test_where_no_search_arrives_moves_from_the_peak_find_the_same_posterior(sdo
     np.testing.assert_allclose(np.sqrt(found.weight @ (found.fraction - ours) ** 2), deviation, rtol=0.1)
 
 
+@pytest.mark.usefixtures("few_mode_searches")
 @pytest.mark.parametrize(("level", "wider"), [(5e-4, 2), (2e-3, 3)])
 def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level, wider):
     frf = noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.05, 1)

@@ -117,7 +117,7 @@ def test_damaged_files(tmp_path: Path, intact: dict[str, bytes], name: str, data
 
 @pytest.mark.parametrize("name", ["a.h5", "a.mat", "b.mat"])
 @given(data=st.data())
-@settings(FUZZ, max_examples=20)
+@settings(FUZZ, max_examples=10)  # each starts two processes
 def test_damaged_files_that_another_process_reads(
     tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject
 ) -> None:
