@@ -78,7 +78,7 @@ def each_fit_once():
     def remembered(measured, trained=None, **options):
         assert trained is None
         values = tuple((frf.label, frf.values.tobytes()) for frf in measured.frfs)
-        settings = tuple((name, value) for name, value in options.items() if name != "progress")
+        settings = tuple(item for item in options.items() if item[0] != "progress" and item[1] is not None)
         key = (measured.described.description.text, values, settings)
         if key not in fits:
             fits[key] = fit(measured, **options)
