@@ -15,6 +15,7 @@ import dovetail
 from dovetail import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
 from dovetail.errors import DovetailError, PluginError
 from dovetail.interfaces import SparseMatrices
+from dovetail.interfaces.differentiation import Differentiation
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection, Engine, Graph
 
@@ -403,3 +404,18 @@ def test_the_derivative_at_a_vanishing_pivot_is_that_of_the_pivoted_solve():
     assert engine.pivoted_lines == 1
     line = int(np.argmin(np.abs(engine.frequency - frequency[-1])))
     np.testing.assert_allclose(jacobian[0, line, 0], -1.0 / k**2, rtol=1e-8)
+
+
+def test_an_entry_that_is_filled_in_a_small_part_of_a_range_only_is_differentiated_there():
+    """The probes, from which it is known which entries are filled at all, do not meet this part."""
+
+    def matrices(theta):
+        made = StructuralMatrices.zeros(len(theta), 2)
+        made.K[:, 0, 0] = theta[:, 0] ** 2
+        made.K[:, 1, 1] = np.maximum(0.0, 1e-4 - (theta[:, 0] - 0.5) ** 2)
+        return made
+
+    differentiation = Differentiation(matrices, 2, np.array([0.0]), np.array([1.0]))
+    (derivative,) = differentiation.jacobian(np.array([[0.3], [0.495]]))
+    np.testing.assert_allclose(derivative.K[:, 0, 0], [0.6, 0.99], rtol=1e-9)
+    np.testing.assert_allclose(derivative.K[:, 1, 1], [0.0, 0.01], rtol=1e-9)
