@@ -37,8 +37,10 @@ NAMES = ("--name", "frequency=Test.Freq_Axis", "--name", "values=Test.FRF1", "--
 
 
 def test_from_any_format_round_and_back(run, analyser, tmp_path):
-    shown = run("convert", analyser, tmp_path / "0.uff", *NAMES).stdout
-    assert "200 lines from 10 to 507.5 Hz, accelerance, coherence, 10 averages" in shown
+    shown = run("convert", analyser, tmp_path / "0.uff", *NAMES)
+    assert "200 lines from 10 to 507.5 Hz, accelerance, coherence, 10 averages" in shown.stdout
+    taken = "'Test.Freq_Axis' is frequency, 'Test.FRF1' is values, 'Test.Coh' is coherence, 'Test.N_avg' is averages"
+    assert f"Read analyser.mat: 200 rows; {taken}, 'Test.junk' is not read." in " ".join(shown.stderr.split())
     for number, suffix in enumerate((*FORMATS[1:], *FORMATS), start=1):
         before = FORMATS[(number - 1) % 3]
         run("convert", tmp_path / f"{number - 1}{before}", tmp_path / f"{number}{suffix}")

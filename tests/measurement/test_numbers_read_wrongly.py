@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -63,3 +64,29 @@ def test_cutpro_with_decimal_commas(tmp_path: Path) -> None:
     np.testing.assert_array_equal(frf.values, [1.25 + 2.75j, 1.5 + 3j, -1.5e-3 + 3j])
     (tmp_path / "a.frf").write_text("100,1,2\n101,3,4\n")
     np.testing.assert_array_equal(read_frf(tmp_path / "a.frf", quantity="receptance").values, [1 + 2j, 3 + 4j])
+
+
+def test_a_table_says_its_rows_and_what_its_columns_were_taken_for(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("Freq,Re,Im,Coh\nHz,g/N,g/N,\n0,1,2,1\n1,2,5,1\n2,3,4,1\n")
+    taken = "'Freq' [Hz] is frequency, 'Re' [g/N] is real, 'Im' [g/N] is imag, 'Coh' is coherence."
+    assert read_frf(tmp_path / "a.csv").origin == f"3 rows, of which that at 0 Hz is left out; {taken}"
+    (tmp_path / "b.txt").write_text("1 2 5 1\n2 3 4 1\n")
+    frf = read_frf(tmp_path / "b.txt", columns=("frequency", "skip", "imag [g/N]", "real [g/N]"))
+    taken = "'frequency' is frequency, 'imag' [g/N] is imag, 'real' [g/N] is real, 'skip' is not read."
+    assert frf.origin == f"2 rows; {taken}"
+    (tmp_path / "c.frf").write_text("1 2 3 Freq Hz Real m/N Imag m/N\n2 3 4\n")
+    assert "2 rows; column 1 is the frequency in Hz, 2 and 3 are real and imaginary part in m/N" in (
+        read_frf(tmp_path / "c.frf").origin
+    )
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.h5"])
+def test_an_archive_says_what_its_arrays_were_taken_for(tmp_path: Path, name: str) -> None:
+    arrays = {"junk": np.eye(3), "f": [1.0, 2.0], "h1": [1j, 2j]}
+    if name == "a.npz":
+        np.savez(tmp_path / name, **arrays)
+    else:
+        with h5py.File(tmp_path / name, "w") as file:
+            file.update(arrays)
+    origin = read_frf(tmp_path / name, quantity="receptance").origin
+    assert origin == "2 rows; 'f' is frequency, 'h1' is values, 'junk' is not read."

@@ -68,21 +68,19 @@ def check(place: Path) -> None:
         assert len(dovetail.Dataset(place / "data.zarr")) == 4000
 
 
+EVERY = ("generate", "train", "identify", "convert", "validate", "calibrate")
+
+
 @pytest.mark.parametrize(
-    ("kinds", "kills"),
-    [
-        (("identify", "train"), 4),
-        pytest.param(
-            ("generate", "train", "identify", "convert", "validate", "calibrate"), 200, marks=pytest.mark.slow
-        ),
-    ],
+    ("piece", "kinds", "kills"),
+    [(0, ("identify", "train"), 4), *(pytest.param(piece, EVERY, 25, marks=pytest.mark.slow) for piece in range(1, 9))],
 )
-def test_killed_at_random_moments(place, kinds, kills):
+def test_killed_at_random_moments(place, piece, kinds, kills):
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "DOVETAIL_CACHE_DIR": str(place / "cache")}
     usual: dict[str, float] = {}
-    moments, killed = random.Random(kills), 0
+    moments, killed = random.Random(piece), 0
     for turn in range(10 * kills):
-        kind = kinds[turn % len(kinds)]
+        kind = kinds[(turn + piece) % len(kinds)]
         start = time.monotonic()
         words = command(place, kind, ("first", "second")[turn // len(kinds) % 2])
         process = subprocess.Popen(words, cwd=place, stdout=-3, stderr=-1, env=environment)

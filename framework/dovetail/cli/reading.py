@@ -78,7 +78,7 @@ Columns = Annotated[
 
 
 def read_measured(file: Path, names: Sequence[str] | None, columns: str | None, **options: Any) -> Frf:
-    """Read one measured FRF; what `read_frf` warns of is a note.
+    """Read one measured FRF; what its columns were taken for and what `read_frf` warns of are notes.
 
     Parameters
     ----------
@@ -95,6 +95,8 @@ def read_measured(file: Path, names: Sequence[str] | None, columns: str | None, 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         frf = dovetail.read_frf(file, names=names_of(names or []), columns=columns_of(columns), **options)
+    if frf.origin:
+        note(f"Read {file.name}: {frf.origin}")
     for warning in caught:
         note(f"Note: {warning.message}")
     return frf

@@ -49,6 +49,8 @@ class Frf:
     response, force : str
         Names of the DOFs where the motion was measured and where the force acted, such as ``"5+x"``; empty if
         unknown.
+    origin : str
+        How many rows the table had from which it was read, and what each column was taken for.
 
     Raises
     ------
@@ -68,6 +70,7 @@ class Frf:
     rotation: bool = False
     response: str = ""
     force: str = ""
+    origin: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency", _frozen(self.frequency, np.float64))

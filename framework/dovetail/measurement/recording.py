@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, did_you_mean
+from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Frf, Quantity, unit_of
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 
@@ -82,6 +82,8 @@ class Recording:
         A rotation per moment.
     response, force : str
         Names of the DOFs.
+    taken : sequence of str
+        What each column, or array, is taken for; nothing in formats that have none.
     """
 
     where: str
@@ -102,6 +104,7 @@ class Recording:
     rotation: bool = False
     response: str = ""
     force: str = ""
+    taken: Sequence[str] = ()
 
     def to_frf(self, quantity: str | None, unit: str | None = None) -> Frf:
         """Check everything and return the FRF; a line at 0 Hz is left out.
@@ -139,7 +142,14 @@ class Recording:
             rotation=self.rotation,
             response=self.response,
             force=self.force,
+            origin=self._origin(first),
         )
+
+    def _origin(self, first: int) -> str:
+        if not self.taken:
+            return ""
+        left_out = ", of which that at 0 Hz is left out" if first else ""
+        return f"{self.frequency.size} rows{left_out}; {listing(self.taken)}."
 
     def with_dofs(self, response: str, force: str) -> Recording:
         """Return the recording with the DOFs that the caller gives where the file states none.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ __all__ = [
     "plain_name",
     "quantities_in",
     "quantity_of_name",
+    "taken_for",
 ]
 
 _QUANTITY_NAMES: dict[str, Quantity] = {
@@ -77,6 +78,8 @@ _PARTS = ("real", "imag", "amplitude", "db", "phase_deg", "phase_rad", "coherenc
 """Fields that a name may say in its last word, behind that of a signal."""
 _NO_FRF = frozenset(("force", "excitation", "hammer", "psd", "power", "autopower", "spectrum", "autospectrum", "time"))
 """Words by which a signal is none of an FRF."""
+_SHOWN = 60
+"""Characters of a name."""
 _ACCEPTED = "values (complex) | real, imag | amplitude (or db), phase_deg (or phase_rad) | amplitude"
 
 
@@ -171,6 +174,24 @@ def assign_fields(
     _check_phase(where, contents, assigned, words)
     _check_complete(where, contents, assigned)
     return assigned
+
+
+def taken_for(fields: Mapping[str, str], names: Sequence[str], units: Sequence[str] = ()) -> list[str]:
+    """Return in words what each name of a file was taken for, those that are read first.
+
+    Parameters
+    ----------
+    fields : mapping of str to str
+        From fields of the FRF to names.
+    names : sequence of str
+        In the file.
+    units : sequence of str, optional
+        Of the names.
+    """
+    meant = {name: field for field, name in fields.items()}
+    labels = [f" [{unit[:_SHOWN]}]" if unit else "" for unit in units] or [""] * len(names)
+    read_first = sorted(zip(names, labels, strict=True), key=lambda pair: pair[0] not in meant)
+    return [f"'{name[:_SHOWN]}'{label} is {meant.get(name, 'not read')}" for name, label in read_first]
 
 
 def _check_names(where: str, contents: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:

@@ -70,6 +70,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
         how_to_state_quantity="the unit in the first row, such as m/N",
         factor=1.0 if meaning is None else meaning.factor,
         unit=unit,
+        taken=[f"column 1 is the frequency in Hz, 2 and 3 are real and imaginary part{unit and f' in {unit}'}"],
     )
 
 

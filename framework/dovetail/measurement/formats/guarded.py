@@ -20,7 +20,7 @@ __all__ = ["answer", "decode", "read_arrays"]
 Form = Literal["HDF5", "MATLAB 7.3", "MATLAB 5"]
 _HELD = (
     *("frequency", "values", "coherence", "variance", "has_phase", "quantity", "is_stated", "how_to_state_quantity"),
-    *("note", "factor", "unit", "averages", "rotation", "response", "force"),
+    *("note", "factor", "unit", "averages", "rotation", "response", "force", "taken"),
 )
 """What of a recording comes back."""
 

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Quantity
-from dovetail.measurement.formats.column_names import NUMERIC_FIELDS, assign_fields, combine_values, quantity_of_name
+from dovetail.measurement.formats.column_names import (
+    NUMERIC_FIELDS,
+    assign_fields,
+    combine_values,
+    quantity_of_name,
+    taken_for,
+)
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording, parse_quantity
 
@@ -98,6 +104,7 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
         rotation=meaning is not None and meaning.rotation,
         response=_read_text(archive, names, "response"),
         force=_read_text(archive, names, "force"),
+        taken=taken_for(names, list(archive.entries)),
     )
 
 

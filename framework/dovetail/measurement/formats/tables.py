@@ -26,6 +26,7 @@ from dovetail.measurement.formats.column_names import (
     column_word,
     combine_values,
     quantities_in,
+    taken_for,
 )
 from dovetail.measurement.formats.text_tables import TextTable, find_rows, find_table, read_rows, split_lines
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
@@ -78,6 +79,8 @@ class Header(NamedTuple):
         Of the values, empty where none is stated.
     comments : mapping of str to str
         What the lines above say: quantity, averages, note, response, force.
+    taken : sequence of str
+        What each column is taken for.
     """
 
     columns: Mapping[str, int]
@@ -85,6 +88,7 @@ class Header(NamedTuple):
     hertz: float
     unit: str
     comments: Mapping[str, str]
+    taken: Sequence[str]
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
@@ -183,6 +187,7 @@ def recording_of(
         rotation=meaning is not None and meaning.rotation,
         response=header.comments.get("response", ""),
         force=header.comments.get("force", ""),
+        taken=header.taken,
     )
 
 
@@ -262,6 +267,7 @@ def read_header(
         hertz=_hertz(where, units[columns["frequency"]]),
         unit=_unit(where, units, columns, comments.get("unit", "")),
         comments=comments,
+        taken=taken_for({field: names[column] for field, column in columns.items()}, names, units),
     )
 
 
