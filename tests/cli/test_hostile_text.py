@@ -10,6 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
+from dovetail.cli import app
 
 OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 NAME = "=cmd|'/C calc'!A0\"><img src=x onerror=alert(1)><form action=//x><meta http-equiv=refresh>$\\frac{1$\u202eX"
@@ -132,3 +135,42 @@ def test_notes_and_file_names(run, folder, tmp_path):
     check_files(tmp_path / "only")
     for words in (("convert", tmp_path / f"{FILE}.csv", "b.csv"), ("check", tmp_path / FILE)):
         assert not OBEYED.search(run(*words, code=1).output)
+
+
+ESCAPE = "\x1b]0;owned\x07\x1b[31mx\x9b2J\u202e"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [ESCAPE],
+        [f"--{ESCAPE}", "plugins"],
+        ["--plugin", ESCAPE, "plugins"],
+        ["convert", ESCAPE, "b.npz"],
+        ["convert", "a.csv", ESCAPE],
+        ["convert", "a.csv", "b.npz", ESCAPE],
+        ["convert", "a.csv", f"-{ESCAPE}"],
+        ["convert", "a.csv", f"--overwrite{ESCAPE}"],
+        ["convert", "a.csv", f"--overwrite={ESCAPE}"],
+        *(
+            ["convert", "a.csv", "b.npz", option, ESCAPE]
+            for option in ("--dofs", "--name", "--columns", "--index", "--to", "--unit", "--accelerometer-mass")
+        ),
+        ["identify", "a.yaml", "a.csv", "--method", ESCAPE],
+        ["new-plugin", ESCAPE, "a"],
+        ["new-plugin", "joint", ESCAPE],
+        ["describe", ESCAPE],
+        ["simulate", "a.yaml", "--set", ESCAPE, "-o", "b.npz"],
+        ["robustness", "a.yaml", "--levels", ESCAPE],
+    ],
+    ids=lambda words: ascii(" ".join(words)),
+)
+def test_a_command_line_that_is_wrong_is_shown_and_not_obeyed(words, tmp_path, monkeypatch):
+    """Words may come from file names by a wildcard."""
+    monkeypatch.chdir(tmp_path)
+    Path("a.csv").write_text("# quantity: receptance\nfrequency,real,imag\n1,2,3\n2,3,4\n")
+    done = CliRunner().invoke(app, words, color=True)
+    assert done.exit_code in (1, 2)
+    assert isinstance(done.exception, SystemExit)
+    assert done.stderr
+    assert not OBEYED.search(done.output)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Protocol
 
@@ -46,10 +48,16 @@ class Believable(Protocol):
 class Commands(TyperGroup):
     """The group of all commands: a fault is printed in one block, without a traceback."""
 
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        """Read the words before the command."""
+        with _shown_not_obeyed():
+            return super().make_context(*arguments, **options)
+
     def invoke(self, ctx: Any) -> Any:
         """Run a command and turn what it raises into a message and an exit code."""
         try:
-            return super().invoke(ctx)
+            with _shown_not_obeyed():
+                return super().invoke(ctx)
         except DovetailError as error:
             typer.echo(str(error), err=True)
         except OSError as error:
@@ -61,6 +69,18 @@ class Commands(TyperGroup):
             typer.echo("\nInterrupted.", err=True)
             raise typer.Exit(INTERRUPTED) from None
         raise typer.Exit(1)
+
+
+@contextmanager
+def _shown_not_obeyed() -> Iterator[None]:
+    """Let no word of a wrong command line, which a wildcard may have brought, reach a terminal as it is."""
+    try:
+        yield
+    except Exception as error:
+        wrong: Any = error
+        if isinstance(getattr(wrong, "message", None), str):
+            wrong.message = terminal_text(wrong.message)
+        raise
 
 
 def say_caveat(result: Believable) -> None:
