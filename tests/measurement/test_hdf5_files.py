@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from measured_files import fault_of
 
+from dovetail.errors import MeasurementError
 from dovetail.measurement import read_frf
 
 FREQUENCY = 10.0 + 2.5 * np.arange(7)
@@ -111,3 +112,13 @@ def test_every_truncation_is_refused(tmp_path: Path) -> None:
         assert fault_of(tmp_path / "a.h5").startswith(
             ("a.h5\n  the HDF5 file is damaged", "a.h5\n  this is no HDF5 file.")
         )
+
+
+def test_a_unit_that_cannot_be_read_is_not_taken_for_none(tmp_path: Path) -> None:
+    with saved(tmp_path / "a.h5", f=FREQUENCY, h1=VALUES) as file:
+        file["h1"].attrs["unit"] = "g/N"
+    content = (tmp_path / "a.h5").read_bytes()
+    assert b"GCOL" in content
+    (tmp_path / "a.h5").write_bytes(content.replace(b"GCOL", b"GCOX"))
+    with pytest.raises(MeasurementError, match="the HDF5 file is damaged"):
+        read_frf(tmp_path / "a.h5", quantity="accelerance")

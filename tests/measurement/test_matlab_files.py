@@ -327,3 +327,11 @@ def test_dimensions_that_are_a_lie(tmp_path: Path, kind: int) -> None:
     assert fault_of(tmp_path / "a.mat").startswith(
         "a.mat: variable 1\n  the workspace is damaged: 'f' has 1,800,000,000 "
     )
+
+
+def test_a_negative_length_is_not_told_from_the_data(tmp_path: Path) -> None:
+    savemat(tmp_path / "a.mat", {"f": FREQUENCY, "mobility": VALUES})
+    shape = struct.pack("<2i", 1, FREQUENCY.size)
+    content = (tmp_path / "a.mat").read_bytes()
+    (tmp_path / "a.mat").write_bytes(content.replace(shape, struct.pack("<2i", 1, -FREQUENCY.size)))
+    assert fault_of(tmp_path / "a.mat").startswith("a.mat: variable 1\n  the workspace is damaged: 'f' has -")

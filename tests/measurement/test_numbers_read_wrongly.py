@@ -90,3 +90,25 @@ def test_an_archive_says_what_its_arrays_were_taken_for(tmp_path: Path, name: st
             file.update(arrays)
     origin = read_frf(tmp_path / name, quantity="receptance").origin
     assert origin == "2 rows; 'f' is frequency, 'h1' is values, 'junk' is not read."
+
+
+@pytest.mark.parametrize("row", ["1,5\t2E-005", "1,5 2", "1,5;2"])
+def test_cutpro_takes_no_decimal_comma_for_a_gap(tmp_path: Path, row: str) -> None:
+    """The second number is the last before the file was cut off."""
+    (tmp_path / "a.frf").write_text(row)
+    with pytest.raises(MeasurementError, match="the row has 2 columns"):
+        read_frf(tmp_path / "a.frf", quantity="receptance")
+
+
+def test_cutpro_frequencies_are_in_hertz(tmp_path: Path) -> None:
+    (tmp_path / "a.frf").write_text("1 2 3 Freq kHz Real m/N Imag m/N\n2 3 4\n")
+    with pytest.raises(MeasurementError, match="speak of kHz"):
+        read_frf(tmp_path / "a.frf")
+
+
+@pytest.mark.parametrize("row", ["1,,5\t2E-005\t3", "1,5,5\t2E-005\t3", "1,-5\t2\t3", "1 2 3 4"])
+def test_labels_of_cutpro_are_no_numbers(tmp_path: Path, row: str) -> None:
+    """Such a row has other gaps than it seems, and its first three numbers are not those that were meant."""
+    (tmp_path / "a.frf").write_text(f"{row}\tFreq\tHz\tReal\tm/N\n2\t3\t4\n")
+    with pytest.raises(MeasurementError, match="the row has"):
+        read_frf(tmp_path / "a.frf")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.measurement.formats.text_tables import check_end, split_lines
+from dovetail.measurement.formats.text_tables import check_end, is_number, split_lines
 from dovetail.measurement.frf_units import UnitMeaning, meaning_of_unit
 from dovetail.measurement.recording import ReadOptions, Recording
 from dovetail.units import plain_float
@@ -24,7 +24,7 @@ _GAP = re.compile(r"[\s,;]+")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LONGEST = 500
 """Characters of a line, labels with it."""
-_NOT_READ = re.compile(r"\b(magnitude|mag|phase|amplitude|db)\b", re.IGNORECASE)
+_NOT_READ = re.compile(r"\b(magnitude|mag|phase|amplitude|db|khz|rpm)\b", re.IGNORECASE)
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
@@ -50,7 +50,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
         numbers.append(number)
         if len(rows) == 1:
             labels = " ".join(word.strip('"') for word in words[_COLUMNS:])
-        elif len(words) != _COLUMNS:
+        if len(words) != _COLUMNS and (len(rows) > 1 or is_number(words[_COLUMNS])):
             raise MeasurementError(Fault(f"{path}:{number}", f"the row has {len(words)} columns.", "three numbers"))
     if not rows:
         raise MeasurementError(Fault(str(path), "there is no row of numbers."))
@@ -78,7 +78,7 @@ def _split(line: str) -> list[str]:
     """Return the words of a row; where blanks stand between numbers with a comma inside, the comma is decimal."""
     words = re.split(r"[\s;]+", line)
     commas = [word for word in words[:_COLUMNS] if "," in word]
-    if len(words) >= _COLUMNS and commas and all(map(_DECIMAL_COMMA.fullmatch, commas)):
+    if len(words) > 1 and commas and all(map(_DECIMAL_COMMA.fullmatch, commas)):
         return [*(word.replace(",", ".") for word in words[:_COLUMNS]), *words[_COLUMNS:]]
     return _GAP.split(line)
 

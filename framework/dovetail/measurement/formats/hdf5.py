@@ -28,6 +28,7 @@ _DEEPEST = 8
 _LONGEST_TEXT = 4000
 _CLOSED = "class of an object that only MATLAB opens"
 """Under this an entry has the name of its class."""
+_NEEDED = ("unit", "units", "quantity", "MATLAB_class")
 _COMPLEX = (("r", "i"), ("real", "imag"), ("re", "im"))
 
 
@@ -131,7 +132,9 @@ def _text_attributes(item: h5py.Group | h5py.Dataset) -> Mapping[str, str]:
     for name in list(item.attrs)[:50]:
         try:
             value = item.attrs[name]
-        except Exception:  # an attribute of a type that cannot be read says nothing
+        except Exception:  # one of a type that cannot be read says nothing, unless the numbers depend on it
+            if name in _NEEDED:
+                raise
             continue
         if isinstance(value, str | bytes):
             texts[str(name)] = _decode_text(value)

@@ -122,8 +122,8 @@ def _check_sizes(path: Path, variables: Sequence[tuple[str, tuple[int, ...], int
     """Refuse numbers that are too many before they are unpacked."""
     sizes = {name: 0 if kind in _NO_NUMBERS else prod(shape) for name, shape, kind, _ in variables}
     for number, (name, size) in enumerate(sizes.items(), start=1):
-        if size * _ITEM > LARGEST_ARRAY:
-            problem = f"the workspace is damaged: '{name}' has {size:,} numbers, far more than an FRF needs."
+        if not 0 <= size * _ITEM <= LARGEST_ARRAY:  # scipy takes a negative length for one that is to be told
+            problem = f"the workspace is damaged: '{name}' has {size:,} numbers, not as many as an FRF."
             raise MeasurementError(Fault(f"{path}: variable {number}", problem))
     if sum(sizes.values()) > _MOST_NUMBERS:
         raise MeasurementError(Fault(str(path), "the workspace unpacks to far more than an FRF needs."))
