@@ -313,10 +313,12 @@ def beside(target: Path) -> Path:
 
 def _sweep(path: Path) -> None:
     """Remove what killed processes have left of `path`; if they had moved it away, move it back."""
-    left = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{16}}\.(part|old)")
-    for entry in list(path.parent.iterdir()):
-        if not left.fullmatch(entry.name):
+    start = f".{path.name}."
+    left = re.compile(re.escape(start) + r"[0-9a-f]{16}\.(part|old)")
+    for name in os.listdir(path.parent):  # of ten thousand files perhaps
+        if not name.startswith(start) or not left.fullmatch(name):
             continue
+        entry = path.parent / name
         if entry.suffix == ".old" and not path.exists():
             entry.rename(path)
         elif entry.is_dir() and not entry.is_symlink():
