@@ -144,7 +144,7 @@ def new_folder(target: Path, replaced: Container[str] = (), first: str = "", las
 
 
 def _stays(folder: Path) -> bool:
-    return folder.is_dir() and (folder.is_mount() or Path.cwd().is_relative_to(folder))
+    return folder.is_dir() and (os.path.ismount(folder) or Path.cwd().is_relative_to(folder))
 
 
 def _move_into(folder: Path, fresh: Path, replaced: Container[str], first: str, last: str) -> None:

@@ -201,13 +201,20 @@ class Registry:
 
 def _load(entry: EntryPoint, owner: str) -> object:
     """Import the object that an entry point names."""
-    try:
+    with _contained(owner):
         plugin: object = entry.load()
-        return plugin
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # a stranger's import may raise anything
-        raise PluginError(Fault(owner, _reason(error))) from error
+    return plugin
+
+
+@contextmanager
+def _contained(source: str, problem: str = "", *apart: type[Exception]) -> Iterator[None]:
+    """Turn what a stranger's code raises, which may be anything, into a PluginError; Ctrl-C and `apart` pass."""
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, (KeyboardInterrupt, *apart)):
+            raise
+        raise PluginError(Fault(source, f"{problem}{_reason(error)}")) from error
 
 
 def _reason(error: BaseException) -> str:
@@ -224,25 +231,18 @@ def _components_of(plugin: ModuleType | object, source: str) -> list[type[Compon
     manager.add_hookspecs(HookSpecification)
     hint = f"a function '{_HOOK}()' marked with @dovetail.hookimpl that returns a list of component classes"
     try:
-        manager.register(plugin)
-        manager.check_pending()
+        with _contained(source, "its hooks cannot be looked at: ", pluggy.PluginValidationError):
+            manager.register(plugin)
+            manager.check_pending()
     except pluggy.PluginValidationError as error:
         misspelt = ", ".join(n for n in dir(plugin) if _is_marked(plugin, n) and n != _HOOK)
         problem = f"'{misspelt}' is not a hook of dovetail." if misspelt else str(error)
         raise PluginError(Fault(source, problem, hint, did_you_mean(misspelt, [_HOOK]))) from error
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise PluginError(Fault(source, f"its hooks cannot be looked at: {_reason(error)}")) from error
     if not manager.hook.dovetail_components.get_hookimpls():
         raise PluginError(Fault(source, f"it has no hook '{_HOOK}' marked with @dovetail.hookimpl.", hint))
-    try:
+    with _contained(source, f"its hook '{_HOOK}' raised "):
         (returned,) = manager.hook.dovetail_components()
         offered = list(returned) if isinstance(returned, Iterable) else returned
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise PluginError(Fault(source, f"its hook '{_HOOK}' raised {type(error).__name__}: {error}")) from error
     if isinstance(returned, (str, bytes)) or not isinstance(returned, Iterable):
         raise PluginError(Fault(source, f"its hook '{_HOOK}' returned {returned!r}, not a list of classes.", hint))
     return cast("list[type[Component]]", offered)
@@ -255,11 +255,10 @@ def _is_marked(plugin: ModuleType | object, name: str) -> bool:
 def _reason_against(component: Any) -> str:
     """Return why what a hook gave cannot be used, or an empty text, even if it raises where it is looked at."""
     try:
-        return _unfitness(component)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        return f"a class that it offers cannot be looked at: {_reason(error)}"
+        with _contained("", "a class that it offers cannot be looked at: "):
+            return _unfitness(component)
+    except PluginError as error:
+        return error.faults[0].problem
 
 
 def _unfitness(component: Any) -> str:
