@@ -18,7 +18,8 @@ SECTIONS = {
     "evaluation": "Evaluation",
     "interfaces": "For plugin authors: contracts",
     "registry": "For plugin authors: the hook",
-    "guarded_process": "For plugin authors: readers that a damaged file may mislead",
+    "atomic_files": "For plugin authors: files that may be damaged",
+    "guarded_process": "For plugin authors: files that may be damaged",
     "units": "For plugin authors: units",
     "errors": "Errors",
 }

@@ -4,6 +4,7 @@
 from .assembly import Assembly as Assembly
 from .assembly import description_schema as description_schema
 from .assembly import load as load
+from .atomic_files import read_bounded as read_bounded
 from .coupling import ReceptanceMatrix as ReceptanceMatrix
 from .coupling import read_receptance as read_receptance
 from .coupling import spindle_flange as spindle_flange

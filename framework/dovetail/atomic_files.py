@@ -46,7 +46,17 @@ _CURRENT_FOLDER, _EXCHANGE = -100, 2
 
 
 def read_bounded(path: Path, largest: int = LARGEST_FILE) -> bytes:
-    """Return the bytes of a file.
+    """Return the bytes of a file that may be a stranger's.
+
+    Parameters
+    ----------
+    path : Path
+    largest : int
+        Bytes that the file may have.
+
+    Returns
+    -------
+    bytes
 
     Raises
     ------
@@ -62,7 +72,7 @@ def read_bounded(path: Path, largest: int = LARGEST_FILE) -> bytes:
             problem = f"the file has {status.st_size / 1e6:.0f} MB, far more than is read."
             raise FileError(Fault(str(path), problem, f"files of at most {largest // 1_000_000} MB"))
         with path.open("rb") as stream:
-            content = stream.read(largest + 1)
+            content = stream.read(status.st_size + 1)
     except FileNotFoundError:
         raise FileError(Fault(str(path), "there is no such file.")) from None
     except (OSError, ValueError) as error:

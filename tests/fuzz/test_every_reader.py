@@ -8,6 +8,7 @@ of each, the same in every run; ``pytest -m slow tests/fuzz`` runs twenty thousa
 
 from __future__ import annotations
 
+import faulthandler
 import io
 import os
 import random
@@ -139,6 +140,7 @@ def check_in_a_fork(path: Path) -> str:
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
+        faulthandler.disable()
         guarded.call_guarded = lambda function, *arguments, error: function(*arguments)  # type: ignore[assignment]
         resource = __import__("resource")
         resource.setrlimit(resource.RLIMIT_CPU, (int(SECONDS), int(SECONDS)))

@@ -190,7 +190,7 @@ FAULTS = {
     "row": ("npz", {"columns": changed(rows=[*range(1, 18), 99])}, {}, "row 99 is not in the matrices, which have 18 "),
     "two dampings": ("npz", {}, {"loss_factor": 0.01}, "there is a matrix D beside 'loss_factor'."),
     "missing file": ("npz", {}, {"file": "other.npz"}, "other.npz: there is no such file."),
-    "folder": ("npz", {}, {"file": "."}, ": this is not a file."),
+    "folder": ("npz", {}, {"file": "."}, ": this is a directory."),
     "ending": ("npz", {}, {"file": "part.op4"}, "'.op4' is not the ending of an archive of matrices."),
     "no source": ("npz", {}, {"file": None}, "the matrices come either from 'file' or from 'mass' and 'stiffness'"),
     "no table file": ("mtx", {}, {"dofs": None}, "files of single matrices need 'mass', 'stiffness' and the table"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail import DovetailError, Fault
+from dovetail import DovetailError, Fault, read_bounded
 
 __all__ = ["DofTable", "read_dof_table", "table_in"]
 
@@ -91,15 +92,10 @@ def read_dof_table(path: Path, size: int) -> DofTable:
     DovetailError
         The file cannot be read, or the table does not fit the matrices.
     """
+    content = read_bounded(path, _LARGEST_FILE)
     try:
-        if path.exists() and not path.is_file():
-            raise DovetailError(Fault(str(path), "this is not a file."))
-        if path.stat().st_size > _LARGEST_FILE:
-            raise DovetailError(Fault(str(path), "the file is far larger than a table of DOFs."))
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if any(map(str.strip, line))]
-    except OSError:
-        raise DovetailError(Fault(str(path), "there is no such file.")) from None
+        stream = io.StringIO(content.decode("utf-8-sig"), newline="")
+        lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if any(map(str.strip, line))]
     except (UnicodeDecodeError, csv.Error) as error:
         raise DovetailError(Fault(str(path), f"this is no table of DOFs: {error}.", _EXAMPLE)) from None
     header = [cell.lower() for cell in lines[0]] if lines else []

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail import DovetailError, Fault, call_guarded
+from dovetail import DovetailError, Fault, call_guarded, read_bounded
 
 __all__ = ["matlab_arrays", "matrix_in", "matrix_market_parts", "read_archive", "read_matrix_market", "sound_matrix"]
 
@@ -39,7 +39,7 @@ def read_archive(path: Path) -> dict[str, Any]:
     DovetailError
         The file is missing, too large, of another kind or damaged.
     """
-    content = _content(path)
+    content = read_bounded(path, _LARGEST_FILE)
     suffix = path.suffix.lower()
     if suffix == ".mat":
         return call_guarded(matlab_arrays, path, content, memory=_memory(content))
@@ -57,7 +57,7 @@ def read_matrix_market(path: Path) -> Any:
     DovetailError
         The file is missing, too large, not of real numbers, or damaged.
     """
-    content = _content(path)
+    content = read_bounded(path, _LARGEST_FILE)
     if path.suffix.lower() != ".mtx":
         raise DovetailError(Fault(str(path), "this is not a Matrix Market file.", "a name that ends in .mtx"))
     parts = call_guarded(matrix_market_parts, path, content, memory=_memory(content))
@@ -198,20 +198,6 @@ def sound_matrix(name: str, values: Any, where: str) -> Any:
 def _place(matrix: Any, index: int) -> tuple[int, int]:
     """Return row and column, from 1, of a stored entry of compressed columns."""
     return int(matrix.indices[index]) + 1, int(np.searchsorted(matrix.indptr, index, side="right"))
-
-
-def _content(path: Path) -> bytes:
-    try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise DovetailError(Fault(str(path), "this is not a file."))
-        if size > _LARGEST_FILE:
-            raise DovetailError(Fault(str(path), f"the file has {size / 1e9:.1f} GB.", f"{_LARGEST_FILE / 1e9:.0f} GB"))
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise DovetailError(Fault(str(path), "there is no such file.")) from None
-    except (OSError, ValueError) as error:
-        raise DovetailError(Fault(str(path), f"the file cannot be read: {error}.")) from None
 
 
 def _memory(content: bytes) -> int:
