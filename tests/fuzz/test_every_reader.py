@@ -18,6 +18,7 @@ import time
 import zipfile
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -158,8 +159,8 @@ def check_in_a_fork(path: Path) -> str:
     _, status, usage = os.wait4(child, 0)
     assert usage.ru_maxrss / 1024 < MEGABYTES + peak_megabytes()
     if status != 0:
-        with pytest.raises(DovetailError):
-            dovetail.read_frf(path, quantity="accelerance")
+        with suppress(DovetailError):  # what was written beyond an array may end one process and not another
+            compare(dovetail.read_frf(path, quantity="accelerance"), path)
         return f"contained: the library ended its process with {status}"
     if said[0] == "-":
         raise DovetailError(said[1:])
