@@ -261,7 +261,7 @@ def test_the_corpus_is_read_strictly(name: str, corpus: dict[str, bytes], tmp_pa
 @pytest.mark.slow
 @pytest.mark.parametrize("name", READERS)
 def test_many_altered_files(name: str, corpus: dict[str, bytes], tmp_path: Path) -> None:
-    fuzz(name, corpus, tmp_path / name, MANY // (len(READERS) + 2))
+    fuzz(name, corpus, tmp_path / name, -(-MANY // (len(READERS) + 2)))
 
 
 @pytest.fixture(scope="module")
@@ -311,4 +311,4 @@ def test_altered_folders(name: str, folders: dict[str, Path], tmp_path: Path) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OPEN)
 def test_many_altered_folders(name: str, folders: dict[str, Path], tmp_path: Path) -> None:
-    fuzz_folder(name, folders, tmp_path / name, MANY // (len(READERS) + 2))
+    fuzz_folder(name, folders, tmp_path / name, -(-MANY // (len(READERS) + 2)))

@@ -85,12 +85,15 @@ def test_killed_at_random_moments(place, piece, kinds, kills):
         words = command(place, kind, ("first", "second")[turn // len(kinds) % 2])
         process = subprocess.Popen(words, cwd=place, stdout=-3, stderr=-1, env=environment)
         if kind in usual:
-            time.sleep(usual[kind] * moments.uniform(0.5, 1.0))
-            process.send_signal(signal.SIGKILL)
+            try:
+                process.wait(usual[kind] * moments.uniform(0.5, 1.0))
+            except subprocess.TimeoutExpired:
+                process.kill()
         said = process.communicate()[1].decode()
         assert process.returncode in (0, -signal.SIGKILL), (words, said)
         killed += process.returncode == -signal.SIGKILL
-        usual.setdefault(kind, time.monotonic() - start)
+        if process.returncode == 0:
+            usual[kind] = time.monotonic() - start
         check(place)
         if killed == kills:
             break
