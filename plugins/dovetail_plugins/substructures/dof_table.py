@@ -57,7 +57,7 @@ class DofTable:
             if (node, direction) in seen:
                 raise self._error(index, f"{direction} of node '{node}' is already DOF {seen[node, direction] + 1}.")
             if not 0 <= row < size:
-                raise self._error(index, f"row {row + 1} is not in the matrices, which have {size} rows.")
+                raise self._error(index, f"row {int(row) + 1} is not in the matrices, which have {size} rows.")
             if row in taken:
                 raise self._error(index, f"row {row + 1} already belongs to DOF {taken[row] + 1}.")
             seen[node, direction] = taken[int(row)] = index
