@@ -8,6 +8,7 @@ import scipy.io
 import scipy.sparse as sp
 
 import dovetail
+from dovetail import DovetailError
 from dovetail.assembly import components
 from dovetail_plugins.substructures.dof_table import read_dof_table, table_in
 from dovetail_plugins.substructures.matrix_files import matrix_in, read_archive, read_matrix_market, sound_matrix
@@ -209,3 +210,11 @@ def test_only_small_matrices_are_given_in_full(rows, kind, tmp_path):
     matrices = part(tmp_path, {"nodes": [rows - 1]}, M=np.eye(rows), K=chain, **table).matrices()
     assert isinstance(matrices, kind)
     assert matrices.size == rows + 1
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("row", ["9223372036854775807", "-9223372036854775807", "9" * 30])
+def test_a_row_that_no_whole_number_holds(tmp_path, row):
+    (tmp_path / "dofs.csv").write_text(f"node,direction,row\n1,x,{row}\n2,x,1\n")
+    with pytest.raises(DovetailError, match="a row of the table of DOFs is no whole number"):
+        read_dof_table(tmp_path / "dofs.csv", 3)

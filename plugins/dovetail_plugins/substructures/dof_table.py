@@ -57,7 +57,7 @@ class DofTable:
             if (node, direction) in seen:
                 raise self._error(index, f"{direction} of node '{node}' is already DOF {seen[node, direction] + 1}.")
             if not 0 <= row < size:
-                raise self._error(index, f"row {int(row) + 1} is not in the matrices, which have {size} rows.")
+                raise self._error(index, f"row {row + 1} is not in the matrices, which have {size} rows.")
             if row in taken:
                 raise self._error(index, f"row {row + 1} already belongs to DOF {taken[row] + 1}.")
             seen[node, direction] = taken[int(row)] = index
@@ -135,7 +135,7 @@ def _table(columns: Mapping[str, Sequence[str]], where: str, size: int) -> DofTa
     count = len(columns["node"])
     if "row" in columns:
         numbers = _numbers(columns["row"], "row", where)
-        if np.any(numbers != np.round(numbers)):
+        if np.any(numbers != np.round(numbers)) or np.any(np.abs(numbers) > 2**53):  # beyond, not every one is told
             raise DovetailError(Fault(where, "a row of the table of DOFs is no whole number.", "1, 2, 3, ..."))
         rows = numbers.astype(np.intp) - 1
     elif count == size:
