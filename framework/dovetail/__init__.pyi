@@ -53,6 +53,7 @@ from .identification import Mode as Mode
 from .identification import ModelError as ModelError
 from .identification import ParameterMetrics as ParameterMetrics
 from .identification import Posterior as Posterior
+from .identification import TableRow as TableRow
 from .identification import Verdict as Verdict
 from .identification import identify as identify
 from .identification import load_model as load_model

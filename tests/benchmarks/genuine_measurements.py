@@ -117,7 +117,7 @@ def identified(number: int, seed: int) -> Case:
     assembly, measured, theta = drawn(number, seed)
     assembly.frf_jacobian(theta)
     began = time.perf_counter()
-    result = dovetail.identify(assembly, measured)
+    result = dovetail.identify(assembly, measured, "refined")
     seconds = time.perf_counter() - began
     assert result.fit is not None
     noise = NOISES[number // 2 % len(NOISES)]

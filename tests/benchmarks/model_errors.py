@@ -321,7 +321,7 @@ def caused(work: tuple[int, str, float], seed: int) -> tuple[str, float, str, st
         return None
     measured = measure(changed, theta, NOISES[number // 2 % len(NOISES)], rng, stated=number % 2 == 0)
     began = time.perf_counter()
-    causes = dovetail.identify(assembly, measured).adequacy.causes
+    causes = dovetail.identify(assembly, measured, "refined").adequacy.causes
     name, words = (causes[0].name, causes[0].words) if causes else ("", "-")
     return alteration, size, name, words, time.perf_counter() - began
 

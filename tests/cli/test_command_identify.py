@@ -23,8 +23,8 @@ def untrained(monkeypatch):
 
 
 def test_identify_with_a_model(run, bench):
-    printed = run("identify", bench.model, bench.measured).stdout
-    result = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured))
+    printed = run("identify", bench.model, bench.measured, "--method", "network").stdout
+    result = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured), "network")
     rows = [line.split() for line in printed.splitlines()]
     (k,) = [row for row in rows if row[:1] == ["k"]]
     assert k[1:] == [f"{result.parameters['k'].value / 1e6:#.4g}", "MN/m", "0.1", "to", "10"]
@@ -34,10 +34,10 @@ def test_identify_with_a_model(run, bench):
 
 
 def test_the_truth_stands_beside_what_was_identified(run, bench):
-    printed = run("identify", bench.model, bench.measured, "--truth", bench.truth).stdout
+    printed = run("identify", bench.model, bench.measured, "--method", "network", "--truth", bench.truth).stdout
     header, _, k, c = (line.split() for line in printed.splitlines()[1:5])
-    assert header[:4] == ["parameter", "identified", "truth", "error"]
-    assert (k[2], c[2]) == ("3.000", "40.00")
+    assert header[:5] == ["parameter", "estimate", "unit", "truth", "error"]
+    assert (k[3], c[3]) == ("3.000", "40.00")
     assert " 275.7" in printed
     assert "synthetic" in printed
     assert max(map(len, printed.splitlines())) <= 80
@@ -45,13 +45,13 @@ def test_the_truth_stands_beside_what_was_identified(run, bench):
 
 def test_all_files_are_written(run, bench, tmp_path):
     folder = tmp_path / "deep" / "results"
-    done = run("identify", bench.model, bench.measured, "--truth", bench.truth, "-o", folder)
+    done = run("identify", bench.model, bench.measured, "--method", "network", "--truth", bench.truth, "-o", folder)
     assert sorted(path.name for path in folder.iterdir()) == FILES
     assert done.stderr == f"Written to {folder}: {', '.join([*FILES[1:], FILES[0]])}\n"
     result = json.loads((folder / "result.json").read_text())
     with (folder / "parameters.csv").open() as stream:
         parameters = {row["name"]: row for row in csv.DictReader(stream)}
-    assert float(parameters["k"]["value"]) == result["parameters"]["k"]["value"]
+    assert float(parameters["k"]["estimate"]) == result["parameters"]["k"]["value"]
     assert float(parameters["k"]["truth"]) == pytest.approx(3e6)
     header = (folder / "frf.csv").read_text().splitlines()[:2]
     assert header[0] == "# quantity: accelerance"
@@ -64,21 +64,74 @@ def test_all_files_are_written(run, bench, tmp_path):
     assert "<svg" in (folder / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("untrained")
+def test_by_default_the_answer_has_intervals_and_nothing_is_trained(run, bench, tmp_path):
+    done = run("identify", bench.description, bench.measured, "--truth", bench.truth, "-o", tmp_path / "results")
+    header, _, k, c = (line.split() for line in done.stdout.splitlines()[3:7])
+    assert " ".join(header) == "parameter estimate 90 % interval unit verdict truth error [%]"
+    result = dovetail.identify(dovetail.load(bench.description), dovetail.read_frf(bench.measured))
+    of_k = result.table[0]
+    low, estimate, high = (f"{v / 1e6:#.4g}" for v in (of_k.interval_low, of_k.estimate, of_k.interval_high))
+    assert k == ["k", estimate, low, "to", high, "MN/m", "identified", "3.000", k[-1]]
+    assert c[-4:-1] == ["N·s/m", "identified", "40.00"]
+    assert "All 2 true values lie within their 90 % intervals." in done.stdout
+    assert "network" not in done.stdout
+    with (tmp_path / "results" / "parameters.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    stored = json.loads((tmp_path / "results" / "result.json").read_text())["table"]
+    for row, columns, of_python in zip(rows, stored, result.table, strict=True):
+        assert columns == dataclasses.asdict(of_python)
+        assert list(row) == [*columns, "truth"]
+        assert {name: "" if value is None else str(value) for name, value in columns.items()} == {
+            name: text for name, text in row.items() if name != "truth"
+        }
+    assert [float(row["truth"]) for row in rows] == [3e6, 40.0]
+
+
+def test_a_trained_network_is_a_start_and_stands_beside(run, bench, trains_nothing):
+    fast = (bench.description, bench.measured, "--method", "refined", "--json")
+    assert json.loads(run("identify", *fast).stdout)["network"] is None
+    with_one = run("identify", *fast, "--network")
+    answer = json.loads(with_one.stdout)["network"]
+    expected = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured), "network")
+    assert answer == {name: parameter.value for name, parameter in expected.parameters.items()}
+    assert trains_nothing == ["small"]
+    for arguments in (fast, (bench.model, *fast[1:])):  # the one that was kept, and a model that is named
+        assert json.loads(run("identify", *arguments).stdout)["network"] == answer
+    assert json.loads(run("identify", *fast, "--no-network").stdout)["network"] is None
+    assert trains_nothing == ["small"]
+    header, _, k, _ = run("identify", *fast[:-1], "--truth", bench.truth).stdout.splitlines()[3:7]
+    assert " ".join(header.split()) == "parameter estimate unit truth error [%] network its error [%]"
+    assert f" {answer['k'] / 1e6:#.4g} " in k
+
+
+def test_a_network_that_cannot_take_part_is_told(run, bench, tmp_path):
+    frf = dovetail.read_frf(bench.measured)
+    dovetail.write_frf(Frf(frf.frequency[:400], frf.values[:400], frf.quantity), tmp_path / "part.csv")
+    printed = run("identify", bench.model, tmp_path / "part.csv", "--method", "refined").stdout
+    assert "Note: The network takes no part: " in printed
+
+
 def test_as_json(run, bench, tmp_path):
-    found = json.loads(run("identify", bench.model, bench.measured, "--json", "-o", tmp_path / "results").stdout)
+    found = json.loads(
+        run("identify", bench.model, bench.measured, "--method", "network", "--json", "-o", tmp_path / "results").stdout
+    )
     assert found == json.loads((tmp_path / "results" / "result.json").read_text())
 
 
 def test_an_assembly_is_trained_once_and_kept(run, bench, tmp_path, monkeypatch):
-    first = run("identify", bench.description, bench.measured)
+    first = run("identify", bench.description, bench.measured, "--method", "network")
     assert first.stderr == "Training a network for 'small' on 200 simulated FRFs; it is kept for the next time.\n"
     (kept,) = (tmp_path / "cache" / "models").iterdir()
     with monkeypatch.context() as patch:
         patch.setattr(dovetail, "train", lambda *_, **__: pytest.fail("it trained"))
-        second = run("identify", bench.description, bench.measured)
+        second = run("identify", bench.description, bench.measured, "--method", "network")
     assert second.stderr == (f"Using the model trained before from this description ({kept}); --retrain trains anew.\n")
     assert second.stdout == first.stdout
-    assert "Training a network" in run("identify", bench.description, bench.measured, "--retrain").stderr
+    assert (
+        "Training a network"
+        in run("identify", bench.description, bench.measured, "--method", "network", "--retrain").stderr
+    )
 
 
 @pytest.fixture
@@ -95,21 +148,24 @@ def trains_nothing(bench, monkeypatch):
 
 
 def test_another_description_is_trained_anew(run, bench, tmp_path, trains_nothing):
-    run("identify", bench.description, bench.measured)
+    run("identify", bench.description, bench.measured, "--method", "network")
     other = tmp_path / "other.yaml"
     other.write_text(f"extends: {bench.description}\nidentification: {{seed: 1}}\n")
-    run("identify", other, bench.measured)
-    run("identify", bench.description, bench.measured)
+    run("identify", other, bench.measured, "--method", "network")
+    run("identify", bench.description, bench.measured, "--method", "network")
     assert len(trains_nothing) == 2
 
 
 def test_a_damaged_kept_model_is_replaced(run, bench, tmp_path, trains_nothing):
-    run("identify", bench.description, bench.measured)
+    run("identify", bench.description, bench.measured, "--method", "network")
     (kept,) = (tmp_path / "cache" / "models").iterdir()
     (kept / "regressor.safetensors").write_bytes(b"")
-    assert "cannot be used; training anew" in run("identify", bench.description, bench.measured).stderr
+    assert (
+        "cannot be used; training anew"
+        in run("identify", bench.description, bench.measured, "--method", "network").stderr
+    )
     assert len(trains_nothing) == 2
-    run("identify", bench.description, bench.measured)
+    run("identify", bench.description, bench.measured, "--method", "network")
     assert len(trains_nothing) == 2
 
 
@@ -128,10 +184,10 @@ app(sys.argv[2:])
 
 
 def test_a_second_training_waits_for_the_first(run, bench, tmp_path, trains_nothing):
-    arguments = [str(word) for word in (bench.model, "identify", bench.description, bench.measured)]
+    arguments = [str(word) for word in (bench.model, "identify", bench.description, bench.measured, "--network")]
     first = subprocess.Popen([sys.executable, "-c", HOLDER, *arguments], stdout=-1, text=True)
     assert first.stdout.readline() == "trains\n"
-    done = run("identify", bench.description, bench.measured)
+    done = run("identify", bench.description, bench.measured, "--method", "network")
     assert f"process {first.pid} is at work on the model of 'small'; waiting for it.\n" in done.stderr
     assert "Using the model trained before" in done.stderr
     assert trains_nothing == []
@@ -142,7 +198,7 @@ def test_a_second_training_waits_for_the_first(run, bench, tmp_path, trains_noth
 
 def test_without_a_place_for_the_model_the_work_goes_on(run, bench, tmp_path, trains_nothing):
     (tmp_path / "cache").write_text("a file where the folder should be")
-    done = run("identify", bench.description, bench.measured)
+    done = run("identify", bench.description, bench.measured, "--method", "network")
     assert "The model is not kept: " in done.stderr
     assert "Mean coherence" in done.stdout
     assert trains_nothing == ["small"]
@@ -150,10 +206,10 @@ def test_without_a_place_for_the_model_the_work_goes_on(run, bench, tmp_path, tr
 
 def test_results_of_an_earlier_run_are_replaced_and_nothing_else(run, bench, tmp_path):
     folder = tmp_path / "results"
-    run("identify", bench.model, bench.measured, "-o", folder)
+    run("identify", bench.model, bench.measured, "--method", "network", "-o", folder)
     (folder / "notes.txt").write_text("mine")
     (folder / "parameters.csv").write_text("old")
-    run("identify", bench.model, bench.measured, "-o", folder)
+    run("identify", bench.model, bench.measured, "--method", "network", "-o", folder)
     assert (folder / "notes.txt").read_text() == "mine"
     assert (folder / "parameters.csv").read_text() != "old"
 
@@ -161,7 +217,7 @@ def test_results_of_an_earlier_run_are_replaced_and_nothing_else(run, bench, tmp
 def test_files_of_the_user_are_never_replaced(run, bench, tmp_path):
     mine = tmp_path / "frf.csv"
     mine.write_text("mine")
-    message = run("identify", bench.model, bench.measured, "-o", tmp_path, code=1).stderr
+    message = run("identify", bench.model, bench.measured, "--method", "network", "-o", tmp_path, code=1).stderr
     assert message == (
         f"{tmp_path}\n  frf.csv would be replaced, and is not of an earlier run.\n  Choose another folder.\n"
     )
@@ -173,7 +229,7 @@ def test_a_measurement_that_does_not_cover_is_refused_before_training(run, bench
     whole = dovetail.read_frf(bench.measured)
     part = Frf(whole.frequency[:300], whole.values[:300], whole.quantity)
     dovetail.write_frf(part, tmp_path / "part.csv")
-    message = run("identify", bench.description, tmp_path / "part.csv", code=1).stderr
+    message = run("identify", bench.description, tmp_path / "part.csv", "--method", "network", code=1).stderr
     assert "the measurement covers 1 to 300 Hz" in message
 
 
@@ -200,7 +256,7 @@ def test_a_part_of_the_band_is_enough_without_a_network(run, bench, tmp_path):
     ],
 )
 def test_wrong_options_are_refused_before_training(run, bench, arguments, code, found):
-    message = run("identify", bench.description, bench.measured, *arguments, code=code).stderr
+    message = run("identify", bench.description, bench.measured, "--network", *arguments, code=code).stderr
     assert found in message
     assert "Traceback" not in message
 
@@ -208,9 +264,15 @@ def test_wrong_options_are_refused_before_training(run, bench, arguments, code, 
 @pytest.mark.usefixtures("untrained")
 def test_missing_files(run, bench, tmp_path):
     gone = tmp_path / "gone.uff"
-    assert run("identify", bench.description, gone, code=1).stderr == f"{gone}\n  there is no such file.\n"
-    assert run("identify", gone, bench.measured, code=1).stderr == f"{gone}\n  there is no such file.\n"
-    assert "it is not a model" in run("identify", tmp_path, bench.measured, code=1).stderr
+    assert (
+        run("identify", bench.description, gone, "--method", "network", code=1).stderr
+        == f"{gone}\n  there is no such file.\n"
+    )
+    assert (
+        run("identify", gone, bench.measured, "--method", "network", code=1).stderr
+        == f"{gone}\n  there is no such file.\n"
+    )
+    assert "it is not a model" in run("identify", tmp_path, bench.measured, "--method", "network", code=1).stderr
 
 
 def test_the_mass_of_the_accelerometer_is_removed(run, bench, tmp_path):
@@ -220,7 +282,7 @@ def test_the_mass_of_the_accelerometer_is_removed(run, bench, tmp_path):
     dovetail.write_frf(add_accelerometer_mass(dovetail.read_frf(bench.measured), 0.1), loaded)
 
     def values(*arguments, code=0):
-        found = json.loads(run("identify", bench.model, *arguments, "--json", code=code).stdout)
+        found = json.loads(run("identify", bench.model, *arguments, "--method", "network", "--json", code=code).stdout)
         return {name: parameter["value"] for name, parameter in found["parameters"].items()}
 
     assert values(loaded, "--accelerometer-mass", "100 g") == pytest.approx(values(bench.measured), rel=1e-6)
@@ -234,13 +296,16 @@ def test_the_quantity_may_be_given(run, bench, tmp_path):
     bare.write_text(
         "frequency_Hz,real,imag\n" + "".join(f"{f!r},{a!r},{b!r}\n" for f, a, b in (map(float, r) for r in rows))
     )
-    assert "does not say which quantity" in run("identify", bench.model, bare, code=1).stderr
-    assert "Mean coherence" in run("identify", bench.model, bare, "--quantity", "accelerance").stdout
+    assert "does not say which quantity" in run("identify", bench.model, bare, "--method", "network", code=1).stderr
+    assert (
+        "Mean coherence"
+        in run("identify", bench.model, bare, "--method", "network", "--quantity", "accelerance").stdout
+    )
 
 
 @pytest.fixture
 def results(run, bench, tmp_path):
-    run("identify", bench.model, bench.measured, "-o", tmp_path / "results")
+    run("identify", bench.model, bench.measured, "--method", "network", "-o", tmp_path / "results")
     return tmp_path / "results"
 
 
@@ -274,7 +339,7 @@ def test_predict_as_json(run, results, heavier):
 def test_a_result_read_back_is_the_same(results, bench):
     from dovetail.identification.result_file import read_identification
 
-    result = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured))
+    result = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured), "network")
     assert read_identification(results).to_dict() == result.to_dict()
 
 
@@ -312,8 +377,8 @@ def test_predict_says_which_parameter_is_missing(run, results, assemblies):
 
 def test_a_model_folder_may_be_moved(run, bench, tmp_path):
     shutil.copytree(bench.model, tmp_path / "moved")
-    printed = run("identify", tmp_path / "moved", bench.measured).stdout
-    assert printed == run("identify", bench.model, bench.measured).stdout
+    printed = run("identify", tmp_path / "moved", bench.measured, "--method", "network").stdout
+    assert printed == run("identify", bench.model, bench.measured, "--method", "network").stdout
 
 
 def test_the_shipped_measurement_is_said_to_be_synthetic_by_its_own_file(run, bench, assemblies, tmp_path):
@@ -322,7 +387,7 @@ def test_the_shipped_measurement_is_said_to_be_synthetic_by_its_own_file(run, be
     noted = dataclasses.replace(dovetail.read_frf(bench.measured), note="SYNTHETIC mass on a spring")
     dovetail.write_frf(noted, tmp_path / "noted.uff")
     for given, said in ((tmp_path / "noted.uff", True), (bench.measured, False)):
-        done = run("identify", bench.model, given, "-o", tmp_path / f"results-{said}")
+        done = run("identify", bench.model, given, "--method", "network", "-o", tmp_path / f"results-{said}")
         assert ("synthetic" in (done.stdout + done.stderr).lower()) == said
         assert ("measurement is synthetic" in (tmp_path / f"results-{said}" / "report.html").read_text()) == said
 

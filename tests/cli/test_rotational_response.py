@@ -51,7 +51,7 @@ def test_the_unit_of_a_rotation(turned):
 def test_what_is_simulated_and_identified_is_a_rotation(turned, monkeypatch):
     model = dovetail.train(dovetail.load(turned))
     measured = dovetail.Frf(model.assembly.frequency, model.assembly.frf([1e5, 10.0]), "accelerance")
-    result = model.identify(measured)
+    result = model.identify(measured, "network")
     assert result.frf.rotation
     assert result.measured.rotation
     assert dovetail.predict(model.assembly, {"kr": 1e5, "cr": 10.0}).rotation
@@ -73,7 +73,9 @@ def test_no_accelerometer_mass_is_removed_from_a_rotation(run, turned, tmp_path)
     assembly = dovetail.load(turned)
     frf = dovetail.Frf(assembly.frequency, assembly.frf(), "accelerance", label="turned.csv")
     dovetail.write_frf(frf, tmp_path / "turned.csv")
-    done = run("identify", turned, tmp_path / "turned.csv", "--accelerometer-mass", "1 g", code=1)
+    done = run(
+        "identify", turned, tmp_path / "turned.csv", "--method", "network", "--accelerometer-mass", "1 g", code=1
+    )
     assert done.stderr.split("\n", 1)[1] == (
         "--accelerometer-mass\n"
         "  the response of 'turned' is a rotation per moment, from which no mass can be removed.\n"

@@ -33,7 +33,7 @@ def arguments(bench, tmp_path):
     )
     of_assembly = {name: [name, bench.description] for name in ("train", "generate", "calibrate", "robustness")}
     of_cases = {name: [name, cases] for name in ("validate", "compare")}
-    return {"identify": ["identify", bench.model, bench.measured], **of_assembly, **of_cases}
+    return {"identify": ["identify", bench.model, bench.measured, "--method", "network"], **of_assembly, **of_cases}
 
 
 def fill(monkeypatch, free: int) -> None:
@@ -126,7 +126,7 @@ def no_room_for_arrays(monkeypatch, folder: Path) -> None:
 def test_a_full_cache_loses_no_answer(run, bench, tmp_path, monkeypatch):
     no_room_for_arrays(monkeypatch, tmp_path / "cache")
     monkeypatch.setattr(dovetail, "train", lambda *_, **__: dovetail.load_model(bench.model))
-    done = run("identify", bench.description, bench.measured, "-o", tmp_path / "results")
+    done = run("identify", bench.description, bench.measured, "--method", "network", "-o", tmp_path / "results")
     assert "The model is not kept: " in done.stderr
     assert "No space left on device" in done.stderr
     assert "Mean coherence" in done.stdout

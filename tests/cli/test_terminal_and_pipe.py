@@ -17,7 +17,7 @@ CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f]")
 
 
 def test_a_pipe_gets_results_and_no_control_characters(shell, bench, tmp_path):
-    done = shell("identify", bench.description, bench.measured, "-o", tmp_path / "results")
+    done = shell("identify", bench.description, bench.measured, "--method", "network", "-o", tmp_path / "results")
     assert done.returncode == 0, done.stderr
     assert not CONTROL.search(done.stdout)
     assert done.stderr == (
@@ -98,7 +98,7 @@ def test_ctrl_c_in_training_ends_without_a_traceback(interruptible, bench, tmp_p
     plugin.write_text(ENDLESS)
     small = bench.description.read_text()
     description.write_text(small[: small.index("  regressor:")] + "  regressor: {model: endless}\n")
-    process = interruptible("identify", description, bench.measured, "--plugin", plugin)
+    process = interruptible("identify", description, bench.measured, "--method", "network", "--plugin", plugin)
     deadline = time.monotonic() + 60
     while not (tmp_path / "begun").exists():
         assert process.poll() is None, process.communicate()

@@ -42,7 +42,7 @@ def with_gain(sdof):
 
 @pytest.fixture(scope="module")
 def good(sdof, with_gain):
-    return dovetail.identify(sdof, with_gain)
+    return dovetail.identify(sdof, with_gain, "refined")
 
 
 def test_a_good_model_is_believed_with_its_errors_and_causes_in_every_output(good, with_gain, assemblies, tmp_path):
@@ -89,10 +89,10 @@ def test_a_file_of_an_earlier_version_says_yes_or_no(good, tmp_path, key, flagge
 
 
 def test_a_network_tells_what_is_unlike_its_training_and_judges_nothing_else(model, measured):
-    result = model.identify(measured)
+    result = model.identify(measured, "network")
     assert result.adequacy == dovetail.Adequacy("not judged")
     assert result.believable
-    other = model.identify(replace(measured, values=9.81 * measured.values))
+    other = model.identify(replace(measured, values=9.81 * measured.values), "network")
     assert other.adequacy.word == "does not fit"
     assert other.adequacy.reasons
     assert not other.believable

@@ -94,7 +94,9 @@ def test_a_loaded_model_gives_the_same_answers(
     loaded = dovetail.load_model(saved)
     amplitude = np.array(dataset.amplitude[:100])
     np.testing.assert_array_equal(loaded.predict_parameters(amplitude), model.predict_parameters(amplitude))
-    np.testing.assert_array_equal(loaded.identify(measured).frf.values, model.identify(measured).frf.values)
+    np.testing.assert_array_equal(
+        loaded.identify(measured, "network").frf.values, model.identify(measured, "network").frf.values
+    )
     assert loaded.evaluation == model.evaluation
     assert loaded.assembly.description.text == model.assembly.description.text
 
@@ -271,10 +273,10 @@ def test_a_model_of_the_first_format_loads_and_says_what_it_cannot_tell(
     change_manifest(bundle, first)
     (bundle / "novelty.safetensors").unlink()
     older = dovetail.load_model(bundle)
-    result = older.identify(measured)
+    result = older.identify(measured, "network")
     assert result.adequacy is None
     assert any("cannot tell whether the measurement" in warning for warning in result.warnings)
-    np.testing.assert_array_equal(result.theta, model.identify(measured).theta)
+    np.testing.assert_array_equal(result.theta, model.identify(measured, "network").theta)
     assert older.save(bundle) == bundle
     assert dovetail.load_model(bundle).novelty is None
 

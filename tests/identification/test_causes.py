@@ -52,7 +52,7 @@ WORDS = {
 
 
 def first_cause(assembly, theta, kind):
-    result = dovetail.identify(assembly, altered(assembly, theta, kind))
+    result = dovetail.identify(assembly, altered(assembly, theta, kind), "refined")
     assert result.adequacy.word != "to the noise"
     assert 1 <= len(result.adequacy.causes) <= 3
     names = [cause.name for cause in result.adequacy.causes]
@@ -95,14 +95,14 @@ def test_the_cause_is_named_first_with_twelve_unknowns(coarse, torque_100, kind)
 
 def test_no_cause_is_named_of_a_genuine_measurement(sdof, coarse, torque_100):
     for assembly, theta in ((sdof, None), (coarse, torque_100)):
-        adequacy = dovetail.identify(assembly, altered(assembly, theta, "")).adequacy
+        adequacy = dovetail.identify(assembly, altered(assembly, theta, ""), "refined").adequacy
         assert adequacy.word == "to the noise"
         assert adequacy.causes == ()
 
 
 def test_the_search_for_causes_tells_its_progress(sdof):
     told = []
-    dovetail.identify(sdof, altered(sdof, None, "gain"), progress=lambda *stage: told.append(stage))
+    dovetail.identify(sdof, altered(sdof, None, "gain"), "refined", progress=lambda *stage: told.append(stage))
     assert {stage[0] for stage in told} == {"causes"}
     assert [stage[1] for stage in told] == sorted(stage[1] for stage in told)
     assert told[-1][1] == told[-1][2]

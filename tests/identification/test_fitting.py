@@ -159,14 +159,14 @@ def test_what_the_model_cannot_explain_is_told(sdof):
     assert alone.discrepancy == 0
     assert fit.chi_squared > 10
     assert fit.discrepancy > 0.001
-    result = dovetail.identify(sdof, replace(clean, values=clean.values + extra))
+    result = dovetail.identify(sdof, replace(clean, values=clean.values + extra), "refined")
     assert result.adequacy.word in ("good", "rough", "does not fit")
     assert any(low < at < high for low, high in result.adequacy.bands)
-    assert dovetail.identify(sdof, clean).adequacy.word == "to the noise"
+    assert dovetail.identify(sdof, clean, "refined").adequacy.word == "to the noise"
 
 
 def test_known_parameters_come_back_without_a_network(collet, torque_20):
-    result = dovetail.identify(collet, measured_of(collet, torque_20))
+    result = dovetail.identify(collet, measured_of(collet, torque_20), "refined")
     np.testing.assert_allclose(result.theta, torque_20, rtol=1e-4)
     assert result.method == "refined"
     assert result.mean_coherence == pytest.approx(1.0, abs=1e-9)
@@ -178,7 +178,7 @@ def test_the_ranges_hold(sdof):
     fit = refine(sdof, beyond, [np.array([-1.0, 1e9])])
     assert all(p.lower <= value <= p.upper for p, value in zip(sdof.parameters, fit.theta, strict=True))
     assert fit.at_bounds["k"] == "upper"
-    result = dovetail.identify(sdof, beyond)
+    result = dovetail.identify(sdof, beyond, "refined")
     assert "k ended at the upper end of its range." in result.warnings
 
 
@@ -222,7 +222,7 @@ def test_nothing_to_identify_and_too_few_lines(sdof, assemblies):
     tool = dovetail.load(assemblies / "campaign" / "t0.yaml")
     frf = dovetail.Frf(tool.frequency, tool.frf(), "accelerance")
     with pytest.raises(ParameterError, match="nothing to identify"):
-        dovetail.identify(tool, frf)
+        dovetail.identify(tool, frf, "refined")
     beyond = dovetail.Frf(sdof.frequency + 600.0, sdof.frf(), "accelerance")
     with pytest.raises(MeasurementError, match=r"no line of the measurement is within 1 to 600 Hz: .* 601 to 1200 Hz"):
-        dovetail.identify(sdof, beyond)
+        dovetail.identify(sdof, beyond, "refined")

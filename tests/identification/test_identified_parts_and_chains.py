@@ -116,7 +116,7 @@ def test_bands_leave_out_a_disturbance():
     masked = {**MASSES["frequency"], "without": [["48 Hz", "52 Hz"]]}
     without = dovetail.load({**MASSES, "frequency": masked, "responses": [DRIVE, TRANSFER]})
     frfs = measured(assembly, disturbed)
-    result = dovetail.identify(without, frfs)
+    result = dovetail.identify(without, frfs, "refined")
     assert result.adequacy.word == "to the noise"
     assert not any("lacks lines" in warning for warning in result.warnings)
     assert not ((result.frf.frequency >= 48) & (result.frf.frequency <= 52)).any()
@@ -134,7 +134,7 @@ def test_lines_count_as_weights_say():
     wrong = replace(frf, values=np.where(upper, 1.3 * frf.values, frf.values), coherence=np.where(upper, 0.02, 0.9999))
 
     def greatest_error(weights: Any) -> float:
-        identified = dovetail.identify(assembly, wrong, weights=weights).parameters
+        identified = dovetail.identify(assembly, wrong, "refined", weights=weights).parameters
         return max(abs(identified[name].value / value - 1.0) for name, value in TRUTH.items())
 
     assert greatest_error("coherence") < 0.02
@@ -146,26 +146,26 @@ def test_the_phase_may_be_left_out():
     assembly = dovetail.load({**MASSES, "responses": [DRIVE, TRANSFER]})
     [drive, transfer] = measured(assembly, as_measured(assembly))
     turned = [replace(frf, values=frf.values * np.exp(0.7j)) for frf in (drive, transfer)]
-    result = dovetail.identify(assembly, turned, phase=False)
+    result = dovetail.identify(assembly, turned, "refined", phase=False)
     for name, value in TRUTH.items():
         assert result.parameters[name].value == pytest.approx(value, rel=0.02)
-    assert dovetail.identify(assembly, turned).adequacy.word != "to the noise"
+    assert dovetail.identify(assembly, turned, "refined").adequacy.word != "to the noise"
 
 
 def test_what_is_wrong_with_weights_is_said():
     assembly = dovetail.load({**MASSES, "response": DRIVE})
     [frf] = measured(assembly, as_measured(assembly))
     with pytest.raises(dovetail.ParameterError, match="'coherance' is no way to weight lines"):
-        dovetail.identify(assembly, frf, weights="coherance")
+        dovetail.identify(assembly, frf, "refined", weights="coherance")
     with pytest.raises(dovetail.MeasurementError, match="it has no coherence"):
-        dovetail.identify(assembly, frf, weights="coherence")
+        dovetail.identify(assembly, frf, "refined", weights="coherence")
     with pytest.raises(dovetail.MeasurementError, match=r"weights of shape \(3,\) were given for 231 lines"):
-        dovetail.identify(assembly, frf, weights=np.ones(3))
+        dovetail.identify(assembly, frf, "refined", weights=np.ones(3))
 
 
 def test_an_identified_part_is_predicted_with():
     assembly = dovetail.load({**MASSES, "response": DRIVE})
-    result = dovetail.identify(assembly, measured(assembly, as_measured(assembly))[0])
+    result = dovetail.identify(assembly, measured(assembly, as_measured(assembly))[0], "refined")
     predicted = dovetail.predict(dovetail.load({**MASSES, "response": TRANSFER}), result)
     expected = as_measured(dovetail.load({**MASSES, "responses": [DRIVE, TRANSFER]}))[1]
     assert np.abs(predicted.values - expected).max() < 0.05 * np.abs(expected).max()

@@ -19,14 +19,14 @@ def test_known_parameters_come_back(model: dovetail.Identifier, small: dovetail.
     fractions = rng.uniform(0.1, 0.9, (20, 2))
     theta = small.from_unit(fractions)
     errors = [
-        small.to_unit(model.identify(dovetail.Frf(small.frequency, values, "accelerance")).theta) - fraction
+        small.to_unit(model.identify(dovetail.Frf(small.frequency, values, "accelerance"), "network").theta) - fraction
         for values, fraction in zip(small.frf(theta), fractions, strict=True)
     ]
     assert np.abs(errors).max() < 0.05
 
 
 def test_the_result_holds_values_units_and_ranges(model: dovetail.Identifier, measured: dovetail.Frf) -> None:
-    result = model.identify(measured)
+    result = model.identify(measured, "network")
     assert list(result.parameters) == ["k", "c"]
     stiffness = result.parameters["k"]
     assert (stiffness.unit, stiffness.lower, stiffness.upper, stiffness.joint) == ("N/m", 1e5, 1e7, "mount")
@@ -40,7 +40,7 @@ def test_the_result_holds_values_units_and_ranges(model: dovetail.Identifier, me
 def test_the_frf_is_the_assembly_at_the_identified_values(
     model: dovetail.Identifier, measured: dovetail.Frf, small: dovetail.Assembly
 ) -> None:
-    result = model.identify(measured)
+    result = model.identify(measured, "network")
     np.testing.assert_array_equal(result.frf.values, small.frf(result.theta))
     np.testing.assert_array_equal(result.frf.frequency, small.frequency)
     expected = dovetail.coherence_spectrum(measured.values, result.frf.values)
@@ -53,7 +53,7 @@ def test_the_frf_is_the_assembly_at_the_identified_values(
 def test_the_quantity_of_the_measurement_does_not_matter(
     model: dovetail.Identifier, measured: dovetail.Frf, quantity: str
 ) -> None:
-    one, other = model.identify(measured), model.identify(measured.to(quantity))
+    one, other = model.identify(measured, "network"), model.identify(measured.to(quantity), "network")
     np.testing.assert_allclose(other.theta, one.theta, rtol=1e-5)
     assert other.measured.quantity == "accelerance"
     assert other.mean_coherence == pytest.approx(one.mean_coherence, abs=1e-5)
@@ -64,12 +64,12 @@ def test_another_frequency_axis_is_interpolated_for_the_network_only(
 ) -> None:
     fine = np.arange(0.5, 700.0, 0.4)
     receptance = 1.0 / (truth[0] + 2j * np.pi * fine * truth[1] - (2 * np.pi * fine) ** 2)
-    result = model.identify(dovetail.Frf(fine, receptance, "receptance"))
+    result = model.identify(dovetail.Frf(fine, receptance, "receptance"), "network")
     inside = (fine >= small.frequency[0]) & (fine <= small.frequency[-1])
     np.testing.assert_array_equal(result.measured.frequency, fine[inside])
     np.testing.assert_array_equal(result.frf.values, small.on(fine[inside]).frf(result.theta))
     np.testing.assert_allclose(result.measured.to("receptance").values, receptance[inside], rtol=1e-12)
-    np.testing.assert_allclose(result.theta, model.identify(measured).theta, rtol=1e-3)
+    np.testing.assert_allclose(result.theta, model.identify(measured, "network").theta, rtol=1e-3)
 
 
 def test_a_measurement_that_does_not_cover_the_frequencies_is_refused(
@@ -77,13 +77,13 @@ def test_a_measurement_that_does_not_cover_the_frequencies_is_refused(
 ) -> None:
     narrow = dovetail.Frf(measured.frequency[50:], measured.values[50:], "accelerance")
     with pytest.raises(MeasurementError, match="covers 51 to 600 Hz"):
-        model.identify(narrow)
+        model.identify(narrow, "network")
 
 
 def test_a_parameter_outside_its_range_is_flagged_and_kept(model: dovetail.Identifier, measured: dovetail.Frf) -> None:
     scaling = model.network.target_scaling
     further = replace(scaling, upper=scaling.lower + 3.0 * (scaling.upper - scaling.lower))
-    result = replace(model, network=replace(model.network, target_scaling=further)).identify(measured)
+    result = replace(model, network=replace(model.network, target_scaling=further)).identify(measured, "network")
     assert not result.parameters["k"].in_range
     assert result.parameters["k"].value == pytest.approx(12e6, rel=0.1)
     assert result.warnings[0].startswith("k = 1.")
@@ -93,8 +93,8 @@ def test_a_parameter_outside_its_range_is_flagged_and_kept(model: dovetail.Ident
 def test_amplitude_alone_gives_the_same_parameters_and_says_so(
     model: dovetail.Identifier, measured: dovetail.Frf
 ) -> None:
-    result = model.identify(replace(measured, values=measured.amplitude, has_phase=False))
-    np.testing.assert_allclose(result.theta, model.identify(measured).theta, rtol=1e-9)
+    result = model.identify(replace(measured, values=measured.amplitude, has_phase=False), "network")
+    np.testing.assert_allclose(result.theta, model.identify(measured, "network").theta, rtol=1e-9)
     assert any("no phase" in warning for warning in result.warnings)
     assert result.mean_coherence > 0.99
 
@@ -102,7 +102,7 @@ def test_amplitude_alone_gives_the_same_parameters_and_says_so(
 def test_a_measurement_the_model_cannot_follow_gives_a_warning(
     model: dovetail.Identifier, measured: dovetail.Frf
 ) -> None:
-    result = model.identify(replace(measured, values=-measured.values))
+    result = model.identify(replace(measured, values=-measured.values), "network")
     assert result.mean_coherence < 0.1
     assert any("mean coherence" in warning for warning in result.warnings)
 
@@ -110,7 +110,7 @@ def test_a_measurement_the_model_cannot_follow_gives_a_warning(
 def test_the_mode_stands_beside_the_peaks_of_both_frfs(
     model: dovetail.Identifier, measured: dovetail.Frf, truth: np.ndarray
 ) -> None:
-    result = model.identify(measured)
+    result = model.identify(measured, "network")
     (mode,) = result.modes
     assert mode.natural_frequency == pytest.approx(np.sqrt(result.theta[0]) / (2 * np.pi), rel=1e-9)
     assert mode.reconstructed_peak == pytest.approx(mode.natural_frequency, rel=1e-3)
@@ -120,7 +120,7 @@ def test_the_mode_stands_beside_the_peaks_of_both_frfs(
 def test_provenance_names_description_measurement_and_versions(
     model: dovetail.Identifier, measured: dovetail.Frf
 ) -> None:
-    provenance = model.identify(measured).provenance
+    provenance = model.identify(measured, "network").provenance
     assert provenance["assembly"] == "sdof"
     assert provenance["measurement"] == "measured.csv"
     assert provenance["seed"] == 0
@@ -132,7 +132,7 @@ def test_provenance_names_description_measurement_and_versions(
 
 
 def test_the_result_is_plain_json(model: dovetail.Identifier, measured: dovetail.Frf) -> None:
-    result = model.identify(measured)
+    result = model.identify(measured, "network")
     read = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert read["parameters"]["k"]["value"] == result.theta[0]
     assert read["parameters"]["k"]["unit"] == "N/m"
@@ -141,7 +141,7 @@ def test_the_result_is_plain_json(model: dovetail.Identifier, measured: dovetail
 
 
 def test_the_result_cannot_be_changed(model: dovetail.Identifier, measured: dovetail.Frf) -> None:
-    result = model.identify(measured)
+    result = model.identify(measured, "network")
     with pytest.raises(FrozenInstanceError):
         result.method = "another"
     with pytest.raises(TypeError):
@@ -178,7 +178,7 @@ def test_an_unknown_method_is_refused(model: dovetail.Identifier, measured: dove
 def test_parameters_that_the_network_guesses_are_named(model: dovetail.Identifier, measured: dovetail.Frf) -> None:
     metrics = {**model.evaluation.parameters, "c": replace(model.evaluation.parameters["c"], r2=0.02)}
     guessing = replace(model, evaluation=replace(model.evaluation, parameters=metrics))
-    (warning,) = guessing.identify(measured).warnings
+    (warning,) = guessing.identify(measured, "network").warnings
     assert warning.startswith("Do not rely on c: ")
 
 
@@ -188,5 +188,5 @@ def test_linear_algebra_takes_one_thread_while_a_joint_is_identified(small, meas
 
     monkeypatch.setitem(METHODS, "refined", threads)
     with threadpool_limits(2, user_api="blas"):
-        assert dovetail.identify(small, measured) == {1}
+        assert dovetail.identify(small, measured, "refined") == {1}
         assert threads() == {2}

@@ -61,7 +61,7 @@ def test_a_genuine_measurement_fits_whatever_its_lines(collet, frequency, tmp_pa
     theta, (frf,) = genuine(collet, [frequency], len(frequency))
     dovetail.write_frf(frf, tmp_path / "measured.csv")
     measured = dovetail.read_frf(tmp_path / "measured.csv")
-    result = dovetail.identify(collet, replace(measured, variance=(NOISE * np.abs(frf.values)) ** 2))
+    result = dovetail.identify(collet, replace(measured, variance=(NOISE * np.abs(frf.values)) ** 2), "refined")
     check(collet, theta, result)
     inside = (measured.frequency >= 100.0) & (measured.frequency <= 9000.0)
     np.testing.assert_array_equal(result.measured.frequency, measured.frequency[inside])
@@ -75,7 +75,7 @@ def test_two_responses_have_lines_of_their_own(assemblies, tmp_path):
     assembly = dovetail.load(assemblies / "bt40_er32_two_points.yaml")
     axes = [np.arange(95.0, 9001.0, 2.5), with_lines_deleted(np.arange(130.0, 8990.0, 3.125))]
     theta, frfs = genuine(assembly, axes, 4)
-    result = dovetail.identify(assembly, frfs)
+    result = dovetail.identify(assembly, frfs, "refined")
     check(assembly, theta, result)
     fitted = assembly.on(*(at_point.frf.frequency for at_point in result.responses))
     for at_point, frf, alone in zip(result.responses, frfs, fitted.each_response, strict=True):
@@ -123,14 +123,14 @@ def test_part_of_the_band_is_compared_with_a_warning(sdof, model):
         model.identify(frf, "refined").theta, dovetail.identify(model.assembly, frf, "refined").theta
     )
     with pytest.raises(MeasurementError, match=r"covers 40 to 600\.5 Hz, and 1 to 600 Hz are wanted"):
-        model.identify(frf)
+        model.identify(frf, "network")
 
 
 def test_a_natural_frequency_beyond_the_measured_part_is_listed(sdof):
     theta = np.array([4e6, 60.0])
     (natural,) = sdof.natural_frequencies(theta, 1)
     frequency = np.arange(1.0, 0.9 * natural, 0.25)
-    result = dovetail.identify(sdof, dovetail.Frf(frequency, sdof.on(frequency).frf(theta), "accelerance"))
+    result = dovetail.identify(sdof, dovetail.Frf(frequency, sdof.on(frequency).frf(theta), "accelerance"), "refined")
     (mode,) = result.modes
     assert mode.natural_frequency == pytest.approx(natural, rel=1e-3)
     assert mode.measured_peak is None
@@ -140,11 +140,11 @@ def test_a_natural_frequency_beyond_the_measured_part_is_listed(sdof):
 def test_a_gap_is_said_and_never_filled_but_for_the_network(sdof, model):
     lines = np.arange(1.0, 601.0)
     theta, (frf,) = genuine(sdof, [lines[(lines <= 200.0) | (lines >= 230.0)]], 3)
-    result = dovetail.identify(sdof, frf)
+    result = dovetail.identify(sdof, frf, "refined")
     np.testing.assert_array_equal(result.measured.values, frf.values)
     np.testing.assert_allclose(result.theta, theta, rtol=0.02)
     assert "The measurement lacks lines between 200 and 230 Hz: nothing was compared there." in result.warnings
-    by_network = model.identify(frf)
+    by_network = model.identify(frf, "network")
     np.testing.assert_array_equal(by_network.measured.values, frf.values)
     assert any("200 and 230 Hz: the network was given values interpolated" in text for text in by_network.warnings)
 
@@ -153,7 +153,7 @@ def test_at_most_five_gaps_are_listed(sdof):
     lines = np.arange(1.0, 601.0)
     kept = np.min(np.abs(lines[:, np.newaxis] - np.arange(100.0, 500.0, 50.0)), axis=1) > 4.0
     _, (frf,) = genuine(sdof, [lines[kept]], 3)
-    (warning,) = [text for text in dovetail.identify(sdof, frf).warnings if "lacks lines" in text]
+    (warning,) = [text for text in dovetail.identify(sdof, frf, "refined").warnings if "lacks lines" in text]
     assert warning.count(" Hz") == 5
     assert warning.endswith("295 and 305 Hz, and in 3 further places: nothing was compared there.")
 
@@ -163,7 +163,7 @@ def test_all_measurements_without_lines_in_the_band_are_named(assemblies):
     _, frfs = genuine(assembly, [np.arange(10.0, 100.0), np.arange(9001.0, 9100.0)], 0)
     named = [dovetail.Frf(f.frequency, f.values, f.quantity, label=name) for f, name in zip(frfs, "ab", strict=True)]
     with pytest.raises(MeasurementError) as caught:
-        dovetail.identify(assembly, named)
+        dovetail.identify(assembly, named, "refined")
     first, second = caught.value.faults
     assert (first.where, second.where) == ("a", "b")
     assert "no line of the measurement is within 100 to 9000 Hz: the measurement covers 10 to 99 Hz" in first.problem
@@ -181,7 +181,7 @@ def test_the_truth_of_the_whole_band_is_shown(sdof, tmp_path):
     theta = np.array([4e6, 60.0])
     (natural,) = sdof.natural_frequencies(theta, 1)
     frequency = np.arange(1.0, 0.9 * natural, 0.25)
-    result = dovetail.identify(sdof, dovetail.Frf(frequency, sdof.on(frequency).frf(theta), "accelerance"))
+    result = dovetail.identify(sdof, dovetail.Frf(frequency, sdof.on(frequency).frf(theta), "accelerance"), "refined")
     truth = Truth(dict(zip(result.parameters, theta, strict=True)), (float(natural),))
     page = dovetail.write_report(result, tmp_path / "report.html", truth=truth).read_text()
     assert f"{natural:.1f}" in page
@@ -221,7 +221,7 @@ def test_frfs_with_force_and_response_exchanged_are_held_against_each_other(gain
     assembly = two_masses(**({"calibration": calibration} if calibration else {}))
     axes = [assembly.frequency, np.concatenate([assembly.frequency[::2], [500.25]])]
     _, (first, second) = genuine(two_masses(), axes, 1)
-    result = dovetail.identify(assembly, [first, replace(second, values=gain * second.values)])
+    result = dovetail.identify(assembly, [first, replace(second, values=gain * second.values)], "refined")
     sentences = [warning for warning in result.warnings if "reciprocity" in warning]
     assert len(sentences) == said
     for sentence in sentences:

@@ -79,7 +79,7 @@ def check_size(told, left):
 @pytest.mark.parametrize("index", [2, 3])
 def test_a_mass_that_is_two_per_cent_off(chain, index):
     true = load_chain(*("1.02 kg" if at == index else "1 kg" for at in range(5)))
-    result = dovetail.identify(chain, noisy(chain, true.frf(TRUTH), 0.005, 3))
+    result = dovetail.identify(chain, noisy(chain, true.frf(TRUTH), 0.005, 3), "refined")
     assert result.adequacy.word == "good"
     check_size(result.adequacy.size.natural_frequency, error_left(chain, result.theta, true, TRUTH))
     assert error_left(chain, result.theta, true, TRUTH) < 0.01
@@ -92,7 +92,7 @@ def test_a_modulus_that_is_off(collet, torque_100, modulus):
     true = {entry.name: entry for entry in list_perturbations(model)}["holder: material.young"].apply(np.log1p(modulus))
     true = true.on(model.frequency)
     measured = noisy(model, true.frf(torque_100), 0.001, 3)
-    result = dovetail.identify(collet, measured)
+    result = dovetail.identify(collet, measured, "refined")
     left = error_left(model, result.theta, true, torque_100)
     if modulus == 0.01:
         assert result.adequacy.word == "to the noise"
@@ -107,7 +107,7 @@ def test_noise_has_no_size_whatever_its_lines(sdof, collet, torque_100):
         there = assembly.on(np.arange(assembly.frequency[0] + step, assembly.frequency[-1], step))
         for known in (True, False):
             measured = noisy(there, there.frf(theta), 0.01, 7, known=known)
-            adequacy = dovetail.identify(assembly, measured).adequacy
+            adequacy = dovetail.identify(assembly, measured, "refined").adequacy
             assert (adequacy.word, adequacy.size, adequacy.causes, adequacy.bands) == ("to the noise", None, (), ())
             assert adequacy.sentence == "The model fits to the noise."
 
@@ -150,7 +150,7 @@ def test_what_the_measurement_shows_sets_the_intervals_by_default(chain, off):
 
 
 def test_an_allowed_error_sets_the_weights_of_the_estimate(chain, off):
-    fits = [dovetail.identify(chain, off, model_error=allowed).fit for allowed in (1e-4, 0.01)]
+    fits = [dovetail.identify(chain, off, "refined", model_error=allowed).fit for allowed in (1e-4, 0.01)]
     deviations = [np.sqrt(np.diag(np.linalg.inv(fit.information + np.eye(4)))) for fit in fits]
     assert np.all(deviations[1] > 2.0 * deviations[0])
     assert np.max(np.abs(np.log(fits[0].theta / fits[1].theta))) > 1e-3
@@ -178,7 +178,7 @@ def test_a_model_error_that_is_none_is_one_clear_error(sdof, method, model_error
 
 def test_a_network_takes_no_model_error(model, measured):
     with pytest.raises(ParameterError, match="model_error"):
-        model.identify(measured, model_error=0.01)
+        model.identify(measured, "network", model_error=0.01)
 
 
 @pytest.mark.usefixtures("few_mode_searches")

@@ -296,7 +296,7 @@ def test_the_band_of_another_tool_holds_what_was_measured_there(collet, assembli
 
 def test_no_band_without_a_posterior_and_no_samples_at_all(sdof):
     frf = noisy(sdof, sdof.frf(), 0.1, 1)
-    refined = dovetail.identify(sdof, frf)
+    refined = dovetail.identify(sdof, frf, "refined")
     assert refined.interval is None
     with pytest.raises(ParameterError, match="does not say how sure it is"):
         dovetail.predict_band(sdof, refined)

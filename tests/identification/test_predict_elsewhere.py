@@ -15,7 +15,7 @@ from dovetail.errors import ParameterError
 
 @pytest.fixture(scope="module")
 def result(model: dovetail.Identifier, measured: dovetail.Frf) -> dovetail.Identification:
-    return model.identify(measured)
+    return model.identify(measured, "network")
 
 
 def another(

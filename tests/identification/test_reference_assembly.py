@@ -14,7 +14,7 @@ import dovetail
 def test_the_quick_description_identifies_the_measurement_that_ships(assemblies):
     model = dovetail.train(dovetail.load(assemblies / "bt40_er32_quick.yaml"))
     measurement = assemblies / "measurements" / "h0_j_t0_60Nm.uff"
-    result = model.identify(dovetail.read_frf(measurement))
+    result = model.identify(dovetail.read_frf(measurement), "network")
     assert result.mean_coherence >= 0.95
     truth = json.loads(measurement.with_suffix(".truth.json").read_text())["natural_frequencies_Hz"]
     found = [mode.natural_frequency for mode in result.modes][: len(truth)]

@@ -151,7 +151,7 @@ def test_each_has_its_own_noise_phase_and_bad_lines(chain, clean):
     lower, upper = (fit.at(index, (LINES, LINES)) for index in (0, 1))
     assert (lower.ignored.tolist(), upper.ignored.tolist()) == ([chain.frequency[120]], [])
     np.testing.assert_array_equal(np.concatenate([lower.variance, upper.variance]), fit.variance)
-    warnings = dovetail.identify(chain, [spiked, loud]).warnings
+    warnings = dovetail.identify(chain, [spiked, loud], "refined").warnings
     assert any(warning.startswith("1 lines at lower, 0 mm stand alone") for warning in warnings)
     assert not any("at upper, 0 mm stand alone" in warning for warning in warnings)
 
@@ -164,7 +164,7 @@ def test_the_network_sees_all_responses(chain, dataset, model, clean):
     np.testing.assert_allclose(dataset.amplitude[7], np.concatenate(accelerances), rtol=1e-5)
     told = {name: metrics.r2 for name, metrics in model.evaluation.parameters.items()}
     assert min(told["foot.k"], told["link.k"]) > 0.9
-    result = model.identify(clean)
+    result = model.identify(clean, "network")
     np.testing.assert_array_equal(result.theta, model.predict_parameters(dataset_row(chain))[0])
     refined = model.identify(clean, "refined")
     np.testing.assert_allclose(refined.theta, TRUTH, rtol=1e-3)
@@ -177,7 +177,7 @@ def dataset_row(chain) -> np.ndarray:
 def test_the_bundle_and_the_dataset_keep_their_responses(chain, dataset, model, clean, tmp_path):
     loaded = dovetail.load_model(model.save(tmp_path / "model"))
     assert loaded.assembly.description.response_labels == chain.description.response_labels
-    np.testing.assert_array_equal(loaded.identify(clean).theta, model.identify(clean).theta)
+    np.testing.assert_array_equal(loaded.identify(clean, "network").theta, model.identify(clean, "network").theta)
     phased = dovetail.generate(chain, tmp_path / "phased.zarr", samples=50, storage="complex")
     np.testing.assert_allclose(phased.accelerance[:], complex_accelerance(chain, phased.parameters))
     np.testing.assert_allclose(np.abs(phased.accelerance[:]), phased.amplitude[:])
@@ -213,7 +213,7 @@ def test_the_unit_of_the_noise_is_that_of_each_response(chain, dataset):
 
 
 def test_the_result_has_every_response(chain, frfs, tmp_path):
-    result = dovetail.identify(chain, frfs)
+    result = dovetail.identify(chain, frfs, "refined")
     assert [response.point for response in result.responses] == ["lower, 0 mm", "upper, 0 mm"]
     assert result.provenance["further_measurements"] == ["upper.uff"]
     assert [response.frf.quantity for response in result.responses] == ["receptance", "accelerance"]
@@ -244,7 +244,7 @@ def test_a_sign_that_is_wrong_in_one_response_does_not_fit(chain, clean):
 @pytest.mark.parametrize("count", [0, 1, 3])
 def test_a_wrong_number_of_measurements_is_one_clear_error(chain, clean, count):
     with pytest.raises(MeasurementError) as raised:
-        dovetail.identify(chain, (clean * 2)[:count])
+        dovetail.identify(chain, (clean * 2)[:count], "refined")
     (fault,) = raised.value.faults
     assert "'chain' has 2 responses" in fault.problem
     assert fault.accepted == "1. lower, 0 mm; 2. upper, 0 mm"
@@ -309,7 +309,7 @@ def test_model_error_widens_the_posterior_of_both(chain, frfs):
 
 
 def test_predictions_are_at_the_first_response_or_at_the_chosen_one(chain, clean):
-    result = dovetail.identify(chain, clean)
+    result = dovetail.identify(chain, clean, "refined")
     np.testing.assert_allclose(dovetail.predict(chain, result).values, result.frf.values, rtol=1e-9)
     second = dovetail.predict(chain.at(1), result)
     np.testing.assert_allclose(second.values, result.responses[1].frf.values, rtol=1e-9)

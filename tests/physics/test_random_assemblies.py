@@ -304,6 +304,42 @@ def test_masses_that_nothing_holds_are_rigid_body_modes_whatever_rounding_makes_
     np.testing.assert_allclose(elastic_frequencies(dovetail.StructuralMatrices(M, K), 6), expected, rtol=1e-8)
 
 
+@pytest.mark.parametrize("stiffness", [1.06e6, 1e10, 1e14])
+def test_a_rigid_contact_leaves_no_rounding_however_stiff_it_was(stiffness):
+    """An assembly that was drawn had a free beam with a first elastic mode at 0.0016 Hz: kr - kr in a sum with 12.8."""
+    section = {"elements": 2, "length": 0.01, "outer": 0.006}
+    contact = {"kr": {"value": stiffness}, "cr": {"value": 0.0}, "k": {"range": [1e2, 1e14]}, "c": {"value": 0.0}}
+    description = {
+        "dovetail": 1,
+        "name": "a mass on a free beam",
+        "frequency": {"start": 1000.0, "stop": 5000.0, "lines": 5},
+        "substructures": {
+            "mass": {"model": "lumped", "masses": [{"position": 0.0, "mass": 0.01, "inertia": 1e-6}]},
+            "beam": {
+                "model": "timoshenko_beam",
+                "material": {"young": 1e9, "density": 900.0, "poisson": 0.0, "loss_factor": 0.01},
+                "sections": [section],
+            },
+        },
+        "joints": {
+            "contact": {
+                "model": "spring_damper",
+                "nodes": 1,
+                "direction": "both",
+                "connect": {"a": {"to": "mass", "at": ["m1"]}, "b": {"to": "beam", "at": ["n1"]}},
+                "parameters": contact,
+            }
+        },
+        "response": {"at": "beam", "position": "n3", "direction": "x", "quantity": "receptance"},
+    }
+    assembly, tip = dovetail.load(description).rigid(), [("beam", 0.01, "x")]
+    dense = DenseAssembly(description, {})
+    expected, _ = natural_frequencies(dense, [stiffness], rigid=True)
+    np.testing.assert_allclose(assembly.natural_frequencies([stiffness], 3), expected[:3], rtol=1e-7)
+    receptance = assembly.receptance([stiffness], tip, tip)[:, 0, 0]
+    np.testing.assert_allclose(receptance, assembly.frf([stiffness]), rtol=1e-9)
+
+
 def test_a_batch_for_an_assembly_without_joints_has_a_row_for_each_vector():
     part = {"model": "lumped", "masses": [{"mass": 2.0}]}
     assembly = dovetail.load(

@@ -122,7 +122,8 @@ def test_every_parameter_stands_there_with_value_unit_and_range(result: Identifi
     ):
         row = next(row for row in rows if f'<th scope="row">{name}' in row)
         cells = re.findall(r">([^<>\s][^<>]*)</td>", row)
-        assert cells == [value, unit, lower, upper, result.parameters[name].scale]
+        log = " log" if result.parameters[name].scale == "log" else ""
+        assert cells == [value, unit, lower, f"{upper}{log}"]
         assert result.parameters[name].description in row
     assert all(f'<th scope="row">{name}' in page.source for name in result.parameters)
 
@@ -213,10 +214,10 @@ def test_parameters_of_several_joints_stand_by_joint(result: Identification, tmp
         for name, parameter in result.parameters.items()
     }
     text = written(replace(result, parameters=parameters, known={"flange.mn1": 0.08}, warnings=()), tmp_path).text
-    places = [text.index(word) for word in ("Joint collet", "cr_tc", "Joint flange", "kt_hc", "cr_hc")]
+    places = [text.index(word) for word in ("Of collet", "cr_tc", "Of flange", "kt_hc", "cr_hc")]
     assert places == sorted(places)
     assert "flange.mn1 = 0.08" in text
-    assert "Joint collet" not in written(result, tmp_path).text
+    assert "Of collet" not in written(result, tmp_path).text
 
 
 def test_a_noisy_measurement_makes_no_large_file(result: Identification, tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ assembly = dovetail.load(json.loads(open(sys.argv[1]).read()))
 disk, moments, times = pathlib.Path(sys.argv[2]), random.Random(3), int(sys.argv[3])
 model = dovetail.train(assembly)
 frfs = [dovetail.Frf(assembly.frequency, assembly.frf(theta), "accelerance") for theta in ([4e6, 60.0], [3e6, 40.0])]
-results = [model.identify(frf) for frf in frfs]
+results = [model.identify(frf, "network") for frf in frfs]
 printed, refused = 0, {"results": 0, "model": 0, "files": 0}
 
 

@@ -42,7 +42,7 @@ def command(place: Path, kind: str, which: str) -> list[str]:
     words = {
         "generate": ["generate", "small.yaml", "-o", "data.zarr", "--samples", "4000"],
         "train": ["train", "small.yaml", "-o", "trained"],
-        "identify": ["identify", "model", f"{which}.csv", "-o", "results"],
+        "identify": ["identify", "model", f"{which}.csv", "--method", "network", "-o", "results"],
         "convert": ["convert", f"{which}.csv", "converted.uff", "--overwrite"],
         "validate": ["validate", "cases.yaml", "--method", "network", "-o", "validated"],
         "calibrate": ["calibrate", "small.yaml", "--cases", "1", "--samples", "20", "-o", "calibrated"],

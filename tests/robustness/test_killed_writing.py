@@ -61,7 +61,7 @@ def results(model):
         dovetail.Frf(assembly.frequency, assembly.frf(theta), "accelerance", label=label)
         for label, theta in (("first.csv", [4e6, 60.0]), ("second.csv", [3e6, 40.0]))
     ]
-    return [model.identify(frf) for frf in frfs]
+    return [model.identify(frf, "network") for frf in frfs]
 
 
 def write(result: dovetail.Identification, folder: Path) -> None:

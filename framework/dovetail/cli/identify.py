@@ -23,12 +23,18 @@ from dovetail.cli.reading import (
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from dovetail.assembly import Assembly
     from dovetail.frf import Frf
     from dovetail.identification import Identification, Identifier
+    from dovetail.report.content import ParameterRow
     from dovetail.report.truth import Truth
 
 __all__ = ["identify"]
+
+_WORDS = ("parameter", "unit", "verdict", "range")
+"""Columns of the table of parameters that are not numbers."""
 
 
 def identify(
@@ -43,9 +49,17 @@ def identify(
         str,
         typer.Option(
             metavar="METHOD",
-            help="network, refined (least squares on the FRF), posterior (with intervals) or multistart.",
+            help="posterior (with intervals), refined (least squares alone), multistart or network (as it is).",
         ),
-    ] = "network",
+    ] = "posterior",
+    network: Annotated[
+        bool | None,
+        typer.Option(
+            "--network/--no-network",
+            show_default=False,
+            help="Train a network too, which stands beside; or leave out one that was trained before.",
+        ),
+    ] = None,
     starts: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Searches of multistart.", show_default=False)
     ] = None,
@@ -111,9 +125,11 @@ def identify(
     A description with several responses takes one FRF for each, in its order: several files, or one file with --index,
     or --response and --force, once for each.
 
-    Given a description, the method 'network' trains a network first; it is kept in the user's cache folder (or where
-    DOVETAIL_CACHE_DIR says) and taken from there the next time. The other methods need none; given a trained model,
-    'refined' starts from its answer too. Files of an earlier run in the output folder are replaced.
+    By default the answer is the fit with intervals and verdicts, for which nothing is trained. Where there is a
+    trained network (a model in place of the description, or one kept from an earlier run), its answer is one of the
+    starts and stands beside. --network trains one if there is none, and --method network is the network's answer
+    alone, the method of the publication. Networks are kept in the user's cache folder (or where DOVETAIL_CACHE_DIR
+    says). Files of an earlier run in the output folder are replaced.
 
     The exit code is 3 where the model does not fit the measurement: the result is shown and written all the same,
     and says so.
@@ -147,11 +163,15 @@ def identify(
         for file, number, to, from_ in selections(measured, index or [], response or [], force or [])
     ]
     assembly, model = _read(source, plugin or [])
-    _check(assembly, frfs, method, truth, output, accelerometer_mass)
-    if model is None and method == "network":
-        from dovetail.cli.model_cache import trained_model
+    needed = method == "network" or bool(network) or retrain
+    _check(assembly, frfs, needed, truth, output, accelerometer_mass)
+    if network is False and method != "network":
+        model = None
+    elif model is None and (needed or method != "multistart"):
+        from dovetail.cli.model_cache import kept_model, trained_model
 
-        model = trained_model(assembly, plugin or [], retrain=retrain)
+        plugins = plugin or []
+        model = trained_model(assembly, plugins, retrain=retrain) if needed else kept_model(assembly, plugins)
     known = None if truth is None else read_truth(truth, assembly.parameters)
     with progress_bars() as progress:
         counted: dict[str, Any] = {"weights": weights, "phase": not amplitude_only}
@@ -178,7 +198,7 @@ def _read(source: Path, plugins: list[Path]) -> tuple[Assembly, Identifier | Non
 def _check(
     assembly: Assembly,
     measured: list[Frf],
-    method: str,
+    network: bool,
     truth: Path | None,
     output: Path | None,
     accelerometer_mass: float,
@@ -190,7 +210,7 @@ def _check(
 
     _check_accelerometer(assembly, accelerometer_mass)
     lines = MeasuredLines.of(assembly, measured)
-    if method == "network":
+    if network:
         lines.resampled(assembly)
     if truth is not None:
         read_truth(truth, assembly.parameters)
@@ -214,15 +234,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
     title(f"{result.provenance['assembly']}: joint identified from {measured} ({result.method})")
     for sentence in adequacy_sentences(result):
         say(sentence if result.believable else f"Warning: {sentence}")
-    rows = []
-    for row in parameter_rows(result, truth):
-        remarks = ["outside"] * (not row.in_range) + [NOT_BELIEVED] * (not result.believable)
-        true = (row.true_value, row.error) if truth is not None else ("", "")
-        rows.append((row.name, row.value, *true, row.unit, f"{row.lower} to {row.upper}", ", ".join(remarks)))
-    headers = ["parameter", "identified", "truth", "error [%]", "unit", "range", "note"]
-    table(headers, rows, numbers=headers[1:4])
-    if result.posterior is not None:
-        _print_posterior(result)
+    _print_parameters(result, parameter_rows(result, truth), with_truth=truth is not None)
     heading("Natural frequencies [Hz]" if result.believable else f"Natural frequencies [Hz], {NOT_BELIEVED}")
     modes = [
         (
@@ -249,19 +261,33 @@ def _print(result: Identification, truth: Truth | None) -> None:
         say(f"Note: {warning}")
 
 
-def _print_posterior(result: Identification) -> None:
-    from dovetail.report.content import posterior_rows, posterior_sentence
+def _print_parameters(result: Identification, rows: list[ParameterRow], *, with_truth: bool) -> None:
+    """Print the one table, what its columns are, and why a parameter is not identified."""
+    from dovetail.report.content import columns_sentence, posterior_sentence, truth_sentence
 
-    heading("What the measurement tells of each parameter")
-    rows = [(row.name, row.estimate, row.interval, row.unit, row.verdict) for row in posterior_rows(result)]
-    headers = ["parameter", "estimate", "90 % interval", "unit", "verdict"]
-    table(headers, rows, numbers=headers[1:2])
-    say()
+    shown: dict[str, Callable[[ParameterRow], str]] = {
+        "parameter": lambda row: row.name,
+        "estimate": lambda row: row.estimate,
+        "90 % interval": lambda row: row.interval,
+        "unit": lambda row: row.unit,
+        "verdict": lambda row: ", ".join(filter(None, [row.verdict, "" if row.in_range else "outside its range"])),
+        "truth": lambda row: row.true_value if with_truth else "",
+        "error [%]": lambda row: row.error if with_truth else "",
+        "network": lambda row: row.network,
+        "its error [%]": lambda row: row.network_error if with_truth else "",
+        "best fit": lambda row: row.best_fit,
+        "range": lambda row: f"{row.lower} to {row.upper}",
+    }
+    texts = [[text(row) for text in shown.values()] for row in rows]
+    table(list(shown), texts, numbers=[name for name in shown if name not in _WORDS], split=True)
+    sentences = [columns_sentence(result), truth_sentence(rows)]
     if result.posterior is not None:
-        say(posterior_sentence(result.posterior))
-    if not result.believable:
-        return
-    for row in posterior_rows(result):
-        doubt = " The interval is not to be trusted." if row.doubtful else ""
-        if row.verdict != "identified" or doubt:
-            say(f"{row.name}: {row.verdict}. {row.reason}{doubt}")
+        sentences.append(posterior_sentence(result.posterior))
+    if result.believable:
+        sentences += [
+            f"{row.name}: {row.verdict}. {row.why}" for row in rows if row.why and row.verdict != "identified"
+        ]
+    if any(sentences):
+        say()
+    for sentence in filter(None, sentences):
+        say(sentence)

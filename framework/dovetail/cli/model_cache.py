@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.identification import Identifier
 
-__all__ = ["cache_folder", "trained_model"]
+__all__ = ["cache_folder", "kept_model", "trained_model"]
 
 VARIABLE = "DOVETAIL_CACHE_DIR"
 """Environment variable that names another folder."""
@@ -27,6 +27,11 @@ def cache_folder() -> Path:
     from platformdirs import user_cache_dir
 
     return Path(os.environ.get(VARIABLE) or user_cache_dir("dovetail")) / "models"
+
+
+def kept_model(assembly: Assembly, plugins: Sequence[Path]) -> Identifier | None:
+    """Return the model that was trained before from the same description, or None."""
+    return _kept(cache_folder() / _key(assembly, plugins), plugins, "it is left out")
 
 
 def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool) -> Identifier:
@@ -55,7 +60,7 @@ def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool)
         note(f"{other} is at work on the model of '{assembly.name}'; waiting for it.")
 
     with held(folder.with_suffix(".training"), wait=-1, tell=waiting):
-        model = None if retrain else _kept(folder, plugins)
+        model = None if retrain else _kept(folder, plugins, "training anew")
         if model is None:
             samples = assembly.description.identification.samples
             note(f"Training a network for '{assembly.name}' on {samples} simulated FRFs; it is kept for the next time.")
@@ -65,7 +70,7 @@ def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool)
         return model
 
 
-def _kept(folder: Path, plugins: Sequence[Path]) -> Identifier | None:
+def _kept(folder: Path, plugins: Sequence[Path], otherwise: str) -> Identifier | None:
     """Return the model that is kept in a folder, or None if there is none that can be used."""
     from dovetail import load_model
     from dovetail.errors import BundleError
@@ -75,7 +80,7 @@ def _kept(folder: Path, plugins: Sequence[Path]) -> Identifier | None:
     try:
         model = load_model(folder, plugins=plugins)
     except BundleError:
-        note(f"The model kept in {folder} cannot be used; training anew.")
+        note(f"The model kept in {folder} cannot be used; {otherwise}.")
         return None
     note(f"Using the model trained before from this description ({folder}); --retrain trains anew.")
     return model

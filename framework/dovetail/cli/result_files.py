@@ -139,17 +139,12 @@ def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
 
 
 def _parameters(result: Identification, truth: Truth | None) -> str:
-    header = ["name", "joint", "value", "unit", "lower", "upper", "scale", "in_range", "description"]
-    rows = [
-        [*(getattr(parameter, key) for key in header), result.believable] for parameter in result.parameters.values()
-    ]
-    header.append("believable")
-    if truth is None:
-        return csv_text(header, rows)
-    return csv_text(
-        [*header, "truth"],
-        [[*row, truth.parameters.get(name, "")] for row, name in zip(rows, result.parameters, strict=True)],
-    )
+    from dataclasses import asdict
+
+    rows = [asdict(row) for row in result.table]
+    if truth is not None:
+        rows = [{**row, "truth": truth.parameters.get(row["name"])} for row in rows]
+    return csv_text(list(rows[0]), [row.values() for row in rows])
 
 
 def _frf_files(number: int) -> tuple[str, str]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -23,6 +24,8 @@ __all__ = ["heading", "note", "print_json", "progress_bars", "quantity_text", "r
 
 _UNLIMITED = 10_000
 """Columns in a pipe: a row stays a line, for grep."""
+_GAP = 3
+"""Blanks between the columns of a table."""
 
 
 class Ranged(Protocol):
@@ -96,7 +99,9 @@ def range_text(parameter: Ranged) -> str:
     return f"{low} to {high} {unit.text}".rstrip()
 
 
-def table(headers: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Sequence[str] = ()) -> None:
+def table(
+    headers: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Sequence[str] = (), split: bool = False
+) -> None:
     """Print a table; columns without any entry are left out.
 
     Parameters
@@ -105,13 +110,39 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Seq
     rows : iterable of sequences of str
     numbers : sequence of str
         Headers of the columns that are set flush right and never wrapped.
+    split : bool
+        Whether columns that are too wide for the terminal follow below, after the first column once more, in place of
+        cells that are wrapped.
     """
+    cells = [[terminal_text(cell) for cell in row] for row in rows]
+    kept = [column for column in range(len(headers)) if any(row[column] for row in cells)]
+    widths = {column: max(len(row[column]) for row in (headers, *cells)) for column in kept}
+    for number, columns in enumerate(_blocks(kept, widths) if split else [kept]):
+        if number:
+            typer.echo()
+        _print_columns(headers, cells, columns, numbers)
+
+
+def _blocks(columns: Sequence[int], widths: Mapping[int, int]) -> Iterator[list[int]]:
+    """Yield columns that fit side by side into the terminal, the first of all before each of the others."""
+    first, *others = columns
+    block, taken = [first], widths[first]
+    for column in others:
+        if len(block) > 1 and taken + _GAP + widths[column] > _width():
+            yield block
+            block, taken = [first], widths[first]
+        block.append(column)
+        taken += _GAP + widths[column]
+    yield block
+
+
+def _print_columns(
+    headers: Sequence[str], cells: Sequence[Sequence[str]], kept: Sequence[int], numbers: Sequence[str]
+) -> None:
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    cells = [[terminal_text(cell) for cell in row] for row in rows]
-    kept = [column for column in range(len(headers)) if any(row[column] for row in cells)]
     grid = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, header_style="bold")
     for column in kept:
         name = terminal_text(headers[column])
@@ -122,15 +153,18 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Seq
     _show(grid)
 
 
+def _width() -> int:
+    """Return the columns of the terminal."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() or "COLUMNS" in os.environ else _UNLIMITED
+
+
 def _show(renderable: RenderableType) -> None:
     from rich.console import Console
 
     if sys.stdout.isatty():
         Console(highlight=False).print(renderable)
         return
-    plain = Console(highlight=False, color_system=None, force_terminal=False)
-    if "COLUMNS" not in plain._environ:
-        plain.width = _UNLIMITED
+    plain = Console(highlight=False, color_system=None, force_terminal=False, width=_width())
     with plain.capture() as captured:
         plain.print(renderable)
     typer.echo("\n".join(line.rstrip() for line in captured.get().rstrip("\n").split("\n")))

@@ -69,7 +69,7 @@ def _method(name: str, plugins: list[Path]) -> str | Identify:
     def by_network(assembly: Assembly, measured: Frf) -> Identification:
         from dovetail.cli.model_cache import trained_model
 
-        return trained_model(assembly, plugins, retrain=False).identify(measured)
+        return trained_model(assembly, plugins, retrain=False).identify(measured, "network")
 
     return by_network if name == "network" else name
 

@@ -234,7 +234,7 @@ def _compared(case: Case, method: str, assembly: Assembly, model: Identifier | N
         result, values = None, assembly.on(measured.frequency).rigid().frf()
         frf = Frf(measured.frequency, values, measured.quantity, label="rigid joint", rotation=measured.rotation)
     else:
-        result = identify(assembly, whole, method) if model is None else model.identify(whole)
+        result = identify(assembly, whole, method) if model is None else model.identify(whole, "network")
         frf = result.frf
     seconds = time.perf_counter() - began
     ours, theirs = resonance_peaks(measured, PROMINENCE), resonance_peaks(frf, PROMINENCE)

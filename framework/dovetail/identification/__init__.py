@@ -5,9 +5,10 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.identifier import Identifier, load_model, train
 from dovetail.identification.identify import identify
 from dovetail.identification.metrics import Evaluation, ParameterMetrics
+from dovetail.identification.parameters import IdentifiedParameter, TableRow
 from dovetail.identification.posterior import ModelError, Posterior, Verdict
 from dovetail.identification.prediction import Band, predict, predict_band
-from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
+from dovetail.identification.result import AtPoint, Identification, Mode
 
 __all__ = [
     "Adequacy",
@@ -23,6 +24,7 @@ __all__ = [
     "ModelError",
     "ParameterMetrics",
     "Posterior",
+    "TableRow",
     "Verdict",
     "identify",
     "load_model",

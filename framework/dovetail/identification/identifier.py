@@ -10,6 +10,7 @@ from dovetail.assembly import Assembly, PluginPaths
 from dovetail.dataset import Dataset
 from dovetail.frf import Frf
 from dovetail.identification.identify import identify
+from dovetail.identification.methods import DEFAULT_METHOD
 from dovetail.identification.network.bundle import read_bundle, write_bundle
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.network.training import train_network
@@ -30,7 +31,7 @@ class Identifier(TrainedNetwork):
         """Return the identifier of a trained network."""
         return cls(trained.assembly, trained.network, trained.evaluation, trained.novelty)
 
-    def identify(self, measured: Frf | Sequence[Frf], method: str = "network", **options: Any) -> Identification:
+    def identify(self, measured: Frf | Sequence[Frf], method: str = DEFAULT_METHOD, **options: Any) -> Identification:
         """Identify the joint from the measured FRF of the assembly's response point, or of each of its points.
 
         Parameters
@@ -39,8 +40,8 @@ class Identifier(TrainedNetwork):
             One for each response, of any quantity. For the network it must cover the assembly's frequencies, to which
             it is interpolated; the other methods compare its own lines, as `dovetail.identify` says.
         method : str
-            ``"network"``: the trained network's answer as it is. ``"refined"``: a least-squares fit to the measured
-            FRF that starts, among other points, there. ``"multistart"``: many local searches.
+            As of `dovetail.identify`: ``"posterior"``, with intervals, where the trained network's answer is one of the
+            starts and stands beside; or ``"network"``, its answer as it is, in milliseconds; and so on.
         **options
             Of the method, see `dovetail.identify`.
 

@@ -18,7 +18,7 @@ from dovetail.frf import Frf
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import MeasuredLines, one_per_response
 from dovetail.identification.fitting.random_error import Weights, weighted_variance
-from dovetail.identification.methods import METHODS
+from dovetail.identification.methods import DEFAULT_METHOD, METHODS
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.result import Identification
 
@@ -35,7 +35,7 @@ _DELAYS = 201
 def identify(
     assembly: Assembly,
     measured: Frf | Sequence[Frf],
-    method: str = "refined",
+    method: str = DEFAULT_METHOD,
     *,
     model: TrainedNetwork | None = None,
     weights: Weights | Sequence[Weights] | None = None,
@@ -52,11 +52,12 @@ def identify(
         within the description's band count, each measurement on its own: the model is computed there, and measured
         values are never interpolated, but for the features of a network.
     method : str
-        ``"refined"``: a least-squares fit, down to the measurement's random error. ``"multistart"``: many local
-        searches from all over the ranges. ``"posterior"``: the refined fit, with intervals and verdicts for each
-        parameter. ``"network"``: the answer of `model` as it is.
+        ``"posterior"``: the refined fit, with intervals and verdicts for each parameter. ``"refined"``: a
+        least-squares fit alone, down to the measurement's random error. ``"multistart"``: many local searches from all
+        over the ranges. ``"network"``: the answer of `model` as it is, which is the method of the publication.
     model : TrainedNetwork, optional
-        A trained network of this assembly: its answer is one more start of the refined fit.
+        A trained network of this assembly: its answer is one more start of the refined fit, and stands beside it in
+        the result (`Identification.network`).
     weights : {"coherence", "amplitude"} or (n_freq,) array, optional
         How much lines count in a fit: by their random error by default; by their coherence; by amplitude, so that
         relative errors count; or an array for each measurement. The network does not ask.

@@ -32,7 +32,7 @@ from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["METHODS"]
+__all__ = ["DEFAULT_METHOD", "METHODS"]
 
 _CANNOT_TELL = (
     "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
@@ -97,10 +97,14 @@ def by_refined_fit(
     assembly, frfs = measured.assembly, measured.frfs
     settings = assembly.description.identification
     _check(model_error)
-    fit = refine(assembly, frfs, _starts(measured, trained), seed=settings.seed if seed is None else seed)
+    network, warnings = _network_answer(measured, trained)
+    starts = [] if network is None else [network]
+    fit = refine(assembly, frfs, starts, seed=settings.seed if seed is None else seed)
     adequacy, fit = assess(assembly, frfs, fit, model_error, progress=progress)
     origin = provenance(measured.described, measured.whole, trained.evaluation if trained is not None else None)
-    return _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
+    result = _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
+    beside = None if network is None else dict(zip(result.parameters, network.tolist(), strict=True))
+    return replace(result, network=beside, warnings=(*result.warnings, *warnings))
 
 
 def _check(model_error: float | None) -> None:
@@ -114,16 +118,20 @@ def _check(model_error: float | None) -> None:
         raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
 
 
-def _starts(measured: MeasuredLines, trained: TrainedNetwork | None) -> list[NDArray[np.float64]]:
-    """Return a network's answer, or nothing if there is none: no network, or no measurement of its whole band."""
+def _network_answer(
+    measured: MeasuredLines, trained: TrainedNetwork | None
+) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+    """Return a network's answer (n_params,) [SI], if there is a network and it has one, and why it has none."""
     if trained is None:
-        return []
+        return None, ()
     try:
         resampled = measured.resampled(trained.assembly)
-    except MeasurementError:
-        return []
-    guess = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
-    return [guess] if np.isfinite(guess).all() else []
+    except MeasurementError as error:
+        return None, (f"The network takes no part: {error.faults[0].problem}",)
+    answer = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
+    if not np.isfinite(answer).all():
+        return None, ("The network takes no part: this FRF is far from all it was trained on.",)
+    return answer, ()
 
 
 def _result(measured: MeasuredLines, theta: NDArray[np.float64], **known: Any) -> Identification:
@@ -243,3 +251,6 @@ METHODS: Mapping[str, Callable[..., Identification]] = {
     "posterior": by_posterior,
 }
 """By the word after ``--method``."""
+
+DEFAULT_METHOD = "posterior"
+"""The best answer, with intervals and verdicts, and nothing to train."""

@@ -15,8 +15,9 @@ from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.fitting import Fit, one_per_response
+from dovetail.identification.parameters import IdentifiedParameter, is_in_range
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
-from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
+from dovetail.identification.result import AtPoint, Identification, Mode
 from dovetail.units import format_quantity
 
 __all__ = ["reconstruct"]
@@ -110,12 +111,13 @@ def _at_points(
 
 def _parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
     pairs = zip(assembly.parameters, theta.tolist(), assembly.description.identified_parameters, strict=True)
-    return {
-        parameter.name: IdentifiedParameter(
-            **asdict(parameter), value=value, in_range=parameter.lower <= value <= parameter.upper, joint=joint
+    identified = {}
+    for parameter, value, (joint, _) in pairs:
+        in_range = is_in_range(value, parameter.lower, parameter.upper, parameter.scale)
+        identified[parameter.name] = IdentifiedParameter(
+            **asdict(parameter), value=value, in_range=in_range, joint=joint
         )
-        for parameter, value, (joint, _) in pairs
-    }
+    return identified
 
 
 def _known(assembly: Assembly) -> dict[str, float]:
@@ -179,7 +181,7 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
     ]
     tests = result.provenance.get("evaluation", {}).get("parameters", {}).items()
     unknown = [name for name, metrics in tests if metrics["r2"] is not None and metrics["r2"] < _SETTINGS.low_r2]
-    if unknown:
+    if unknown and result.fit is None:
         warnings.append(
             f"Do not rely on {', '.join(unknown)}: on FRFs that it was not trained on, the network does hardly better "
             "there than a guess of the middle of the range."

@@ -12,59 +12,14 @@ from numpy.typing import NDArray
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification.adequacy.adequacy import Adequacy
 from dovetail.identification.fitting.fit import Fit
+from dovetail.identification.parameters import IdentifiedParameter, TableRow, parameter_table
 from dovetail.identification.posterior.posterior import Posterior
-from dovetail.interfaces import Parameter, Prior, Scale
 from dovetail.units import format_quantity
 
-__all__ = ["AtPoint", "Identification", "IdentifiedParameter", "Mode", "caveats_of"]
+__all__ = ["AtPoint", "Identification", "Mode", "caveats_of"]
 
 _CAVEAT = "The model does not fit the measurement: do not believe the numbers."
 """At most 80 characters of ASCII, the length of an id line in UFF."""
-
-
-@dataclass(frozen=True)
-class IdentifiedParameter:
-    """One identified parameter.
-
-    Parameters
-    ----------
-    name : str
-        As in ``assembly.parameters``.
-    value : float
-        SI, in `unit`. A network may give one outside the range.
-    unit : str
-    lower, upper : float
-        The range in which it was identified.
-    scale : {"linear", "log"}
-    in_range : bool
-        Whether the value lies in the range.
-    description : str
-    joint : str
-        The joint it belongs to; the substructure or the response of another one.
-    prior : {"uniform", "normal"}
-        As in `Parameter`.
-    """
-
-    name: str
-    value: float
-    unit: str
-    lower: float
-    upper: float
-    scale: Scale
-    in_range: bool
-    description: str
-    joint: str
-    prior: Prior = "uniform"
-
-    @property
-    def definition(self) -> Parameter:
-        """The parameter with its range, as the assembly defines it."""
-        return Parameter(self.name, self.unit, self.lower, self.upper, self.scale, self.description, self.prior)
-
-    @property
-    def bare_name(self) -> str:
-        """The name without the owner's."""
-        return self.name.removeprefix(f"{self.joint}.")
 
 
 @dataclass(frozen=True)
@@ -164,6 +119,8 @@ class Identification:
         How well the model explains the measurement; None if the method cannot tell.
     band : (float, float) or None
         The description's first and last frequency [Hz]; None with a result of an earlier version.
+    network : mapping of str to float, or None
+        The answer of a trained network [SI] by parameter, if one took part.
 
     Notes
     -----
@@ -185,6 +142,7 @@ class Identification:
     further: tuple[AtPoint, ...] = ()
     adequacy: Adequacy | None = None
     band: tuple[float, float] | None = None
+    network: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         """Hand the caveat to what may be used by itself: the posterior and the reconstructed FRFs."""
@@ -196,7 +154,7 @@ class Identification:
 
     def __repr__(self) -> str:
         """Return assembly, measurement, method and parameters in one line, the caveat before all numbers."""
-        values = ", ".join(f"{name}={format_quantity(p.value, p.unit)}" for name, p in self.parameters.items())
+        values = ", ".join(f"{row.name}={format_quantity(row.estimate, row.unit)}" for row in self.table)
         head = f"{self.provenance.get('assembly', '')}, {self.measured.label}, {self.method}".removeprefix(", ")
         return f"<Identification: {head}: {f'{self.caveat} ' if self.caveat else ''}{values}>"
 
@@ -221,6 +179,11 @@ class Identification:
         return np.array([parameter.value for parameter in self.parameters.values()])
 
     @property
+    def table(self) -> tuple[TableRow, ...]:
+        """What is known of each parameter, the same wherever it is shown: a row for each, in their order."""
+        return parameter_table(self.parameters, self.posterior, self.network, self.caveat)
+
+    @property
     def interval(self) -> Mapping[str, tuple[float, float]] | None:
         """The 90 % interval of each parameter [SI] by name; None without a posterior."""
         return None if self.posterior is None else self.posterior.interval()
@@ -243,6 +206,7 @@ class Identification:
             "caveat": self.caveat,
             "adequacy": None if self.adequacy is None else self.adequacy.to_dict(),
             "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
+            "table": [asdict(row) for row in self.table],
             "known": dict(self.known),
             "mean_coherence": self.mean_coherence,
             "modes": [asdict(mode) for mode in self.modes],
@@ -250,6 +214,7 @@ class Identification:
             "interval": None if self.interval is None else {name: list(ends) for name, ends in self.interval.items()},
             "posterior": None if self.posterior is None else self.posterior.to_dict(),
             "fit": None if self.fit is None else self.fit.to_dict(),
+            "network": None if self.network is None else dict(self.network),
             "provenance": dict(self.provenance),
             "band_Hz": None if self.band is None else list(self.band),
             "frequency_Hz": self.frf.frequency.tolist(),

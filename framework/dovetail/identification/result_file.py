@@ -14,8 +14,9 @@ from dovetail.atomic_files import read_bounded
 from dovetail.errors import DovetailError, Fault
 from dovetail.frf import Frf, Quantity
 from dovetail.identification.adequacy import Adequacy, AdequacyWord, Cause
+from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.posterior import Form, ModelError, Posterior, typical_model_error
-from dovetail.identification.result import AtPoint, Identification, IdentifiedParameter, Mode
+from dovetail.identification.result import AtPoint, Identification, Mode
 
 __all__ = ["RESULT_FILE", "read_identification"]
 
@@ -97,6 +98,7 @@ class _StoredIdentification(_StoredResponse):
     frequency_Hz: list[float]  # noqa: N815  the unit's own spelling
     band_Hz: tuple[float, float] | None = None  # noqa: N815
     posterior: _StoredPosterior | None = None
+    network: dict[str, float] | None = None
     further_responses: tuple[_StoredFurther, ...] = ()
     adequacy: _StoredAdequacy | None = None
     misspecification: _StoredMisspecification | None = Field(
@@ -150,6 +152,7 @@ def read_identification(path: str | Path) -> Identification:
         further=tuple(further),
         adequacy=_adequacy(stored),
         band=stored.band_Hz,
+        network=None if stored.network is None else MappingProxyType(stored.network),
     )
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from dovetail.identification import Fit, Identification, IdentifiedParameter, Mode, Posterior
-from dovetail.identification.posterior import NOT_BELIEVED
-from dovetail.interfaces import Parameter
+from dovetail.errors import listing
+from dovetail.identification import Fit, Identification, Mode, Posterior, TableRow
+from dovetail.identification.parameters import place_on_range
 from dovetail.report.truth import Truth
 from dovetail.report.wording import ABSENT, display_unit, fixed, number, readable
 from dovetail.units import format_quantity
@@ -19,17 +20,17 @@ __all__ = [
     "EvaluationRow",
     "ModeRow",
     "ParameterRow",
-    "PosteriorRow",
     "adequacy_sentences",
+    "columns_sentence",
     "evaluation_rows",
     "fit_sentence",
     "is_synthetic",
     "known_rows",
     "mode_rows",
     "parameter_rows",
-    "posterior_rows",
     "posterior_sentence",
     "provenance_rows",
+    "truth_sentence",
     "warnings_of",
 ]
 
@@ -48,22 +49,36 @@ _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a la
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One line of the table of parameters; `place` and `true_place` are parts of the range, None if undefined."""
+    """One line of the table of parameters: a `TableRow` as text, with the truth beside it where it is known.
+
+    Places are parts of the range on the parameter's scale, None where nothing is drawn. Of a result that is not to be
+    believed the interval is withheld: it would hold only if the model were right.
+    """
 
     name: str
     joint: str
     description: str
-    value: str
+    estimate: str
+    interval: str
     unit: str
     si: str
+    verdict: str
+    why: str
+    best_fit: str
+    network: str
     lower: str
     upper: str
     scale: str
-    place: float | None
     in_range: bool
+    place: float | None
+    low_place: float | None
+    high_place: float | None
     true_value: str
     error: str
+    network_error: str
     true_place: float | None
+    within: bool | None
+    """Whether the interval holds the truth; None if one of them is not known."""
 
 
 @dataclass(frozen=True)
@@ -80,31 +95,6 @@ class ModeRow:
     reconstructed_peak: str
     measured_peak: str
     difference: str
-
-
-@dataclass(frozen=True)
-class PosteriorRow:
-    """Posterior of one parameter; `low`, `middle` and `high` are parts of the range, None where nothing is drawn.
-
-    Of a result that is not to be believed the interval is withheld: it would hold only if the model were right.
-    """
-
-    name: str
-    estimate: str
-    lower: str
-    upper: str
-    unit: str
-    verdict: str
-    reason: str
-    doubtful: bool
-    low: float | None
-    middle: float | None
-    high: float | None
-
-    @property
-    def interval(self) -> str:
-        """The interval, unless it is withheld."""
-        return "withheld" if self.verdict == NOT_BELIEVED else f"{self.lower} to {self.upper}"
 
 
 @dataclass(frozen=True)
@@ -150,7 +140,8 @@ def adequacy_sentences(result: Identification) -> list[str]:
 def parameter_rows(result: Identification, truth: Truth | None) -> list[ParameterRow]:
     """Return the table of parameters, in the assembly's order."""
     true_values = truth.parameters if truth is not None else {}
-    return [_parameter_row(parameter, true_values.get(name)) for name, parameter in result.parameters.items()]
+    withheld = result.posterior is not None and not result.believable
+    return [_parameter_row(row, withheld, true_values.get(row.name)) for row in result.table]
 
 
 def known_rows(result: Identification) -> list[tuple[str, str]]:
@@ -192,31 +183,30 @@ def evaluation_rows(result: Identification) -> list[EvaluationRow]:
     return rows
 
 
-def posterior_rows(result: Identification) -> list[PosteriorRow]:
-    """Return estimate, interval and verdict of each parameter; nothing for methods without a posterior."""
-    if result.posterior is None:
-        return []
-    posterior, intervals = result.posterior, result.posterior.interval()
-    rows = []
-    for (name, parameter), estimate in zip(result.parameters.items(), posterior.estimate.tolist(), strict=True):
-        shown, (low, high) = display_unit(parameter.unit, parameter.lower, parameter.upper), intervals[name]
-        verdict, withheld = posterior.verdicts[name], not result.believable
-        rows.append(
-            PosteriorRow(
-                name=name,
-                estimate=number(estimate * shown.factor),
-                lower=ABSENT if withheld else number(low * shown.factor),
-                upper=ABSENT if withheld else number(high * shown.factor),
-                unit=shown.text,
-                verdict=verdict.word,
-                reason=verdict.reason,
-                doubtful=name in posterior.unreliable,
-                low=None if withheld else _place(parameter, low),
-                middle=_place(parameter, estimate),
-                high=None if withheld else _place(parameter, high),
-            )
+def columns_sentence(result: Identification) -> str:
+    """Say what the columns of the table are."""
+    sentences = []
+    if result.posterior is not None:
+        sentences.append(
+            "The estimate is what to quote of one parameter by itself. The best fit is all parameters together that "
+            "fit the measurement best: where parameters trade with each other, the two differ."
         )
-    return rows
+    if result.network is not None:
+        sentences.append(
+            "The network's answer, one of the starts of the fit, is that of the method of the publication."
+        )
+    return " ".join(sentences)
+
+
+def truth_sentence(rows: Sequence[ParameterRow]) -> str:
+    """Say which intervals hold the truth; empty if there are no intervals or no truth."""
+    known = [row for row in rows if row.within is not None]
+    missed = [row.name for row in known if not row.within]
+    if not known:
+        return ""
+    if not missed:
+        return f"All {len(known)} true values lie within their 90 % intervals."
+    return f"Outside their 90 % intervals, as one of ten is expected to be: the true values of {listing(missed)}."
 
 
 def posterior_sentence(posterior: Posterior) -> str:
@@ -252,32 +242,45 @@ def provenance_rows(provenance: Mapping[str, Any]) -> list[tuple[str, list[str]]
     return rows
 
 
-def _parameter_row(parameter: IdentifiedParameter, true: float | None) -> ParameterRow:
-    shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
+def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> ParameterRow:
+    shown = display_unit(row.unit, row.range_low, row.range_high)
+
+    def text(value: float | None) -> str:
+        return "" if value is None else number(value * shown.factor)
+
+    low, high = row.interval_low, row.interval_high
+    interval = "" if low is None or high is None else f"{text(low)} to {text(high)}"
     return ParameterRow(
-        name=parameter.name,
-        joint=parameter.joint,
-        description=parameter.description,
-        value=number(parameter.value * shown.factor),
+        name=row.name,
+        joint=row.joint,
+        description=row.description,
+        estimate=number(row.estimate * shown.factor),
+        interval="withheld" if withheld else interval,
         unit=shown.text,
-        si=f"{parameter.value:.6g} {parameter.unit}",
-        lower=number(parameter.lower * shown.factor, padded=False),
-        upper=number(parameter.upper * shown.factor, padded=False),
-        scale=parameter.scale,
-        place=_place(parameter, parameter.value),
-        in_range=parameter.in_range,
+        si=f"{row.estimate:.6g} {row.unit}",
+        verdict=row.verdict,
+        why=row.why,
+        best_fit=text(row.best_fit),
+        network=text(row.network),
+        lower=number(row.range_low * shown.factor, padded=False),
+        upper=number(row.range_high * shown.factor, padded=False),
+        scale=row.scale,
+        in_range=row.in_range,
+        place=_place(row, row.estimate),
+        low_place=_place(row, low),
+        high_place=_place(row, high),
         true_value=ABSENT if true is None else number(true * shown.factor),
-        error=_difference(parameter.value, true),
-        true_place=None if true is None else _place(parameter, true),
+        error=_difference(row.estimate, true),
+        network_error="" if row.network is None else _difference(row.network, true),
+        true_place=_place(row, true),
+        within=None if true is None or low is None or high is None else low <= true <= high,
     )
 
 
-def _place(parameter: IdentifiedParameter, value: float) -> float | None:
-    """Return where a value lies on its range: 0 at the lower end, 1 at the upper, on the parameter's scale."""
-    range_ = Parameter("value", "1", parameter.lower, parameter.upper, parameter.scale)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        place = float(range_.to_unit(np.array(value, dtype=np.float64)))
-    return None if np.isnan(place) else place
+def _place(row: TableRow, value: float | None) -> float | None:
+    """Return where a value lies on its range, or None where it has no place."""
+    place = math.nan if value is None else place_on_range(value, row.range_low, row.range_high, row.scale)
+    return None if math.isnan(place) else place
 
 
 def _counterpart(frequency: float, among: Sequence[float], others: Sequence[float]) -> float | None:

@@ -65,6 +65,7 @@ def environment() -> Environment:
 
 def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
     axes = [response.frf.frequency for response in result.responses]
+    rows = content.parameter_rows(result, truth)
     low, high = min(axis[0] for axis in axes), max(axis[-1] for axis in axes)
     evaluation = result.provenance.get("evaluation")
     return {
@@ -83,9 +84,12 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "adequacy": content.adequacy_sentences(result),
         "warnings": content.warnings_of(result, truth),
         "truth": truth,
-        "posterior": content.posterior_rows(result),
         "posterior_sentence": "" if result.posterior is None else content.posterior_sentence(result.posterior),
-        "parameters": content.parameter_rows(result, truth),
+        "parameters": rows,
+        "has_intervals": result.posterior is not None,
+        "has_network": result.network is not None,
+        "columns_sentence": content.columns_sentence(result),
+        "truth_sentence": content.truth_sentence(rows),
         "known": content.known_rows(result),
         "modes": content.mode_rows(result, truth),
         "figures": _figures(result),

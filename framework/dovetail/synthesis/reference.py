@@ -76,18 +76,19 @@ def _substructures(graph: Graph) -> tuple[list[_Component], int]:
 
 
 def _sum(name: str, components: Sequence[_Component], count: int) -> Any:
-    rows, columns, values = [], [], []
-    for matrices, numbers in components:
-        entries = coo_array(getattr(matrices, name))
-        row, column = numbers[entries.row], numbers[entries.col]
-        moving = (row != HELD) & (column != HELD)
-        rows.append(row[moving])
-        columns.append(column[moving])
-        values.append(entries.data[moving])
-    terms, where = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    total, size = (coo_array((v, where), shape=(count, count)).tocsr() for v in (terms, abs(terms)))
-    total.data[abs(total.data) <= _CANCELLED * size.data] = 0.0
+    """Sum each component's own entries first: those between merged DOFs cancel then and leave no rounding elsewhere."""
+    total = sum((_summed(name, *component, count) for component in components), coo_array((count, count)).tocsr())
     return total.tocoo()
+
+
+def _summed(name: str, matrices: StructuralMatrices | SparseMatrices, numbers: NDArray[np.intp], count: int) -> Any:
+    entries = coo_array(getattr(matrices, name))
+    where = numbers[entries.row], numbers[entries.col]
+    moving = (where[0] != HELD) & (where[1] != HELD)
+    where, terms = (where[0][moving], where[1][moving]), entries.data[moving]
+    summed, size = (coo_array((values, where), shape=(count, count)).tocsr() for values in (terms, abs(terms)))
+    summed.data[abs(summed.data) <= _CANCELLED * size.data] = 0.0
+    return summed
 
 
 def direct_receptance(

@@ -1,0 +1,162 @@
+"""Identified parameters, and the one table of them that terminal, report, CSV, JSON and data frames show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dovetail.identification.posterior.posterior import NOT_BELIEVED, Posterior
+from dovetail.interfaces import Parameter, Prior, Scale
+
+__all__ = ["IdentifiedParameter", "TableRow", "is_in_range", "parameter_table", "place_on_range"]
+
+_ROUNDING = 1e-9
+"""Part of its range by which a value may lie outside."""
+
+
+def place_on_range(value: float, lower: float, upper: float, scale: Scale) -> float:
+    """Return where a value lies on a range: 0 at the lower end, 1 at the upper, on its scale; NaN if nowhere."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(Parameter("value", "1", lower, upper, scale).to_unit(np.array(value, dtype=np.float64)))
+
+
+def is_in_range(value: float, lower: float, upper: float, scale: Scale) -> bool:
+    """Return whether a value lies in a range; one at an end does, whatever rounding makes of it."""
+    return -_ROUNDING <= place_on_range(value, lower, upper, scale) <= 1.0 + _ROUNDING
+
+
+@dataclass(frozen=True)
+class IdentifiedParameter:
+    """One identified parameter.
+
+    Parameters
+    ----------
+    name : str
+        As in ``assembly.parameters``.
+    value : float
+        SI, in `unit`: of the fit, or of the network, which may give one outside the range.
+    unit : str
+    lower, upper : float
+        The range in which it was identified.
+    scale : {"linear", "log"}
+    in_range : bool
+        Whether the value lies in the range.
+    description : str
+    joint : str
+        The joint it belongs to; the substructure or the response of another one.
+    prior : {"uniform", "normal"}
+        As in `Parameter`.
+    """
+
+    name: str
+    value: float
+    unit: str
+    lower: float
+    upper: float
+    scale: Scale
+    in_range: bool
+    description: str
+    joint: str
+    prior: Prior = "uniform"
+
+    @property
+    def definition(self) -> Parameter:
+        """The parameter with its range, as the assembly defines it."""
+        return Parameter(self.name, self.unit, self.lower, self.upper, self.scale, self.description, self.prior)
+
+    @property
+    def bare_name(self) -> str:
+        """The name without the owner's."""
+        return self.name.removeprefix(f"{self.joint}.")
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """What is known of one parameter after an identification, in SI; None where the method cannot tell.
+
+    Parameters
+    ----------
+    name : str
+    estimate : float
+        What to quote of this parameter by itself: the posterior mean, else the value of the fit or of the network.
+    interval_low, interval_high : float or None
+        Ends of the 90 % interval; None too where the result is not to be believed.
+    unit : str
+    verdict : str
+        "identified", "weakly identified", "not identifiable", "not believed"; empty if the method cannot tell.
+    why : str
+        The reason of the verdict, in a sentence.
+    range_low, range_high : float
+    scale : {"linear", "log"}
+    in_range : bool
+        Whether the estimate lies in the range.
+    best_fit : float or None
+        Of all parameters together, which fit the measurement best; None if that is the estimate. Where parameters
+        trade with each other the two differ.
+    network : float or None
+        The answer of a trained network, if one took part.
+    joint, description : str
+        As in `IdentifiedParameter`.
+    believable : bool
+        As in `Identification`.
+    """
+
+    name: str
+    estimate: float
+    interval_low: float | None
+    interval_high: float | None
+    unit: str
+    verdict: str
+    why: str
+    range_low: float
+    range_high: float
+    scale: Scale
+    in_range: bool
+    best_fit: float | None
+    network: float | None
+    joint: str
+    description: str
+    believable: bool
+
+
+def parameter_table(
+    parameters: Mapping[str, IdentifiedParameter],
+    posterior: Posterior | None,
+    network: Mapping[str, float] | None,
+    caveat: str,
+) -> tuple[TableRow, ...]:
+    """Return a row for each parameter, in their order; the caveat is that of the result."""
+    intervals = {} if posterior is None or caveat else posterior.interval()
+    estimates = {} if posterior is None else dict(zip(posterior.names, posterior.estimate.tolist(), strict=True))
+    verdicts = {} if posterior is None else posterior.verdicts
+    doubtful = () if posterior is None else posterior.unreliable
+    rows = []
+    for name, parameter in parameters.items():
+        low, high = intervals.get(name, (None, None))
+        estimate = estimates.get(name, parameter.value)
+        word, why = (NOT_BELIEVED, caveat) if caveat else ("", "")
+        if name in verdicts:
+            word, why = verdicts[name].word, verdicts[name].reason
+        rows.append(
+            TableRow(
+                name=name,
+                estimate=estimate,
+                interval_low=low,
+                interval_high=high,
+                unit=parameter.unit,
+                verdict=word,
+                why=f"{why} The interval is not to be trusted." if name in doubtful else why,
+                range_low=parameter.lower,
+                range_high=parameter.upper,
+                scale=parameter.scale,
+                in_range=is_in_range(estimate, parameter.lower, parameter.upper, parameter.scale),
+                best_fit=parameter.value if name in estimates else None,
+                network=None if network is None else network.get(name),
+                joint=parameter.joint,
+                description=parameter.description,
+                believable=not caveat,
+            )
+        )
+    return tuple(rows)
