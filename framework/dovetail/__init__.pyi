@@ -43,6 +43,7 @@ from .guarded_process import call_guarded as call_guarded
 from .identification import Adequacy as Adequacy
 from .identification import AtPoint as AtPoint
 from .identification import Band as Band
+from .identification import Batch as Batch
 from .identification import Cause as Cause
 from .identification import Evaluation as Evaluation
 from .identification import Fit as Fit
@@ -56,7 +57,9 @@ from .identification import Posterior as Posterior
 from .identification import TableRow as TableRow
 from .identification import Verdict as Verdict
 from .identification import identify as identify
+from .identification import identify_many as identify_many
 from .identification import load_model as load_model
+from .identification import load_result as load_result
 from .identification import predict as predict
 from .identification import predict_band as predict_band
 from .identification import train as train

@@ -48,7 +48,7 @@ def side_by_side(work: Callable[[int], Result], count: int, workers: int) -> Gen
     -----
     After Ctrl-C, or when the caller stops iterating, running tasks are finished and no others are started.
     """
-    if workers == 1 or count == 1 or sys.platform != "linux":
+    if workers == 1 or count <= 1 or sys.platform != "linux":
         yield from ((index, work(index)) for index in range(count))
         return
     with warnings.catch_warnings():

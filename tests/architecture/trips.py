@@ -83,7 +83,7 @@ def identification() -> list[str]:
 
         def identify() -> None:
             measured = dovetail.read_frf(file, quantity="accelerance")
-            dovetail.write_report(dovetail.identify(assembly, measured), Path(folder) / "report.html")
+            dovetail.write_report(dovetail.identify(assembly, measured, "refined"), Path(folder) / "report.html")
 
         return files_entered(identify)
 

@@ -33,7 +33,7 @@ from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.identification.fitting.residuals import FrfResiduals, Weighted
 from dovetail.identification.posterior import ModelError, sample_posterior
-from dovetail.identification.posterior.prior import (
+from dovetail.identification.posterior.likelihood import (
     CubeResiduals,
     PosteriorResiduals,
     normal_from_unit,

@@ -337,10 +337,10 @@ def test_predict_as_json(run, results, heavier):
 
 
 def test_a_result_read_back_is_the_same(results, bench):
-    from dovetail.identification.result_file import read_identification
+    from dovetail.identification.result_file import load_result
 
     result = dovetail.load_model(bench.model).identify(dovetail.read_frf(bench.measured), "network")
-    assert read_identification(results).to_dict() == result.to_dict()
+    assert load_result(results).to_dict() == result.to_dict()
 
 
 @pytest.mark.parametrize(
@@ -397,3 +397,63 @@ def test_refined_from_the_networks_answer(run, bench):
     assert found["method"] == "refined"
     assert found["parameters"]["k"]["value"] == pytest.approx(3e6, rel=1e-6)
     assert found["parameters"]["c"]["value"] == pytest.approx(40.0, rel=1e-5)
+
+
+def test_several_files_are_a_batch(run, bench, tmp_path):
+    """A failure does not end the others, and is told at the end."""
+    frf = dovetail.read_frf(bench.measured)
+    folder = tmp_path / "measured"
+    folder.mkdir()
+    for name, gain in (("a", 1.0), ("b=1", 1.0), ("doubled", 2.0)):
+        dovetail.write_frf(dataclasses.replace(frf, values=gain * frf.values), folder / f"{name}.csv")
+    out = tmp_path / "results"
+    done = run("identify", bench.description, folder, "--samples", "60", "-o", out, code=3)
+    assert "joint identified from 3 measurements" in done.stdout
+    rows = [line.split() for line in done.stdout.splitlines()]
+    assert [row[:1] for row in rows[3:6]] == [["a.csv"], ["b=1.csv"], ["doubled.csv"]]
+    assert "does not fit" in done.stdout
+    assert "Warning: doubled.csv: The model does not fit the measurement" in done.stderr
+    names = {"summary.csv", "parameters.csv", "SHA256SUMS"}
+    assert {path.name for path in out.iterdir()} == names | {
+        f"{stem}.{suffix}" for stem in ("a.csv", "b_1.csv", "doubled.csv") for suffix in ("json", "html")
+    }
+    with (out / "parameters.csv").open() as stream:
+        table = list(csv.DictReader(stream))
+    assert [(row["measurement"], row["name"], row["believable"]) for row in table] == [
+        (name, parameter, str(name != "doubled.csv"))
+        for name in ("a.csv", "b=1.csv", "doubled.csv")
+        for parameter in ("k", "c")
+    ]
+    alone = dovetail.load_result(out / "a.csv.json")
+    assert float(table[0]["estimate"]) == alone.table[0].estimate
+    expected = dovetail.identify(dovetail.load(bench.description), dovetail.read_frf(folder / "a.csv"), samples=60)
+    np.testing.assert_allclose(
+        [row.interval_high for row in alone.table], [row.interval_high for row in expected.table], rtol=1e-12
+    )
+
+    gone = tmp_path / "gone.csv"
+    done = run("identify", bench.description, folder / "a.csv", gone, "--method", "refined", "--json", code=1)
+    assert done.stderr == f"{gone}\n  there is no such file.\n"
+    printed = json.loads(done.stdout)
+    assert list(printed["failures"]) == ["gone.csv"]
+    assert [row["measurement"] for row in printed["results"]] == ["a.csv"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "found"),
+    [
+        (["--truth", "truth.json"], 2, "a truth belongs to one measurement"),
+        (["--index", "1"], 2, "several files do not"),
+        (["-o", "a.csv"], 1, "a file, not a folder"),
+    ],
+)
+def test_what_a_batch_does_not_take(run, bench, tmp_path, monkeypatch, arguments, code, found):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.csv", "b.csv"):
+        dovetail.write_frf(dovetail.read_frf(bench.measured), name)
+    assert found in run("identify", bench.description, "a.csv", "b.csv", *arguments, code=code).stderr
+
+
+def test_a_folder_without_measurements(run, bench, tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert "this folder holds no measurement" in run("identify", bench.description, tmp_path / "empty", code=1).stderr

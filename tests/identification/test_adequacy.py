@@ -25,7 +25,7 @@ from dovetail.identification.adequacy.perturbations import (
 from dovetail.identification.adequacy.trials import LogRatio
 from dovetail.identification.fitting.residuals import Weighted
 from dovetail.identification.fitting.whiteness import find_deviating_bands
-from dovetail.identification.result_file import read_identification
+from dovetail.identification.result_file import load_result
 from dovetail.report.content import adequacy_sentences
 
 FREQUENCY = np.arange(1.0, 2049.0)
@@ -71,10 +71,10 @@ def test_a_good_model_is_believed_with_its_errors_and_causes_in_every_output(goo
 def test_it_is_kept_with_the_result(good, tmp_path):
     file = tmp_path / "result.json"
     file.write_text(json.dumps(good.to_dict(), allow_nan=False))
-    assert read_identification(file).adequacy == good.adequacy
+    assert load_result(file).adequacy == good.adequacy
     without = {key: value for key, value in good.to_dict().items() if key != "adequacy"}
     file.write_text(json.dumps(without))
-    assert read_identification(file).adequacy is None
+    assert load_result(file).adequacy is None
 
 
 @pytest.mark.parametrize("key", ["misspecification", "foreign"])
@@ -83,7 +83,7 @@ def test_a_file_of_an_earlier_version_says_yes_or_no(good, tmp_path, key, flagge
     stored = {name: value for name, value in good.to_dict().items() if name != "adequacy"}
     stored[key] = {"flagged": flagged, "statistic": 3.0, "looks_like": "", "reasons": ["Why."], "bands_Hz": [[1, 2]]}
     (tmp_path / "result.json").write_text(json.dumps(stored))
-    read = read_identification(tmp_path)
+    read = load_result(tmp_path)
     assert read.adequacy == dovetail.Adequacy(word, reasons=("Why.",), bands=((1.0, 2.0),))
     assert read.believable is not flagged
 

@@ -25,11 +25,10 @@ from dovetail.identification.posterior import (
     typical_model_error,
 )
 from dovetail.identification.posterior.laplace import LaplaceApproximation
-from dovetail.identification.posterior.likelihood import MarginalisedResiduals, marginalised_squares
+from dovetail.identification.posterior.likelihood import MarginalisedResiduals, PosteriorResiduals, marginalised_squares
 from dovetail.identification.posterior.mode_search import maximise_posterior
 from dovetail.identification.posterior.posterior import split_half_difference
-from dovetail.identification.posterior.prior import PosteriorResiduals
-from dovetail.identification.result_file import read_identification
+from dovetail.identification.result_file import load_result
 
 
 class Banana:
@@ -107,7 +106,7 @@ def test_the_form_is_stored_and_shown(sdof, assemblies, tmp_path):
         sdof, noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.4, 0.5]))), 0.1, 1), "posterior", form="laplace"
     )
     (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
-    again = read_identification(tmp_path)
+    again = load_result(tmp_path)
     assert again.posterior.form == "laplace"
     np.testing.assert_allclose(again.posterior.mode, result.posterior.mode)
     ours, theirs = dovetail.predict_band(sdof, again), dovetail.predict_band(sdof, result)
@@ -118,7 +117,7 @@ def test_the_form_is_stored_and_shown(sdof, assemblies, tmp_path):
     spoilt["posterior"]["mode"] = [1.0]
     (tmp_path / "result.json").write_text(json.dumps(spoilt))
     with pytest.raises(dovetail.DovetailError, match="most probable place"):
-        read_identification(tmp_path)
+        load_result(tmp_path)
 
 
 def test_a_form_that_does_not_exist_is_refused(sdof):

@@ -11,7 +11,7 @@ import pytest
 
 import dovetail
 from dovetail.errors import MeasurementError
-from dovetail.identification.result_file import read_identification
+from dovetail.identification.result_file import load_result
 from dovetail.report.truth import Truth
 
 NOISE = 0.02
@@ -85,7 +85,7 @@ def test_two_responses_have_lines_of_their_own(assemblies, tmp_path):
         np.testing.assert_array_equal(at_point.frf.values, alone.frf(result.theta))
     assert sum(" has no lines from 100 to 130" in warning for warning in result.warnings) == 1
     (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
-    read = read_identification(tmp_path)
+    read = load_result(tmp_path)
     assert read.band == result.band
     for stored, at_point in zip(read.responses, result.responses, strict=True):
         np.testing.assert_array_equal(stored.frf.frequency, at_point.frf.frequency)

@@ -28,14 +28,15 @@ from dovetail.identification.posterior import (
 from dovetail.identification.posterior.likelihood import (
     Likelihood,
     MarginalisedResiduals,
+    PosteriorResiduals,
     ReducedResiduals,
     build_likelihood,
     marginalised_squares,
+    normal_from_unit,
 )
 from dovetail.identification.posterior.mode_search import search_modes
-from dovetail.identification.posterior.prior import PosteriorResiduals, normal_from_unit
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
-from dovetail.identification.result_file import read_identification
+from dovetail.identification.result_file import load_result
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 
@@ -308,7 +309,7 @@ def test_no_band_without_a_posterior_and_no_samples_at_all(sdof):
 def test_a_stored_result_gives_the_same_band(sdof, tmp_path):
     result = dovetail.identify(sdof, noisy(sdof, sdof.frf(), 0.1, 1), "posterior", samples=100)
     (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
-    again = read_identification(tmp_path)
+    again = load_result(tmp_path)
     for name, ends in result.interval.items():
         assert again.interval[name] == pytest.approx(ends)
         assert again.posterior.verdicts[name].word == result.posterior.verdicts[name].word
@@ -324,4 +325,4 @@ def test_a_stored_result_gives_the_same_band(sdof, tmp_path):
     spoilt["posterior"]["samples"]["weight"] = [1.0]
     (tmp_path / "result.json").write_text(json.dumps(spoilt))
     with pytest.raises(dovetail.DovetailError, match="do not fit its parameters"):
-        read_identification(tmp_path)
+        load_result(tmp_path)

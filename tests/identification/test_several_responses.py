@@ -19,7 +19,7 @@ from dovetail.identification.network.augmentation import Augmentation, NoisyFeat
 from dovetail.identification.network.preprocessing import log10p1
 from dovetail.identification.posterior import ModelError, error_shapes, sample_posterior, typical_model_error
 from dovetail.identification.posterior.model_error import fit_resonances
-from dovetail.identification.result_file import read_identification
+from dovetail.identification.result_file import load_result
 
 LINES = 300
 CHAIN = {
@@ -223,7 +223,7 @@ def test_the_result_has_every_response(chain, frfs, tmp_path):
         assert response.mean_coherence > 0.95
     file = tmp_path / "result.json"
     file.write_text(json.dumps(result.to_dict(), allow_nan=False))
-    stored = read_identification(file)
+    stored = load_result(file)
     assert [response.point for response in stored.responses] == ["lower, 0 mm", "upper, 0 mm"]
     np.testing.assert_array_equal(stored.responses[1].measured.values, result.responses[1].measured.values)
     assert stored.responses[1].mean_coherence == pytest.approx(result.responses[1].mean_coherence)

@@ -15,7 +15,7 @@ import pytest
 
 import dovetail
 from dovetail.errors import DovetailError
-from dovetail.identification.result_file import read_identification
+from dovetail.identification.result_file import load_result
 from dovetail.measurement.formats import uff_reader, uff_sets
 from dovetail.measurement.formats.uff_sets import parse_set
 
@@ -75,7 +75,7 @@ INPUTS = {
     "dataset": lambda pipe: dovetail.Dataset(pipe),
     "model": lambda pipe: dovetail.load_model(pipe),
     "plugin": lambda pipe: dovetail.load({}, plugins=pipe),
-    "result": lambda pipe: read_identification(pipe),
+    "result": lambda pipe: load_result(pipe),
     "receptance": lambda pipe: dovetail.read_receptance(pipe),
     "matrices": lambda pipe: part(file=str(pipe.rename(pipe.with_suffix(".npz")))),
     "table of DOFs": lambda pipe: part(mass="m.mtx", stiffness="k.mtx", dofs=str(pipe)),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.commands import exit_unless_believable
 from dovetail.cli.options import AsJson, PluginFiles, check_method, quantity_in
 from dovetail.cli.reading import (
@@ -43,7 +45,10 @@ def identify(
     ],
     measured: Annotated[
         list[Path],
-        typer.Argument(metavar="MEASURED...", help="The measured FRF; one for each response, in their order."),
+        typer.Argument(
+            metavar="MEASURED...",
+            help="The measured FRF, one for each response; several of one response, or a folder, are a batch.",
+        ),
     ],
     method: Annotated[
         str,
@@ -123,7 +128,8 @@ def identify(
     """Identify a joint from a measured FRF.
 
     A description with several responses takes one FRF for each, in its order: several files, or one file with --index,
-    or --response and --force, once for each.
+    or --response and --force, once for each. Several files of an assembly with one response, or a folder of files, are
+    identified one by one, side by side, with one table of all of them; what fails is told at the end.
 
     By default the answer is the fit with intervals and verdicts, for which nothing is trained. Where there is a
     trained network (a model in place of the description, or one kept from an earlier run), its answer is one of the
@@ -148,23 +154,24 @@ def identify(
     }
     options: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
     check_method(method, options)
-    frfs = [
-        read_measured(
-            file,
-            names,
-            columns,
-            quantity=quantity,
-            unit=unit,
-            accelerometer_mass=accelerometer_mass,
-            index=number,
-            response=to,
-            force=from_,
-        )
-        for file, number, to, from_ in selections(measured, index or [], response or [], force or [])
-    ]
     assembly, model = _read(source, plugin or [])
+    read = partial(
+        read_measured,
+        names=names,
+        columns=columns,
+        quantity=quantity,
+        unit=unit,
+        accelerometer_mass=accelerometer_mass,
+    )
+    chosen_frfs = selections(measured, index or [], response or [], force or [])
     needed = method == "network" or bool(network) or retrain
-    _check(assembly, frfs, needed, truth, output, accelerometer_mass)
+    batch = is_batch(measured, len(assembly.description.responses))
+    if batch:
+        frfs = []
+        check_batch(truth, output, index, response, force)
+    else:
+        frfs = [read(file, index=number, response=to, force=from_) for file, number, to, from_ in chosen_frfs]
+        _check(assembly, frfs, needed, truth, output, accelerometer_mass)
     if network is False and method != "network":
         model = None
     elif model is None and (needed or method != "multistart"):
@@ -172,9 +179,12 @@ def identify(
 
         plugins = plugin or []
         model = trained_model(assembly, plugins, retrain=retrain) if needed else kept_model(assembly, plugins)
+    counted: dict[str, Any] = {"weights": weights, "phase": not amplitude_only}
+    if batch:
+        identify_batch(assembly, measured, read, method, model, output, as_json=as_json, **counted, **options)
+        return
     known = None if truth is None else read_truth(truth, assembly.parameters)
     with progress_bars() as progress:
-        counted: dict[str, Any] = {"weights": weights, "phase": not amplitude_only}
         watched: dict[str, Any] = {} if method == "network" else {"progress": progress}
         result = dovetail.identify(assembly, frfs, method, model=model, **counted, **options, **watched)
     with writing(output, lambda folder: write_results(result, folder, known)):

@@ -45,14 +45,14 @@ def predict(
     """
     import dovetail
     from dovetail.identification.prediction import joint_values, predicted_band, predicted_frf
-    from dovetail.identification.result_file import read_identification
+    from dovetail.identification.result_file import load_result
 
     files = output or []
     check_frf_files(files, overwrite)
     if band is not None:
         check_new_files([band], [".csv"], overwrite)
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
-    identified = read_identification(result)
+    identified = load_result(result)
     values = joint_values(loaded, identified)
     frf = predicted_frf(loaded, identified)
     natural, reason = natural_frequencies(loaded, values)

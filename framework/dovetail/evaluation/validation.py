@@ -18,7 +18,7 @@ from dovetail.identification import Identification, identify
 from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
-from dovetail.identification.result_file import read_identification
+from dovetail.identification.result_file import load_result
 from dovetail.interfaces import Progress, silent
 from dovetail.measurement import check_cover, within_band
 
@@ -200,7 +200,7 @@ class _Joints:
     def _made(self, source: JointSource) -> Identification:
         if source.assembly is None or source.measured is None:
             assert source.result is not None
-            return read_identification(source.result)
+            return load_result(source.result)
         return self._identify(load(source.assembly, plugins=self._plugins), source.measured.read(compensated=True))
 
 

@@ -3,17 +3,19 @@
 from dovetail.identification.adequacy import Adequacy, Cause
 from dovetail.identification.fitting import Fit
 from dovetail.identification.identifier import Identifier, load_model, train
-from dovetail.identification.identify import identify
+from dovetail.identification.identify import Batch, identify, identify_many
 from dovetail.identification.metrics import Evaluation, ParameterMetrics
 from dovetail.identification.parameters import IdentifiedParameter, TableRow
 from dovetail.identification.posterior import ModelError, Posterior, Verdict
 from dovetail.identification.prediction import Band, predict, predict_band
 from dovetail.identification.result import AtPoint, Identification, Mode
+from dovetail.identification.result_file import load_result
 
 __all__ = [
     "Adequacy",
     "AtPoint",
     "Band",
+    "Batch",
     "Cause",
     "Evaluation",
     "Fit",
@@ -27,7 +29,9 @@ __all__ = [
     "TableRow",
     "Verdict",
     "identify",
+    "identify_many",
     "load_model",
+    "load_result",
     "predict",
     "predict_band",
     "train",

@@ -1,10 +1,12 @@
-"""Identification of a joint by any method, with a trained network or without."""
+"""Identification of a joint by any method, from one measurement or from each of many."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,16 +15,23 @@ from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.calibration import unknown_signs, with_signs
-from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
+from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import MeasuredLines, one_per_response
 from dovetail.identification.fitting.random_error import Weights, weighted_variance
 from dovetail.identification.methods import DEFAULT_METHOD, METHODS
 from dovetail.identification.network.trained_network import TrainedNetwork
-from dovetail.identification.result import Identification
+from dovetail.identification.parameters import dataframe
+from dovetail.identification.result import Identification, caveats_of
+from dovetail.interfaces import Progress, silent
+from dovetail.measurement import read_frf
+from dovetail.parallel import cores, side_by_side
 
-__all__ = ["identify", "method_options"]
+__all__ = ["Batch", "Measurement", "identify", "identify_many", "method_options"]
+
+Measurement = Frf | str | Path | Sequence[Frf | str | Path]
+"""An FRF or its file; one for each response, if there are several."""
 
 _MOST_ZEROS = 0.01
 """Part of the lines; single ones are bad lines like others."""
@@ -182,3 +191,122 @@ def method_options(method: str) -> tuple[str, ...]:
     """Return the names of the options that a method takes."""
     parameters = inspect.signature(METHODS[method]).parameters.values()
     return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY)
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Identifications from many measurements.
+
+    Parameters
+    ----------
+    results : mapping of str to Identification
+        By the measurement, in the order in which they were given.
+    failures : mapping of str to str
+        Why a measurement has no result.
+    """
+
+    results: Mapping[str, Identification]
+    failures: Mapping[str, str]
+
+    def __repr__(self) -> str:
+        return f"<Batch: {len(self.results)} identifications, {len(self.failures)} failures>"
+
+    @property
+    def believable(self) -> bool:
+        """Whether all results may be believed."""
+        return all(result.believable for result in self.results.values())
+
+    @property
+    def caveat(self) -> str:
+        """The caveats of the results, each after the names of those that have it; empty if none has."""
+        return caveats_of(self.results.items())
+
+    @property
+    def table(self) -> list[dict[str, Any]]:
+        """The tables of all results, below each other, as plain values; the first column is the measurement."""
+        return [{"measurement": name, **asdict(row)} for name, result in self.results.items() for row in result.table]
+
+    def to_dataframe(self) -> Any:
+        """Return `table` as a data frame of pandas, with an index of measurement and name."""
+        return dataframe(self.table, ["measurement", "name"])
+
+
+def identify_many(
+    assembly: Assembly,
+    measurements: Sequence[Measurement],
+    method: str = DEFAULT_METHOD,
+    *,
+    model: TrainedNetwork | None = None,
+    processes: int | None = None,
+    progress: Progress = silent,
+    **options: Any,
+) -> Batch:
+    """Identify the joint of an assembly from each of many measurements.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    measurements : sequence
+        An FRF or its file each; or for several responses a sequence of them each, as `identify` takes it.
+    method : str
+        As of `identify`.
+    model : TrainedNetwork, optional
+        As of `identify`; with it, one measurement follows the other.
+    processes : int, optional
+        How many work at once; one for each core by default.
+    progress : Progress
+        Called after each measurement.
+    **options
+        As of `identify`.
+
+    Returns
+    -------
+    Batch
+        A measurement that cannot be read or identified is one of its failures, and does not end the others.
+
+    Notes
+    -----
+    The first measurement is identified before the others, so that all processes share the engine that it compiles.
+    """
+    frfs = list(measurements)
+    names = _names(frfs)
+
+    def work(index: int) -> Identification | str:
+        try:
+            return identify(assembly, _read(frfs[index]), method, model=model, **options)
+        except DovetailError as error:
+            return str(error)
+
+    outcomes: dict[int, Identification | str] = {}
+    workers = 1 if model is not None else processes or cores()
+
+    def keep(index: int, outcome: Identification | str) -> None:
+        outcomes[index] = outcome
+        progress("identifying", len(outcomes), len(frfs))
+
+    if frfs:
+        keep(0, work(0))
+        for index, outcome in side_by_side(lambda index: work(index + 1), len(frfs) - 1, workers):
+            keep(index + 1, outcome)
+    ordered = [(name, outcomes[index]) for index, name in enumerate(names)]
+    return Batch(
+        MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, Identification)}),
+        MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, str)}),
+    )
+
+
+def _read(measurement: Measurement) -> Frf | list[Frf]:
+    if isinstance(measurement, (Frf, str, Path)):
+        return measurement if isinstance(measurement, Frf) else read_frf(measurement)
+    return [each if isinstance(each, Frf) else read_frf(each) for each in measurement]
+
+
+def _names(measurements: Sequence[Measurement]) -> list[str]:
+    """Name each measurement after its FRFs or files; the second of the same name ends in (2)."""
+    names: list[str] = []
+    for measurement in measurements:
+        each = [measurement] if isinstance(measurement, (Frf, str, Path)) else measurement
+        name = ", ".join(dict.fromkeys(one.label if isinstance(one, Frf) else Path(one).name for one in each))
+        count = 1 + sum(other == name or other.startswith(f"{name} (") for other in names)
+        names.append(name if count == 1 else f"{name} ({count})")
+    return names

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,7 @@ def by_refined_fit(
     adequacy, fit = assess(assembly, frfs, fit, model_error, progress=progress)
     origin = provenance(measured.described, measured.whole, trained.evaluation if trained is not None else None)
     result = _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
-    beside = None if network is None else dict(zip(result.parameters, network.tolist(), strict=True))
+    beside = None if network is None else MappingProxyType(dict(zip(result.parameters, network.tolist(), strict=True)))
     return replace(result, network=beside, warnings=(*result.warnings, *warnings))
 
 

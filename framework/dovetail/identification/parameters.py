@@ -1,16 +1,29 @@
-"""Identified parameters, and the one table of them that terminal, report, CSV, JSON and data frames show."""
+"""Identified parameters, and the one table of them that terminal, report, CSV, JSON and data frames show.
+
+Data frames of pandas and inference data of ArviZ are extras.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from dovetail.errors import DovetailError, Fault
 from dovetail.identification.posterior.posterior import NOT_BELIEVED, Posterior
 from dovetail.interfaces import Parameter, Prior, Scale
 
-__all__ = ["IdentifiedParameter", "TableRow", "is_in_range", "parameter_table", "place_on_range"]
+__all__ = [
+    "IdentifiedParameter",
+    "TableRow",
+    "dataframe",
+    "inference_data",
+    "is_in_range",
+    "parameter_table",
+    "place_on_range",
+]
 
 _ROUNDING = 1e-9
 """Part of its range by which a value may lie outside."""
@@ -160,3 +173,42 @@ def parameter_table(
             )
         )
     return tuple(rows)
+
+
+def _missing(library: str) -> DovetailError:
+    remedy = f'Install it: pip install "dovetail-frf[{library}]".'
+    return DovetailError(Fault(library, "this library is needed here, and is not installed.", remedy=remedy))
+
+
+def dataframe(rows: Sequence[Mapping[str, Any]], index: Sequence[str]) -> Any:
+    """Return rows as a data frame with some of their columns as its index."""
+    try:
+        import pandas as pd
+    except ImportError:
+        raise _missing("pandas") from None
+    frame = pd.DataFrame.from_records(list(rows))
+    return frame.set_index(list(index)) if len(frame) else frame
+
+
+def inference_data(
+    posterior: Posterior, parameters: Sequence[Parameter], draws: int, seed: int, about: Mapping[str, str]
+) -> Any:
+    """Return samples of posterior and prior, of equal weight, and the posterior's log-likelihoods, as one chain."""
+    try:
+        import arviz
+    except ImportError:
+        raise _missing("arviz") from None
+    random = np.random.default_rng([seed, 6])
+    chosen = posterior.draw(draws, random)
+    prior = {p.name: p.from_unit(random.random(draws))[np.newaxis] for p in parameters}
+    groups: dict[str, Any] = {
+        "posterior": {name: posterior.theta[np.newaxis, chosen, n] for n, name in enumerate(posterior.names)},
+        "prior": prior,
+    }
+    if posterior.log_likelihood is not None:
+        groups["log_likelihood"] = {"frf": posterior.log_likelihood[np.newaxis, chosen]}
+    data = arviz.from_dict(**groups, attrs=dict(about))
+    for name, parameter in zip(posterior.names, parameters, strict=True):
+        for group in ("posterior", "prior"):
+            data[group][name].attrs["units"] = parameter.unit
+    return data

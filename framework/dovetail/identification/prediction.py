@@ -13,7 +13,7 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.posterior import LEVEL, error_shapes
-from dovetail.identification.posterior.prior import normal_from_unit, unit_from_normal
+from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.identification.result import Identification
 
 __all__ = ["Band", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.errors import DovetailError, Fault
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification.adequacy.adequacy import Adequacy
 from dovetail.identification.fitting.fit import Fit
-from dovetail.identification.parameters import IdentifiedParameter, TableRow, parameter_table
+from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.units import format_quantity
 
@@ -197,6 +199,46 @@ class Identification:
     def mean_coherence(self) -> float:
         """Mean of `coherence` over the frequencies."""
         return self.responses[0].mean_coherence
+
+    def to_dataframe(self) -> Any:
+        """Return `table` as a data frame of pandas (an extra), with the names as index."""
+        return dataframe([asdict(row) for row in self.table], ["name"])
+
+    def to_inferencedata(self, draws: int = 1000, seed: int = 0) -> Any:
+        """Return posterior, prior and log-likelihood for ArviZ (an extra).
+
+        Parameters
+        ----------
+        draws : int
+            Samples of equal weight, in one chain; those of the posterior are drawn by their weights.
+        seed : int
+
+        Returns
+        -------
+        arviz.InferenceData
+            The log-likelihood is that of the whole measurement, with the errors that the model is allowed.
+
+        Raises
+        ------
+        DovetailError
+            The result has no posterior, or ArviZ is not installed.
+        """
+        if self.posterior is None:
+            problem = f"the method '{self.method}' gives no posterior."
+            raise DovetailError(Fault(self.measured.label, problem, remedy='Identify with the method "posterior".'))
+        about = {"caveat": self.caveat, "measurement": self.measured.label}
+        parameters = [parameter.definition for parameter in self.parameters.values()]
+        return inference_data(self.posterior, parameters, draws, seed, about)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields for pickling, which read-only mappings refuse."""
+        fields = self.__dict__.items()
+        return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in fields}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Restore the fields."""
+        for name, value in state.items():
+            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON."""

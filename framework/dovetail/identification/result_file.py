@@ -18,7 +18,7 @@ from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.posterior import Form, ModelError, Posterior, typical_model_error
 from dovetail.identification.result import AtPoint, Identification, Mode
 
-__all__ = ["RESULT_FILE", "read_identification"]
+__all__ = ["RESULT_FILE", "load_result"]
 
 RESULT_FILE = "result.json"
 """Name of the file within a folder of results."""
@@ -53,6 +53,7 @@ class _StoredFurther(_StoredResponse):
 class _StoredSamples(_Stored):
     theta: list[list[float]]
     weight: list[float]
+    log_likelihood: list[float] | None = None
 
 
 class _StoredParameter(_Stored):
@@ -106,7 +107,7 @@ class _StoredIdentification(_StoredResponse):
     )
 
 
-def read_identification(path: str | Path) -> Identification:
+def load_result(path: str | Path) -> Identification:
     """Read a result of an earlier identification.
 
     Parameters
@@ -161,6 +162,9 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
     weight = np.array(stored.samples.weight)
     theta = np.array(stored.samples.theta, dtype=np.float64)
     total = float(weight.sum())
+    levels = stored.samples.log_likelihood
+    if levels is not None and len(levels) != len(weight):
+        raise DovetailError(Fault(str(file), "its posterior has not as many log-likelihoods as samples."))
     if theta.shape != (len(weight), len(parameters)) or not len(weight) or not total > 0 or not 0 < stored.reached <= 1:
         raise DovetailError(Fault(str(file), "the samples of its posterior do not fit its parameters."))
     if stored.mode is not None and len(stored.mode) != len(parameters):
@@ -184,6 +188,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         seconds=stored.seconds,
         form=stored.form,
         mode=None if stored.mode is None else np.array(stored.mode),
+        log_likelihood=None if stored.samples.log_likelihood is None else np.array(stored.samples.log_likelihood),
         unreliable=tuple(name for name, parameter in stored.parameters.items() if parameter.doubtful),
     )
 

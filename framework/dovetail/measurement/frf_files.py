@@ -14,7 +14,7 @@ from dovetail.measurement.accelerometer import remove_accelerometer_mass
 from dovetail.measurement.formats import cutpro, guarded, lvm, npz, tables, uff_reader, uff_writer
 from dovetail.measurement.recording import FrfToWrite, ReadOptions, Recording, parse_quantity, prepare_for_writing
 
-__all__ = ["read_frf", "write_frf"]
+__all__ = ["FRF_SUFFIXES", "read_frf", "write_frf"]
 
 
 class Format(NamedTuple):
@@ -42,6 +42,8 @@ _FORMATS = {
     ".frf": Format(cutpro.decode),
     ".lvm": Format(lvm.decode, has_columns=True),
 }
+FRF_SUFFIXES = tuple(_FORMATS)
+"""Of the files that `read_frf` reads."""
 
 
 def read_frf(

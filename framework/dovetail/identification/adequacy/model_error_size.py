@@ -18,14 +18,13 @@ from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior, linearise_frf
 from dovetail.identification.posterior.frequency_average import weigh
-from dovetail.identification.posterior.likelihood import MarginalisedResiduals, marginalised_squares
+from dovetail.identification.posterior.likelihood import PRIOR_PRECISION, MarginalisedResiduals, marginalised_squares
 from dovetail.identification.posterior.model_error import (
     KINDS,
     ModelError,
     error_shapes,
     typical_model_error,
 )
-from dovetail.identification.posterior.prior import PRIOR_PRECISION
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 
 __all__ = ["FitWithError", "estimate_model_error", "fit_with_error"]

@@ -1,6 +1,7 @@
 """The parameters given the measurement: samples, intervals, verdicts."""
 
 from dovetail.identification.posterior.laplace import laplace_posterior
+from dovetail.identification.posterior.likelihood import PRIOR_PRECISION
 from dovetail.identification.posterior.model_error import (
     MODEL_ERROR,
     TYPICAL,
@@ -9,7 +10,6 @@ from dovetail.identification.posterior.model_error import (
     typical_model_error,
 )
 from dovetail.identification.posterior.posterior import LEVEL, NOT_BELIEVED, Form, Posterior, Verdict, quantiles
-from dovetail.identification.posterior.prior import PRIOR_PRECISION
 from dovetail.identification.posterior.sampling import sample_posterior
 
 __all__ = [

@@ -13,11 +13,17 @@ from scipy.stats import norm, qmc
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.posterior.likelihood import MarginalisedResiduals, build_likelihood, check_options
+from dovetail.identification.posterior.likelihood import (
+    MarginalisedResiduals,
+    PosteriorResiduals,
+    build_likelihood,
+    check_options,
+    normal_from_unit,
+    unit_from_normal,
+)
 from dovetail.identification.posterior.mode_search import maximise_posterior
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior
-from dovetail.identification.posterior.prior import PosteriorResiduals, normal_from_unit, unit_from_normal
 
 __all__ = ["LaplaceApproximation", "laplace_posterior"]
 

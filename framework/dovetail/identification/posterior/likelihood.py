@@ -1,7 +1,11 @@
-"""The likelihood of a measured FRF: its random error and the errors of the model, marginalised, on all lines or few.
+"""Likelihood and prior: random error and marginalised errors of the model, on all lines or few; normal coordinates.
 
 Errors of the model widen the covariance of the residuals. `MarginalisedResiduals` scales them to covariance 1 again,
 `ReducedResiduals` does so within a subspace, from the few lines that determine where in it they are.
+
+Prior and measurement are both residuals in coordinates in which the prior is standard normal: a coordinate z is the
+normal quantile of a parameter's fraction of its range. The least-squares search works in the unit cube instead, whose
+edges are the coordinates -8 to 8.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
+from scipy.special import ndtr, ndtri
 
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError
@@ -24,12 +29,18 @@ from dovetail.identification.posterior.frequency_average import needs_average, u
 from dovetail.identification.posterior.model_error import ModelError, error_shapes
 
 __all__ = [
+    "PRIOR_PRECISION",
+    "Z_LIMIT",
+    "CubeResiduals",
     "Likelihood",
     "MarginalisedResiduals",
+    "PosteriorResiduals",
     "ReducedResiduals",
     "build_likelihood",
     "check_options",
     "marginalised_squares",
+    "normal_from_unit",
+    "unit_from_normal",
 ]
 
 
@@ -46,6 +57,15 @@ class ReductionSettings:
 
 
 _SETTINGS = ReductionSettings()
+
+PRIOR_PRECISION = 12.0
+"""One over the variance of a parameter's fraction of its range under the prior, which is uniform."""
+
+Z_LIMIT = 8.0
+"""Largest coordinate: there a parameter is at the end of its range, to double precision."""
+
+_BLOCK = 64
+"""Samples whose residuals are in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +99,12 @@ class Likelihood:
     def misfit(self) -> FrfResiduals:
         """The residuals as functions of the parameters."""
         return FrfResiduals(self.model, self.residual)
+
+    def log(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the logarithm (n,), but for a constant, of the likelihood at fractions of the ranges (n, p)."""
+        blocks = [fraction[first : first + _BLOCK] for first in range(0, len(fraction), _BLOCK)]
+        squares = [marginalised_squares(self.misfit.residuals(block), self.errors) for block in blocks]
+        return np.asarray(-np.concatenate(squares) / 2.0)
 
 
 def build_likelihood(
@@ -233,3 +259,70 @@ def _basis(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     kept = np.flatnonzero(missing > len(vectors) * _SETTINGS.tolerance**2)[-_SETTINGS.most_shapes :]
     kept = kept if len(kept) else np.array([len(squares) - 1])
     return np.linalg.qr(vectors.T @ (mixing[:, kept] / np.sqrt(squares[kept])))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorResiduals:
+    """Residuals of prior and measurement, ``[z, r]``. Half their sum of squares is the negative log density of z.
+
+    Parameters
+    ----------
+    misfit : SumOfSquares
+        Of p fractions of the ranges, over which the prior is uniform.
+    """
+
+    misfit: SumOfSquares
+
+    def residuals(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, p + m) at z (n, p)."""
+        return np.concatenate([z, self.misfit.residuals(unit_from_normal(z))], axis=1)
+
+    def linearise(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return residuals (n, p + m) and their derivatives (n, p, p + m)."""
+        misfit = self.misfit.linearise(unit_from_normal(z))
+        density = np.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi)
+        of_prior = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
+        jacobian = np.concatenate([of_prior, misfit.jacobian * density[:, :, np.newaxis]], axis=2)
+        return np.concatenate([z, misfit.residuals], axis=1), jacobian
+
+
+class CubeResiduals:
+    """Residuals of prior and measurement by the position in the unit cube, for the search of posterior modes.
+
+    Parameters
+    ----------
+    posterior : PosteriorResiduals
+    """
+
+    def __init__(self, posterior: PosteriorResiduals) -> None:
+        self._posterior = posterior
+
+    @staticmethod
+    def from_normal(z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the position in the unit cube of normal quantiles z."""
+        return (z / Z_LIMIT + 1.0) / 2.0
+
+    @staticmethod
+    def to_normal(position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the normal quantiles z of a position in the unit cube."""
+        return (2.0 * position - 1.0) * Z_LIMIT
+
+    def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at positions (n, p)."""
+        return self._posterior.residuals(self.to_normal(position))
+
+    def linearise(self, position: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives at positions (n, p)."""
+        residuals, jacobian = self._posterior.linearise(self.to_normal(position))
+        jacobian *= 2.0 * Z_LIMIT
+        return Linearisation(residuals, jacobian)
+
+
+def normal_from_unit(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the normal quantiles z of fractions of the ranges."""
+    return np.asarray(np.clip(ndtri(fraction), -Z_LIMIT, Z_LIMIT))
+
+
+def unit_from_normal(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the fractions of the ranges of normal quantiles z."""
+    return np.asarray(ndtr(z))

@@ -11,8 +11,13 @@ from scipy.stats import qmc
 from dovetail.assembly import Assembly
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
-from dovetail.identification.posterior.likelihood import Likelihood, MarginalisedResiduals
-from dovetail.identification.posterior.prior import CubeResiduals, PosteriorResiduals, normal_from_unit
+from dovetail.identification.posterior.likelihood import (
+    CubeResiduals,
+    Likelihood,
+    MarginalisedResiduals,
+    PosteriorResiduals,
+    normal_from_unit,
+)
 
 __all__ = ["maximise_posterior", "search_modes"]
 

@@ -11,10 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.identification.posterior.likelihood import PRIOR_PRECISION
 from dovetail.identification.posterior.model_error import ModelError
-from dovetail.identification.posterior.prior import PRIOR_PRECISION
 
-__all__ = ["LEVEL", "NOT_BELIEVED", "Form", "Posterior", "Verdict", "Word", "quantiles", "split_half_difference"]
+__all__ = [
+    "LEVEL",
+    "NOT_BELIEVED",
+    "Form",
+    "Posterior",
+    "Verdict",
+    "Word",
+    "drawn_by_weight",
+    "quantiles",
+    "split_half_difference",
+]
 
 LEVEL = 0.9
 """Probability that an interval holds the true value."""
@@ -100,6 +110,9 @@ class Posterior:
         Parameters for which the Laplace approximation fails; their intervals are not to be trusted.
     caveat : str
         That of the `Identification`: why no interval is to be believed, empty if nothing speaks against it.
+    log_likelihood : (n,) array or None
+        Of the measurement at each sample, but for a constant; None with the form
+        "laplace" and with a result of an earlier version.
     """
 
     names: tuple[str, ...]
@@ -115,6 +128,7 @@ class Posterior:
     mode: NDArray[np.float64] | None = None
     unreliable: tuple[str, ...] = ()
     caveat: str = ""
+    log_likelihood: NDArray[np.float64] | None = None
 
     @staticmethod
     def from_fractions(
@@ -126,11 +140,29 @@ class Posterior:
         searches: int,
         lines: int,
         seconds: float,
+        log_likelihood: NDArray[np.float64] | None = None,
     ) -> Posterior:
         """Return the posterior with these samples, in fractions of the assembly's ranges."""
-        names = tuple(parameter.name for parameter in assembly.parameters)
-        theta, estimate = assembly.from_unit(fraction), assembly.from_unit(weight @ fraction)
-        return Posterior(names, theta, fraction, weight, estimate, model_error, searches, lines, seconds)
+        return Posterior(
+            names=tuple(parameter.name for parameter in assembly.parameters),
+            theta=assembly.from_unit(fraction),
+            fraction=fraction,
+            weight=weight,
+            estimate=assembly.from_unit(weight @ fraction),
+            model_error=model_error,
+            searches=searches,
+            lines=lines,
+            seconds=seconds,
+            log_likelihood=log_likelihood,
+        )
+
+    def sample(self, count: int, seed: int = 0) -> NDArray[np.float64]:
+        """Return samples of equal weight, drawn from `theta` by their weights: (count, n_params), SI."""
+        return np.asarray(self.theta[self.draw(count, np.random.default_rng([seed, 5]))])
+
+    def draw(self, count: int, random: np.random.Generator) -> NDArray[np.intp]:
+        """Return the numbers (count,) of samples, each drawn as often as its weight says, in random order."""
+        return random.permutation(drawn_by_weight(self.weight, count, random))
 
     @property
     def effective_sample_size(self) -> float:
@@ -256,8 +288,18 @@ class Posterior:
             "lines": self.lines,
             "seconds": self.seconds,
             "mode": None if self.mode is None else self.mode.tolist(),
-            "samples": {"theta": self.theta.tolist(), "weight": self.weight.tolist()},
+            "samples": {
+                "theta": self.theta.tolist(),
+                "weight": self.weight.tolist(),
+                "log_likelihood": None if self.log_likelihood is None else self.log_likelihood.tolist(),
+            },
         }
+
+
+def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.Generator) -> NDArray[np.intp]:
+    """Return numbers (count,) of samples, increasing, each as often as its weight says (systematic resampling)."""
+    levels = (np.arange(count) + random.random()) / count * weight.sum()
+    return np.asarray(np.minimum(np.searchsorted(np.cumsum(weight), levels), len(weight) - 1))
 
 
 def quantiles(

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.identification.posterior.prior import Z_LIMIT, PosteriorResiduals
+from dovetail.identification.posterior.likelihood import Z_LIMIT, PosteriorResiduals
 
 __all__ = ["LinearisedPoints", "TangentMap", "decorrelate", "metropolis_step"]
 

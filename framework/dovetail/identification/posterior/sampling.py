@@ -17,16 +17,18 @@ from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
 from dovetail.identification.posterior.likelihood import (
+    PRIOR_PRECISION,
     Likelihood,
+    PosteriorResiduals,
     ReducedResiduals,
     build_likelihood,
     check_options,
     marginalised_squares,
+    unit_from_normal,
 )
 from dovetail.identification.posterior.mode_search import maximise_posterior, search_modes
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
-from dovetail.identification.posterior.posterior import Posterior
-from dovetail.identification.posterior.prior import PRIOR_PRECISION, PosteriorResiduals, unit_from_normal
+from dovetail.identification.posterior.posterior import Posterior, drawn_by_weight
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
 
 __all__ = ["sample_posterior"]
@@ -113,15 +115,16 @@ def sample_posterior(
     converged = len(z)
     if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
         z, log_weight = sampler.move(z, log_weight, samples)
-    weight = np.exp(log_weight - log_weight.max())
+    weight, fraction = np.exp(log_weight - log_weight.max()), unit_from_normal(z)
     return Posterior.from_fractions(
         assembly,
-        unit_from_normal(z),
+        fraction,
         weight / weight.sum(),
         model_error=model_error,
         searches=round(len(weight) * samples / max(converged, 1)),
         lines=sampler.lines,
         seconds=time.perf_counter() - began,
+        log_likelihood=likelihood.log(fraction),
     )
 
 
@@ -214,8 +217,7 @@ class _Sampler:
         if _effective_sample_size(log_weight) < _SETTINGS.uneven_weights * count:
             log_weight = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.weight_quantile))
         weight = np.exp(log_weight - log_weight.max())
-        levels = (np.arange(count) + self._random.random()) / count * weight.sum()
-        chosen = np.minimum(np.searchsorted(np.cumsum(weight), levels), len(z) - 1)
+        chosen = drawn_by_weight(weight, count, self._random)
         points = decorrelate(self._posterior, LinearisedPoints.at(self._posterior, z[chosen]), self._random)
         return points.z, self._log_posterior(points.z) - points.log_posterior
 

@@ -1,0 +1,167 @@
+"""``dovetail identify`` of many measurements: one table of all results, and the files of each."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from dovetail.cli.commands import exit_unless_believable
+from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
+
+if TYPE_CHECKING:
+    from dovetail.assembly import Assembly
+    from dovetail.frf import Frf
+    from dovetail.identification import Batch, Identification, Identifier
+
+__all__ = ["check_batch", "identify_batch", "is_batch"]
+
+_SUMMARY = "summary.csv"
+_FILES = (_SUMMARY, "parameters.csv")
+
+
+def is_batch(measured: Sequence[Path], responses: int) -> bool:
+    """Return whether files are a measurement each: several of an assembly with one response, or a folder."""
+    return any(path.is_dir() for path in measured) or (responses == 1 and len(measured) > 1)
+
+
+def check_batch(truth: Path | None, output: Path | None, *selected: Sequence[object] | None) -> None:
+    """Make sure, before any work, that a batch can be identified and written."""
+    from dovetail.cli.result_files import prepare_folder
+
+    if truth is not None:
+        raise typer.BadParameter("a truth belongs to one measurement, and these are several.", param_hint="--truth")
+    if any(selected):
+        remedy = "one file of several FRFs takes --index, --response or --force; several files do not."
+        raise typer.BadParameter(remedy, param_hint="MEASURED")
+    if output is not None:
+        prepare_folder(output, _FILES, _SUMMARY)
+
+
+def identify_batch(
+    assembly: Assembly,
+    measured: Sequence[Path],
+    read: Callable[[Path], Frf],
+    method: str,
+    model: Identifier | None,
+    output: Path | None,
+    *,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Identify the joint from each file, print and write all results, and end with 1 if a file failed."""
+    from dovetail import Batch, DovetailError, identify_many
+    from dovetail.cli.result_files import writing
+
+    frfs, unread = [], {}
+    for file in _files(measured):
+        try:
+            frfs.append(read(file))
+        except DovetailError as error:
+            unread[file.name] = str(error)
+    with progress_bars() as progress:
+        done = identify_many(assembly, frfs, method, model=model, progress=progress, **options)
+    batch = Batch(done.results, {**unread, **done.failures})
+    with writing(output, lambda folder: _write(batch, folder), _SUMMARY):
+        if as_json:
+            print_json({"results": _summary(batch), "parameters": batch.table, "failures": dict(batch.failures)})
+        else:
+            _print(assembly, batch)
+    for failure in batch.failures.values():
+        note(failure)
+    if batch.failures:
+        raise typer.Exit(1)
+    exit_unless_believable(batch)
+
+
+def _files(measured: Sequence[Path]) -> list[Path]:
+    """Return the files, and those in folders whose suffix is one of an FRF, in alphabetical order."""
+    from dovetail.errors import Fault, MeasurementError, listing
+    from dovetail.measurement import FRF_SUFFIXES
+
+    files: list[Path] = []
+    for path in measured:
+        inside = sorted(file for file in path.iterdir() if file.suffix.lower() in FRF_SUFFIXES) if path.is_dir() else []
+        if path.is_dir() and not inside:
+            raise MeasurementError(Fault(str(path), "this folder holds no measurement.", listing(FRF_SUFFIXES)))
+        files += inside or [path]
+    return files
+
+
+def _summary(batch: Batch) -> list[dict[str, Any]]:
+    """Return a row for each result: how well the model fits, and how many parameters it tells."""
+    rows = []
+    for name, result in batch.results.items():
+        verdicts = [row.verdict for row in result.table]
+        rows.append(
+            {
+                "measurement": name,
+                "model": "" if result.adequacy is None else result.adequacy.word,
+                "mean_coherence": result.mean_coherence,
+                "chi_squared": None if result.fit is None else result.fit.chi_squared,
+                "identified": None if result.posterior is None else verdicts.count("identified"),
+                "parameters": len(verdicts),
+                "believable": result.believable,
+            }
+        )
+    return rows
+
+
+def _print(assembly: Assembly, batch: Batch) -> None:
+    from dovetail.report.content import parameter_rows
+
+    title(f"{assembly.name}: joint identified from {len(batch.results)} measurements")
+    headers = ["measurement", "model", "mean coherence", "chi-squared", "identified"]
+    rows = []
+    for row in _summary(batch):
+        fixed = "" if row["identified"] is None else f"{row['identified']} of {row['parameters']}"
+        chi_squared = "" if row["chi_squared"] is None else f"{row['chi_squared']:.3g}"
+        rows.append([row["measurement"], row["model"], f"{row['mean_coherence']:.3f}", chi_squared, fixed])
+    rows += [[name, "failed", "", "", ""] for name in batch.failures]
+    table(headers, rows, numbers=headers[2:], split=True)
+    if not batch.results:
+        return
+    heading("Estimates and 90 % intervals")
+    texts = {name: parameter_rows(result, None) for name, result in batch.results.items()}
+    cells = [
+        [same[0].name, same[0].unit, *(_text(row.estimate, row.interval) for row in same)]
+        for same in zip(*texts.values(), strict=True)
+    ]
+    table(["parameter", "unit", *texts], cells, numbers=list(texts), split=True)
+    if batch.caveat:
+        say()
+        say(f"Warning: {batch.caveat}")
+
+
+def _text(estimate: str, interval: str) -> str:
+    return f"{estimate} ({interval})" if interval else estimate
+
+
+def _write(batch: Batch, folder: Path) -> None:
+    from dovetail.cli.result_files import csv_text, write_texts
+    from dovetail.report.report import write_report
+
+    texts = {}
+    for name, rows in zip(_FILES, (_summary(batch), batch.table), strict=True):
+        texts[name] = csv_text(list(rows[0]), [row.values() for row in rows]) if rows else ""
+    for stem, result in zip(_stems(list(batch.results)), batch.results.values(), strict=True):
+        texts[f"{stem}.json"] = _json(result)
+        write_report(result, folder / f"{stem}.html")
+    write_texts(folder, texts)
+
+
+def _json(result: Identification) -> str:
+    return json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _stems(names: Sequence[str]) -> list[str]:
+    """Return a name of a file for each measurement, whatever it is called."""
+    stems: list[str] = []
+    for name in names:
+        stem = re.sub(r"[^\w.-]+", "_", name).strip("._") or "measurement"
+        stems.append(stem if stem not in stems else f"{stem}_{len(stems) + 1}")
+    return stems

@@ -1,0 +1,180 @@
+"""The one table of parameters, and results as other objects: batches, data frames, inference data, pickles, files."""
+
+from __future__ import annotations
+
+import builtins
+import json
+import pickle
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.identification.parameters import is_in_range
+
+TRUTH = np.array([4e6, 60.0])
+
+
+def measured(assembly: dovetail.Assembly, theta: np.ndarray, label: str, seed: int = 0) -> dovetail.Frf:
+    values = assembly.frf(theta)
+    random = np.random.default_rng(seed)
+    noise = 0.01 * (random.standard_normal(values.shape) + 1j * random.standard_normal(values.shape))
+    return dovetail.Frf(assembly.frequency, values * (1 + noise), "accelerance", label=label)
+
+
+@pytest.fixture(scope="module")
+def result(sdof) -> dovetail.Identification:
+    return dovetail.identify(sdof, measured(sdof, TRUTH, "first.csv"), samples=100)
+
+
+def test_the_default_method_has_intervals(result):
+    assert result.method == "posterior"
+    for row, truth in zip(result.table, TRUTH, strict=True):
+        assert row.interval_low < truth < row.interval_high
+        assert row.interval_high - row.interval_low < 0.05 * truth
+        assert row.verdict == "identified"
+
+
+def test_the_table_holds_estimate_interval_and_best_fit(result):
+    posterior = result.posterior
+    for column, (name, row) in enumerate(zip(result.parameters, result.table, strict=True)):
+        assert row.estimate == posterior.estimate[column] != result.theta[column] == row.best_fit
+        assert (row.interval_low, row.interval_high) == posterior.interval()[name]
+        assert (row.verdict, row.why) == (posterior.verdicts[name].word, posterior.verdicts[name].reason)
+        assert row.network is None
+
+
+def test_without_a_posterior_the_estimate_is_the_fit(sdof):
+    result = dovetail.identify(sdof, measured(sdof, TRUTH, "first.csv"), "refined")
+    for row, value in zip(result.table, result.theta.tolist(), strict=True):
+        assert (row.estimate, row.best_fit, row.interval_low, row.verdict) == (value, None, None, "")
+
+
+def test_of_what_is_not_believed_no_interval_is_in_the_table(result):
+    doubtful = replace(result, adequacy=dovetail.Adequacy("does not fit"))
+    for row in doubtful.table:
+        assert (row.interval_low, row.interval_high, row.believable) == (None, None, False)
+        assert row.verdict == "not believed"
+        assert row.why == doubtful.caveat
+
+
+@pytest.mark.parametrize(
+    ("value", "scale", "expected"),
+    [
+        (2.0, "linear", True),
+        (np.nextafter(2.0, 3.0), "linear", True),
+        (2.0 + 1e-6, "linear", False),
+        (np.nextafter(1.0, 0.0), "log", True),
+        (0.999, "log", False),
+        (-1.0, "log", False),
+        (np.nan, "linear", False),
+    ],
+)
+def test_a_value_at_an_end_is_in_range_whatever_rounding_makes_of_it(value, scale, expected):
+    assert is_in_range(value, 1.0, 2.0, scale) is expected
+
+
+def test_a_result_is_read_again_and_pickled(result, tmp_path):
+    (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
+    for again in (dovetail.load_result(tmp_path), pickle.loads(pickle.dumps(result))):
+        for row, original in zip(again.table, result.table, strict=True):
+            for name, value in asdict(original).items():
+                same = pytest.approx(value, rel=1e-12) if isinstance(value, float) else value
+                assert getattr(row, name) == same
+        np.testing.assert_array_equal(again.posterior.log_likelihood, result.posterior.log_likelihood)
+        with pytest.raises(TypeError):
+            again.parameters["k"] = None
+
+
+def test_the_log_likelihood_is_that_of_the_measurement(sdof):
+    """With an exact model and a known variance it is the sum of squares, by hand."""
+    frf = measured(sdof, TRUTH, "first.csv")
+    variance = 2 * (0.01 * np.abs(sdof.frf(TRUTH))) ** 2
+    result = dovetail.identify(sdof, replace(frf, variance=variance), samples=20, model_error=0.0)
+    squares = np.abs(frf.values - sdof.frf(result.posterior.theta)) ** 2 / variance
+    expected = -squares.sum(axis=1)
+    differences = result.posterior.log_likelihood - result.posterior.log_likelihood[0]
+    np.testing.assert_allclose(differences, expected - expected[0], atol=0.02 * np.ptp(expected) + 1e-6)
+
+
+def test_samples_of_equal_weight(result):
+    weight = np.arange(1.0, 1 + len(result.posterior.weight))
+    posterior = replace(result.posterior, weight=weight / weight.sum())
+    drawn = posterior.sample(4000, seed=3)
+    counts = [(drawn == theta).all(axis=1).sum() for theta in posterior.theta]
+    assert np.abs(counts - 4000 * posterior.weight).max() <= 1.0
+    assert not np.array_equal(drawn, drawn[np.argsort(drawn[:, 0])])
+
+
+def test_a_data_frame(result):
+    frame = result.to_dataframe()
+    assert list(frame.index) == ["k", "c"]
+    assert frame.loc["k", "estimate"] == result.table[0].estimate
+    assert list(frame.columns) == [name for name in asdict(result.table[0]) if name != "name"]
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_inference_data(result, sdof):
+    data = result.to_inferencedata(draws=500, seed=1)
+    assert data.posterior["k"].shape == data.prior["c"].shape == data.log_likelihood["frf"].shape == (1, 500)
+    assert data.posterior["k"].attrs["units"] == "N/m"
+    mean, deviation = float(data.posterior["k"].mean()), float(data.posterior["k"].std())
+    assert abs(mean - result.table[0].estimate) < 0.2 * deviation
+    prior = data.prior["k"].to_numpy().ravel()
+    bounds = sdof.parameters[0].lower, sdof.parameters[0].upper
+    assert bounds[0] <= prior.min() < prior.max() <= bounds[1]
+    assert abs(prior.mean() - np.mean(bounds)) < 0.1 * np.ptp(bounds)
+
+
+def test_without_a_posterior_there_is_no_inference_data(sdof):
+    fitted = dovetail.identify(sdof, measured(sdof, TRUTH, "first.csv"), "refined")
+    with pytest.raises(dovetail.DovetailError, match="the method 'refined' gives no posterior"):
+        fitted.to_inferencedata()
+
+
+@pytest.mark.parametrize("library", ["pandas", "arviz"])
+def test_a_library_that_is_not_installed_is_named(result, monkeypatch, library):
+    ordinary = builtins.__import__
+
+    def without(name, *arguments, **options):
+        if name == library:
+            raise ImportError(name)
+        return ordinary(name, *arguments, **options)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(dovetail.DovetailError, match=rf'pip install "dovetail-frf\[{library}\]"'):
+        result.to_dataframe() if library == "pandas" else result.to_inferencedata()
+
+
+def test_a_batch_is_what_each_measurement_gives_alone(sdof, tmp_path):
+    thetas = sdof.from_unit(np.random.default_rng(5).random((3, 2)))
+    frfs = [measured(sdof, theta, "same.csv", seed) for seed, theta in enumerate(thetas)]
+    dovetail.write_frf(frfs[2], tmp_path / "third.csv")
+    told = []
+    batch = dovetail.identify_many(
+        sdof,
+        [frfs[0], frfs[1], tmp_path / "third.csv", tmp_path / "gone.csv", replace(frfs[0], values=0 * frfs[0].values)],
+        processes=2,
+        progress=lambda *stage: told.append(stage),
+        samples=60,
+    )
+    assert list(batch.results) == ["same.csv", "same.csv (2)", "third.csv"]
+    assert list(batch.failures) == ["gone.csv", "same.csv (3)"]
+    assert "there is no such file" in batch.failures["gone.csv"]
+    assert "exactly zero" in batch.failures["same.csv (3)"]
+    assert told[-1] == ("identifying", 5, 5)
+    for name, frf in zip(batch.results, frfs, strict=True):
+        alone = dovetail.identify(sdof, frf, samples=60)
+        estimates = [[row.estimate for row in found.table] for found in (batch.results[name], alone)]
+        np.testing.assert_allclose(*estimates, rtol=1e-9)
+    frame = batch.to_dataframe()
+    assert list(frame.index) == [(name, parameter) for name in batch.results for parameter in ("k", "c")]
+    assert batch.believable
+    assert repr(batch) == "<Batch: 3 identifications, 2 failures>"
+
+
+def test_an_empty_batch(sdof):
+    batch = dovetail.identify_many(sdof, [])
+    assert (dict(batch.results), dict(batch.failures), batch.table, batch.believable) == ({}, {}, [], True)
+    assert batch.to_dataframe().empty
