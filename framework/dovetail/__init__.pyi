@@ -86,6 +86,7 @@ from .measurement import EstimatedFrf as EstimatedFrf
 from .measurement import ModalParameters as ModalParameters
 from .measurement import add_accelerometer_mass as add_accelerometer_mass
 from .measurement import frf_from_signals as frf_from_signals
+from .measurement import noisy_frf as noisy_frf
 from .measurement import read_frf as read_frf
 from .measurement import read_modal_parameters as read_modal_parameters
 from .measurement import remove_accelerometer_mass as remove_accelerometer_mass

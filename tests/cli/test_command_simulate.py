@@ -93,3 +93,33 @@ def test_a_place_that_cannot_be_written(run, assemblies, tmp_path):
     blocker.write_text("")
     message = run("simulate", assemblies / "sdof.yaml", "-o", blocker / "frf.csv", code=1).stderr
     assert message.startswith(f"{blocker}\n  nothing can be written here: ")
+
+
+def test_noise_and_truth_make_a_measurement(run, sdof, assemblies, tmp_path):
+    file, truth = tmp_path / "measured.npz", tmp_path / "truth.json"
+    arguments = ["simulate", assemblies / "sdof.yaml", "--set", "k=3e6", "--set", "c=40", "--noise", "1%"]
+    run(*arguments, "--seed", 3, "--truth-output", truth, "-o", file)
+    clean, noisy = sdof.frf([3e6, 40.0]), dovetail.read_frf(file)
+    error = np.std(noisy.values - clean) / np.std(clean)
+    assert error == pytest.approx(0.01, rel=0.1)
+    np.testing.assert_allclose(np.sqrt(noisy.variance), 0.01 * np.std(clean))
+    known = dovetail.read_truth(truth, sdof.parameters)
+    assert known.synthetic
+    assert dict(known.parameters) == pytest.approx({"k": 3e6, "c": 40.0})
+    assert known.natural_frequencies == pytest.approx([np.sqrt(3e6) / (2 * np.pi)])
+    printed = run("identify", assemblies / "sdof.yaml", file, "--truth", truth, "--no-network").stdout
+    assert "All 2 true values lie within their 90 % intervals." in printed
+    run(*arguments, "--seed", 4, "-o", tmp_path / "other.npz")
+    assert not np.array_equal(dovetail.read_frf(tmp_path / "other.npz").values, noisy.values)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "found"),
+    [
+        (["--noise", "much"], "'much' is no number, such as 0.01 or 1%"),
+        (["--noise", "-1%"], "'-1%' is not 0 or more"),
+        (["--truth-output", "truth.txt"], "truth.txt"),
+    ],
+)
+def test_wrong_noise_and_truth(run, assemblies, arguments, found):
+    assert found in run("simulate", assemblies / "sdof.yaml", *arguments, code=2).stderr

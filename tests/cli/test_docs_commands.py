@@ -1,28 +1,54 @@
-"""The commands of docs/first_look.md, run from top to bottom as a reader would."""
+"""Pages of commands and scripts, run from top to bottom as a reader would."""
 
 from __future__ import annotations
 
+import csv
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
-BLOCK = re.compile(r"^```(bash|yaml)\n(.*?)^```", flags=re.S | re.M)
+BLOCK = re.compile(r"^```(bash|yaml|python)\n(.*?)^```", flags=re.S | re.M)
+
+
+def run_page(page: str, folder: Path, type_line: Callable[[str], None]) -> int:
+    """Run the commands and scripts of a page from top to bottom, and return how many there were."""
+    shutil.copytree(ROOT / "assemblies", folder / "assemblies")
+    commands: list[str] = []
+    for language, text in BLOCK.findall((ROOT / "docs" / page).read_text(encoding="utf-8")):
+        if language == "bash":
+            commands += text.strip().splitlines()
+            continue
+        name = re.match(r"# (\S+)\n", text)[1]
+        (folder / name).write_text(text, encoding="utf-8")
+        if language == "python":
+            commands.append(f"python {name}")
+    for command in commands:
+        type_line(command)
+    return len(commands)
 
 
 def test_the_first_look_runs_from_top_to_bottom(tmp_path, type_line):
-    shutil.copytree(ROOT / "assemblies", tmp_path / "assemblies")
-    commands = 0
-    for language, text in BLOCK.findall((ROOT / "docs" / "first_look.md").read_text(encoding="utf-8")):
-        if language == "yaml":
-            name = re.match(r"# (\S+)\n", text)[1]
-            (tmp_path / name).write_text(text, encoding="utf-8")
-            continue
-        for command in text.strip().splitlines():
-            type_line(command)
-            commands += 1
-    assert commands >= 10
+    assert run_page("first_look.md", tmp_path, type_line) >= 10
     made = {"frf.csv", "frf.png", "measured.uff", "small.zarr", "small_model", "predicted.csv"}
     assert made <= {path.name for path in tmp_path.iterdir()}
     assert {"report.html", "result.json", "parameters.csv"} <= {p.name for p in (tmp_path / "results").iterdir()}
     assert {"robustness.csv", "robustness.png"} <= {p.name for p in (tmp_path / "robustness").iterdir()}
+
+
+def test_the_script_and_the_commands_of_the_page_on_python(tmp_path, type_line):
+    assert run_page("python.md", tmp_path, type_line) == 8
+    text = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    (script,) = re.findall(r"^```python\n(.*?)^```", text, flags=re.S | re.M)
+    assert len(script.splitlines()) <= 45
+    assert len(list((tmp_path / "measured").iterdir())) == 20
+    with (tmp_path / "results_by_command" / "parameters.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    for row in rows:
+        truth = float(row["measurement"][len("joint_")]) * 1e6 if row["name"] == "k" else 40.0
+        assert float(row["estimate"]) == pytest.approx(truth, rel=0.05)
+        assert row["network"]
+    assert len(rows) == 6

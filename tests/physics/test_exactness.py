@@ -44,7 +44,7 @@ class WholeAssembly:
         self.measured = [(part, graph.substructure_dofs(name)) for name, (part, own) in parts.items() if own is None]
         self.forces = sum(len(dofs) for _, dofs in self.measured)
         self.parts = [(own, graph.substructure_dofs(name)) for name, (_, own) in parts.items() if own is not None]
-        name, dof = assembly.drive_point
+        name, dof = assembly.description.response.point
         self.drive = int(graph.substructure_dofs(name)[dof])
 
     def drive_point(self, theta, lines) -> np.ndarray:

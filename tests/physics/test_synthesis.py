@@ -12,7 +12,7 @@ from dovetail.synthesis import LiteralSynthesis, direct_receptance
 
 def direct(assembly, theta):
     """Drive-point receptance by solving the whole assembly."""
-    name, dof = assembly.drive_point
+    name, dof = assembly.description.response.point
     number = int(assembly.graph.substructure_dofs(name)[dof])
     return direct_receptance(assembly.graph, assembly.frequency, assembly.by_joint(theta), [number], [number])[:, 0, 0]
 
@@ -37,7 +37,7 @@ def test_engine_equals_the_direct_solve_at_every_line(collet):
 
 
 def test_literal_synthesis_equals_the_direct_solve(collet, torque_20):
-    name, dof = collet.drive_point
+    name, dof = collet.description.response.point
     literal = LiteralSynthesis(collet.graph, collet.frequency, name, dof).receptance(collet.by_joint(torque_20))
     assert relative(literal, direct(collet, torque_20)) < 1e-6
     assert relative(receptance(collet, torque_20)[0], literal) < 1e-6

@@ -3,7 +3,7 @@
 from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.description import Description, IdentificationSettings, fingerprint
 from dovetail.assembly.json_schema import description_schema
-from dovetail.assembly.loading import PluginPaths, components, load
+from dovetail.assembly.loading import AssemblySource, PluginPaths, as_assembly, components, load
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.assembly.regression_check import FRF_TOLERANCE, largest_frf_difference
 from dovetail.assembly.sections import AugmentationSection
@@ -11,12 +11,14 @@ from dovetail.assembly.sections import AugmentationSection
 __all__ = [
     "FRF_TOLERANCE",
     "Assembly",
+    "AssemblySource",
     "AugmentationSection",
     "Description",
     "IdentificationSettings",
     "ParameterSpace",
     "PluginPaths",
     "Theta",
+    "as_assembly",
     "components",
     "description_schema",
     "fingerprint",

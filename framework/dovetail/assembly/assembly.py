@@ -16,6 +16,7 @@ from dovetail.assembly.description import Description, Response
 from dovetail.assembly.joints import is_at
 from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, points_and_pairs
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.frf import Frf
 from dovetail.interfaces import DIRECTIONS, Parameter
 from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, assembly_matrices, elastic_frequencies
 
@@ -126,11 +127,6 @@ class Assembly:
         alone = replace(self.description.at(index), frequency=self._axes[index])
         return Assembly(alone, rigid=self._rigid, interpolation=self._interpolation)
 
-    @property
-    def drive_point(self) -> Point:
-        """Substructure and DOF at which the first response is measured."""
-        return self.description.response.point
-
     def engine_of(
         self,
         points: Sequence[Point],
@@ -181,7 +177,7 @@ class Assembly:
         Raises
         ------
         ParameterError
-            Wrong shape, unknown or missing names, values that are not finite, or a batch.
+            Wrong shape, unknown names, values that are not finite, or a batch.
         """
         batch, single = self._space.batch(theta)
         if not single:
@@ -195,19 +191,22 @@ class Assembly:
         Parameters
         ----------
         theta : (n_params,) or (n, n_params) array, or mapping of names to values, optional
-            In SI; the values of a mapping may be texts with units. The middle of the ranges by default.
+            In SI; the values of a mapping may be texts with units. The middle of the ranges by default, and for
+            parameters that a mapping does not name.
 
         Returns
         -------
         (n_freq,) or (n, n_freq) complex array
-
-        Raises
-        ------
-        ParameterError
         """
         batch, single = self._space.batch(theta)
         values = self._first.frfs(batch)[:, 0]
         return values[0] if single else values
+
+    def simulate(self, theta: Theta = None) -> Frf:
+        """Return `frf` for one parameter vector as a measurement would be given."""
+        response, values = self.description.response, self.frf(self.vector(theta))
+        label = f"{self.name}, simulated"
+        return Frf(self.frequency, values, response.quantity, label=label, rotation=response.rotation)
 
     def frfs(self, theta: Theta = None) -> NDArray[np.complex128]:
         """FRFs of all responses, each in its own quantity.

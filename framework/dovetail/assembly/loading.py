@@ -9,9 +9,13 @@ from typing import Any, TypeAlias
 
 from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.reader import read_description
+from dovetail.errors import Fault, ParameterError
 from dovetail.registry import Registry, installed_components
 
-__all__ = ["PluginPaths", "components", "load"]
+__all__ = ["AssemblySource", "PluginPaths", "as_assembly", "components", "load"]
+
+AssemblySource: TypeAlias = Assembly | str | os.PathLike[str]
+"""An assembly, or the path of its description."""
 
 PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 """One plugin file, or several."""
@@ -47,6 +51,24 @@ def load(
         A plugin file cannot be loaded.
     """
     return Assembly(read_description(source, components(plugins), None if files_in is None else os.fspath(files_in)))
+
+
+def as_assembly(source: AssemblySource) -> Assembly:
+    """Return an assembly as it is, or read it from the path of its description.
+
+    Raises
+    ------
+    ParameterError
+        It is neither.
+    DescriptionError
+        As of `load`.
+    """
+    if isinstance(source, Assembly):
+        return source
+    if isinstance(source, (str, os.PathLike)):
+        return load(source)
+    problem = f"this is an object of the type {type(source).__name__}."
+    raise ParameterError(Fault("assembly", problem, "an Assembly, or the path of its description"))
 
 
 def components(plugins: PluginPaths = ()) -> Registry:

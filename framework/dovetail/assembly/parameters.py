@@ -22,7 +22,9 @@ from dovetail.units import to_si
 __all__ = ["ParameterSpace", "ResponseFrfs", "Theta", "points_and_pairs"]
 
 Theta: TypeAlias = ArrayLike | Mapping[str, float | str] | None
-"""Parameter values: a vector, a batch, a mapping of names to values (SI, or texts with units), or None."""
+"""Parameter values: a vector, a batch, a mapping of names to values (SI, or texts with units), or None.
+
+Parameters that a mapping does not name take the middle of their ranges, and so do all of them for None."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ class ParameterSpace:
         Raises
         ------
         ParameterError
-            Wrong shape, unknown or missing names, values that are not finite.
+            Wrong shape, unknown names, values that are not finite.
         """
         if theta is None:
             return self.nominal[None, :], True
@@ -136,12 +138,10 @@ class ParameterSpace:
                 values[name] = to_si(value.item() if isinstance(value, np.generic) else value, units[name])
             except UnitError as error:
                 faults.append(Fault(f"parameter {key}", error.faults[0].problem))
-        missing = [name for name in self.names if name not in values]
-        if missing and not faults:
-            faults.append(Fault("theta", f"no value is given for {listing(missing)}."))
         if faults:
             raise ParameterError(*faults)
-        return np.array([values[name] for name in self.names])
+        nominal = zip(self.names, self.nominal.tolist(), strict=True)
+        return np.array([values.get(name, middle) for name, middle in nominal])
 
     def _unknown(self, name: str) -> Fault:
         for owner, entry in self._entries.items():

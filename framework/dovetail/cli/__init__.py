@@ -9,7 +9,8 @@ from __future__ import annotations
 import io
 import os
 import sys
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, cast
 
 import typer
 
@@ -26,6 +27,7 @@ from dovetail.cli.identify import identify
 from dovetail.cli.new_plugin import new_plugin
 from dovetail.cli.options import PluginFiles
 from dovetail.cli.plan import plan
+from dovetail.cli.plot import plot
 from dovetail.cli.predict import predict
 from dovetail.cli.robustness import robustness
 from dovetail.cli.schema import schema
@@ -40,7 +42,6 @@ app = typer.Typer(
     name="dovetail",
     cls=Commands,
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,  # plain help: half the time, and the same in a pipe
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -67,29 +68,17 @@ def dovetail(
     context.obj = plugin
 
 
-COMMANDS = (
-    plugins,
-    describe,
-    schema,
-    new_plugin,
-    check_plugin,
-    check,
-    simulate,
-    frf,
-    convert,
-    generate,
-    train,
-    identify,
-    predict,
-    validate,
-    spindle,
-    robustness,
-    compare,
-    plan,
-    calibrate,
-)
-for command in COMMANDS:
-    app.command()(command)
+COMMANDS = {
+    "Describe an assembly": (check, describe, simulate, schema),
+    "Measure": (plot, convert, frf, spindle),
+    "Identify a joint": (identify, train, generate),
+    "Use the result": (predict, validate),
+    "Study what can be known": (plan, calibrate, compare, robustness),
+    "Extend": (plugins, new_plugin, check_plugin),
+}
+for group, commands in COMMANDS.items():
+    for command in commands:
+        app.command(rich_help_panel=group)(cast("Callable[..., None]", command))
 
 
 def main() -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dovetail.cli.completion import complete_models
 from dovetail.cli.options import AsJson, PluginFiles
 from dovetail.cli.terminal import print_json, say, title
 
@@ -20,7 +21,12 @@ __all__ = ["check_plugin"]
 
 
 def check_plugin(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="The word after 'model:' in a description.")],
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL", help="The word after 'model:' in a description.", autocompletion=complete_models
+        ),
+    ],
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:

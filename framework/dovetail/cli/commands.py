@@ -26,6 +26,9 @@ __all__ = [
     "say_caveat",
 ]
 
+_HELP_LENGTH = 90
+"""Characters of the sentence that says what a command is for."""
+
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in the shell."""
 
@@ -52,6 +55,17 @@ class Commands(TyperGroup):
         """Read the words before the command."""
         with _shown_not_obeyed():
             return super().make_context(*arguments, **options)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the commands by what they are for, each with the first sentence of its help."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx):
+            command: Any = self.get_command(ctx, name)
+            group = getattr(command, "rich_help_panel", None) or "Commands"
+            groups.setdefault(group, []).append((name, command.get_short_help_str(_HELP_LENGTH)))
+        for group, rows in groups.items():
+            with formatter.section(group):
+                formatter.write_dl(rows)
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command and turn what it raises into a message and an exit code."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dovetail.cli.completion import complete_models
 from dovetail.cli.options import AsJson, PluginFiles
 from dovetail.cli.terminal import heading, print_json, range_text, say, table, title
 
@@ -66,7 +67,12 @@ def _registry_as_dict(registry: Registry, offers: list[Offer]) -> dict[str, Any]
 
 
 def describe(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="The word after 'model:' in a description.")],
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL", help="The word after 'model:' in a description.", autocompletion=complete_models
+        ),
+    ],
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:

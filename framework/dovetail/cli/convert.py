@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.options import Overwrite, check_new_files, quantity_in
+from dovetail.cli.plot import write_figures
 from dovetail.cli.reading import (
     Columns,
     ForceDof,
@@ -34,7 +35,7 @@ def convert(
     source: Annotated[
         Path, typer.Argument(metavar="IN", help="Measured FRF: .uff, .csv, .tsv, .npz, .mat, .h5 or .frf.")
     ],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help="New file: .uff, .csv or .npz.")],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="New file: .uff, .csv or .npz; or a figure.")],
     quantity: QuantityOfFile = None,
     unit: UnitOfFile = None,
     index: Index = None,
@@ -62,16 +63,20 @@ def convert(
     from_force: Annotated[Path | None, _OtherFile] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Convert a measured FRF to another format, quantity or unit, with or without the accelerometer's mass.
+    """Convert a measured FRF to another format, quantity or unit.
 
-    Coherence, averages, variance and the names of the DOFs come along. Without --to the quantity stays and the unit is
-    SI. The mass is taken off a drive-point FRF; for a transfer FRF, --drive-point gives the drive-point FRF at the
-    accelerometer, and for an accelerometer at a third point --to-response and --from-force the FRFs from it and to it.
+    The accelerometer's mass may be taken off on the way. Coherence, averages, variance and the names of the DOFs come
+    along. Without --to the quantity stays and the unit is SI. The mass is taken off a drive-point FRF; for a transfer
+    FRF, --drive-point gives the drive-point FRF at the accelerometer, and for an accelerometer at a third point
+    --to-response and --from-force the FRFs from it and to it.
     """
     import dovetail
     from dovetail.frf import QUANTITIES
+    from dovetail.report.svg import FIGURE_SUFFIXES
 
-    check_new_files([target], _WRITTEN, overwrite)
+    check_new_files([target], (*_WRITTEN, *FIGURE_SUFFIXES), overwrite)
+    if to is not None and to not in QUANTITIES and target.suffix.lower() in FIGURE_SUFFIXES:
+        raise typer.BadParameter(f"a figure is in SI units: {', '.join(QUANTITIES)}.", param_hint="--to")
     others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
     if any(others.values()) and not accelerometer_mass:
         raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
@@ -94,7 +99,10 @@ def convert(
     if wanted is not None:
         frf = frf.to(wanted)
     target.parent.mkdir(parents=True, exist_ok=True)
-    dovetail.write_frf(frf, target, overwrite=overwrite, unit=None if wanted else to)
+    if target.suffix.lower() in FIGURE_SUFFIXES:
+        write_figures([frf], [target], overwrite=overwrite)
+    else:
+        dovetail.write_frf(frf, target, overwrite=overwrite, unit=None if wanted else to)
     title(f"{source.name} to {target.name}")
     say(describe_frf(frf))
     note(f"Written: {target}")

@@ -10,6 +10,7 @@ import typer
 
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.commands import exit_unless_believable
+from dovetail.cli.completion import complete_files, complete_methods
 from dovetail.cli.options import AsJson, PluginFiles, check_method, quantity_in
 from dovetail.cli.reading import (
     Columns,
@@ -41,13 +42,19 @@ _WORDS = ("parameter", "unit", "verdict", "range")
 
 def identify(
     source: Annotated[
-        Path, typer.Argument(metavar="MODEL_OR_ASSEMBLY", help="A folder that 'train' wrote, or a description (YAML).")
+        Path,
+        typer.Argument(
+            metavar="MODEL_OR_ASSEMBLY",
+            help="A folder that 'train' wrote, or a description (YAML).",
+            autocompletion=complete_files,
+        ),
     ],
     measured: Annotated[
         list[Path],
         typer.Argument(
             metavar="MEASURED...",
             help="The measured FRF, one for each response; several of one response, or a folder, are a batch.",
+            autocompletion=complete_files,
         ),
     ],
     method: Annotated[
@@ -55,6 +62,7 @@ def identify(
         typer.Option(
             metavar="METHOD",
             help="posterior (with intervals), refined (least squares alone), multistart or network (as it is).",
+            autocompletion=complete_methods,
         ),
     ] = "posterior",
     network: Annotated[

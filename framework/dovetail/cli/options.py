@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from dovetail.cli.completion import complete_files
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -20,6 +23,7 @@ __all__ = [
     "at_point",
     "check_method",
     "check_new_files",
+    "part",
     "quantity_in",
 ]
 
@@ -39,7 +43,10 @@ PluginFiles = Annotated[
     ),
 ]
 
-AssemblyFile = Annotated[Path, typer.Argument(metavar="ASSEMBLY", help="The assembly's description (YAML).")]
+AssemblyFile = Annotated[
+    Path,
+    typer.Argument(metavar="ASSEMBLY", help="The assembly's description (YAML).", autocompletion=complete_files),
+]
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for a program.")]
 
@@ -78,6 +85,18 @@ def quantity_in(unit: str) -> Callable[[str], float]:
             raise typer.BadParameter(error.faults[0].problem) from None
 
     return parse
+
+
+def part(text: str) -> float:
+    """Parse a part of one, from 0: ``"0.01"`` or ``"1%"``."""
+    number = str(text).strip()
+    try:
+        value = float(number.removesuffix("%")) / (100.0 if number.endswith("%") else 1.0)
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is no number, such as 0.01 or 1%.") from None
+    if not 0.0 <= value < math.inf:
+        raise typer.BadParameter(f"'{text}' is not 0 or more.")
+    return value
 
 
 def check_method(method: str, options: Iterable[str] = ()) -> None:

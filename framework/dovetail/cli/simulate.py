@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dovetail.cli.completion import complete_parameters
 from dovetail.cli.frf_files import FrfFiles, check_frf_files, write_frf_files
 from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
-from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, PointNumber, at_point
+from dovetail.cli.options import (
+    AsJson,
+    AssemblyFile,
+    Overwrite,
+    PluginFiles,
+    PointNumber,
+    at_point,
+    check_new_files,
+    part,
+)
 from dovetail.cli.terminal import heading, note, print_json, quantity_text, range_text, table, title
 
 if TYPE_CHECKING:
@@ -21,7 +33,26 @@ def simulate(
     assembly: AssemblyFile,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Value of a parameter, such as Dc=30mm. May be repeated."),
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Value of a parameter, such as Dc=30mm. May be repeated.",
+            autocompletion=complete_parameters,
+        ),
+    ] = None,
+    noise: Annotated[
+        float,
+        typer.Option(
+            metavar="PART",
+            parser=part,
+            show_default=False,
+            help="Standard deviation of complex noise over that of the FRF, such as 1%.",
+        ),
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the noise.")] = 0,
+    truth_output: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="JSON with values and natural frequencies, for 'identify --truth'."),
     ] = None,
     point: PointNumber = 1,
     output: FrfFiles = None,
@@ -31,26 +62,42 @@ def simulate(
 ) -> None:
     """Compute the FRF for chosen parameters.
 
-    A parameter that is not set stands in the middle of its range. The suffix of a file names its format.
+    A parameter that is not set stands in the middle of its range. The suffix of a file names its format. With noise,
+    the file takes the place of a measurement, whose truth is known.
     """
     import dovetail
+    from dovetail.measurement import noisy_frf
 
     files = output or []
     check_frf_files(files, overwrite)
+    if truth_output is not None:
+        check_new_files([truth_output], [".json"], overwrite)
     chosen = _settings(settings or [])
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
     theta = _theta(loaded, chosen)
-    response, label = loaded.description.response, f"{loaded.name}, simulated"
-    values = loaded.frf(theta)
-    frf = dovetail.Frf(loaded.frequency, values, response.quantity, label=label, rotation=response.rotation)
+    frf = loaded.simulate(theta)
+    if noise:
+        frf = noisy_frf(frf, noise, seed)
     natural, reason = natural_frequencies(loaded, theta)
-    write_frf_files(frf, files, natural, {}, overwrite=overwrite)
+    texts = {} if truth_output is None else {truth_output: _truth(loaded, theta, natural, noise)}
+    write_frf_files(frf, files, natural, texts, overwrite=overwrite)
     if as_json:
         print_json({"name": loaded.name, "parameters": theta, "natural_frequencies": natural})
     else:
         _print(loaded, theta, natural, reason)
-    for file in files:
+    for file in (*files, *texts):
         note(f"Written: {file}")
+
+
+def _truth(assembly: Assembly, theta: dict[str, float], natural: list[float], noise: float) -> str:
+    """Return the file that `read_truth` reads."""
+    content = {
+        "synthetic": True,
+        "note": f"Simulated from {assembly.name}, noise {noise:g}.",
+        "parameters": {p.name: f"{theta[p.name]:.9g} {p.unit}".removesuffix(" 1") for p in assembly.parameters},
+        "natural_frequencies_Hz": natural,
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _settings(texts: list[str]) -> dict[str, str]:
@@ -67,12 +114,8 @@ def _settings(texts: list[str]) -> dict[str, str]:
 
 def _theta(assembly: Assembly, chosen: dict[str, str]) -> dict[str, float]:
     """Return SI values of all parameters by name: those chosen, and the middle of the range for the others."""
-    import numpy as np
-
-    middle = assembly.from_unit(np.full(len(assembly.parameters), 0.5))
     names = [parameter.name for parameter in assembly.parameters]
-    values = assembly.vector({**dict(zip(names, middle.tolist(), strict=True)), **chosen})
-    return dict(zip(names, values.tolist(), strict=True))
+    return dict(zip(names, assembly.vector(chosen).tolist(), strict=True))
 
 
 def _print(assembly: Assembly, theta: dict[str, float], natural: list[float], reason: str) -> None:

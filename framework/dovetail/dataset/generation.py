@@ -13,7 +13,7 @@ from typing import Any, Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.atomic_files import beside, check_room, held
 from dovetail.dataset.dataset import FORMAT, Dataset
 from dovetail.dataset.sampling import check_number, latin_hypercube
@@ -29,7 +29,7 @@ _CHUNK_BYTES = 8e6
 
 
 def generate(
-    assembly: Assembly,
+    assembly: AssemblySource,
     path: str | os.PathLike[str],
     *,
     samples: int | None = None,
@@ -43,7 +43,8 @@ def generate(
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : Assembly or path
+        Or its description.
     path : path
         Folder of the new Zarr group.
     samples, seed : int, optional
@@ -70,6 +71,7 @@ def generate(
         number of samples, or with models whose code has changed; another process is at it; or the disk has no room
         for it or cannot be written, after which the dataset can be resumed.
     """
+    assembly = as_assembly(assembly)
     settings = assembly.description.identification
     plan = _Plan(
         settings.samples if samples is None else samples,

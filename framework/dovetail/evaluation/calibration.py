@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
@@ -174,7 +174,7 @@ class Calibration:
 
 
 def calibrate(
-    assembly: Assembly,
+    assembly: AssemblySource,
     *,
     cases: int = 100,
     noise: float = 0.01,
@@ -189,7 +189,8 @@ def calibrate(
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : Assembly or path
+        Or its description.
         With parameters to seek.
     cases : int
     noise : float
@@ -223,6 +224,7 @@ def calibrate(
     S. Talts, M. Betancourt, D. Simpson, A. Vehtari, A. Gelman, Validating Bayesian inference algorithms with
     simulation-based calibration, arXiv:1804.06788 (2018).
     """
+    assembly = as_assembly(assembly)
     setting = Setting(cases, noise, samples, model_error, finer_mesh, seed)
     study = _Study(assembly, setting)
     at_once = min(cases, cores() if workers is None else workers)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.dataset import latin_hypercube
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.truncated_gaussian import RemainingUncertainty, remaining_uncertainty
@@ -117,7 +117,7 @@ def _plain(point: PlannedPoint) -> dict[str, Any]:
 
 
 def plan(
-    assembly: Assembly,
+    assembly: AssemblySource,
     substructures: Sequence[str] = (),
     *,
     samples: int = 40,
@@ -130,7 +130,8 @@ def plan(
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : Assembly or path
+        Or its description.
         With parameters to seek.
     substructures : sequence of str
         Whose nodes may be struck; all by default.
@@ -158,6 +159,7 @@ def plan(
     ranges (`remaining_uncertainty`). Several responses of a description count one by one; the first says direction and
     quantity.
     """
+    assembly = as_assembly(assembly)
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to measure for."))
     if not noise > 0:

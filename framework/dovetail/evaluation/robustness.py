@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, components
+from dovetail.assembly import Assembly, AssemblySource, as_assembly, components
 from dovetail.assembly.reader import read_description
 from dovetail.dataset import Dataset, generate
 from dovetail.errors import Fault, PluginError
@@ -62,7 +62,7 @@ class RobustnessRow:
 
 
 def robustness(
-    assembly: Assembly,
+    assembly: AssemblySource,
     dataset: Dataset | None = None,
     *,
     models: Sequence[str] = ("umap", "pca", "none"),
@@ -75,7 +75,8 @@ def robustness(
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : Assembly or path
+        Or its description.
     dataset : Dataset, optional
         Of this assembly; its training and test parts are those of `train`. Without one, as many samples as the
         description says are generated and then discarded.
@@ -98,6 +99,7 @@ def robustness(
     Noise x + level * sigma * n is added to the amplitude of the accelerance, sigma the standard deviation of all test
     amplitudes of a response; what becomes negative is taken as its magnitude.
     """
+    assembly = as_assembly(assembly)
     if dataset is None:
         with TemporaryDirectory(prefix="dovetail-") as folder:
             generated = generate(assembly, Path(folder) / "dataset.zarr", progress=progress)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Self
 
-from dovetail.assembly import Assembly, PluginPaths
+from dovetail.assembly import AssemblySource, PluginPaths, as_assembly
 from dovetail.dataset import Dataset
-from dovetail.frf import Frf
-from dovetail.identification.identify import identify
+from dovetail.identification.identify import Measurement, identify
 from dovetail.identification.methods import DEFAULT_METHOD
 from dovetail.identification.network.bundle import read_bundle, write_bundle
 from dovetail.identification.network.trained_network import TrainedNetwork
@@ -31,12 +29,12 @@ class Identifier(TrainedNetwork):
         """Return the identifier of a trained network."""
         return cls(trained.assembly, trained.network, trained.evaluation, trained.novelty)
 
-    def identify(self, measured: Frf | Sequence[Frf], method: str = DEFAULT_METHOD, **options: Any) -> Identification:
+    def identify(self, measured: Measurement, method: str = DEFAULT_METHOD, **options: Any) -> Identification:
         """Identify the joint from the measured FRF of the assembly's response point, or of each of its points.
 
         Parameters
         ----------
-        measured : Frf or sequence of Frf
+        measured : Frf or path, or sequence of them
             One for each response, of any quantity. For the network it must cover the assembly's frequencies, to which
             it is interpolated; the other methods compare its own lines, as `dovetail.identify` says.
         method : str
@@ -82,14 +80,19 @@ class Identifier(TrainedNetwork):
 
 
 def train(
-    assembly: Assembly, dataset: Dataset | None = None, *, robust: bool = False, progress: Progress = silent
+    assembly: AssemblySource,
+    dataset: Dataset | str | Path | None = None,
+    *,
+    robust: bool = False,
+    progress: Progress = silent,
 ) -> Identifier:
     """Train the network of an assembly's description and evaluate it on the test part of the dataset.
 
     Parameters
     ----------
-    assembly : Assembly
-    dataset : Dataset, optional
+    assembly : Assembly or path
+        Or its description.
+    dataset : Dataset or path, optional
         Samples of this assembly. Without one, as many as the description says are generated and then discarded.
     robust : bool
         Train on FRFs with noise, as the description's `augmentation` says or else by its defaults. A description that
@@ -108,7 +111,8 @@ def train(
     PluginError
         The reducer or the regressor breaks its contract.
     """
-    return Identifier.of(train_network(assembly, dataset, robust=robust, progress=progress))
+    samples = Dataset(dataset) if isinstance(dataset, (str, Path)) else dataset
+    return Identifier.of(train_network(as_assembly(assembly), samples, robust=robust, progress=progress))
 
 
 def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.assembly.calibration import unknown_signs, with_signs
 from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
@@ -42,8 +42,8 @@ _DELAYS = 201
 
 
 def identify(
-    assembly: Assembly,
-    measured: Frf | Sequence[Frf],
+    assembly: AssemblySource,
+    measured: Measurement,
     method: str = DEFAULT_METHOD,
     *,
     model: TrainedNetwork | None = None,
@@ -55,8 +55,9 @@ def identify(
 
     Parameters
     ----------
-    assembly : Assembly
-    measured : Frf or sequence of Frf
+    assembly : Assembly or path
+        Or its description.
+    measured : Frf or path, or sequence of them
         One for each response of the description, in its order; of any quantity, without the accelerometer. The lines
         within the description's band count, each measurement on its own: the model is computed there, and measured
         values are never interpolated, but for the features of a network.
@@ -102,6 +103,7 @@ def identify(
     if method not in METHODS:
         accepted = ", ".join(METHODS)
         raise ValueError(f"'{method}' is not a method. {did_you_mean(method, METHODS)} Accepted: {accepted}")
+    assembly, measured = as_assembly(assembly), as_frfs(measured)
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
     accepted_options = method_options(method)
@@ -112,6 +114,22 @@ def identify(
     with threadpool_limits(1, user_api="blas"):
         lines = _with_signs(MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase)))
         return METHODS[method](lines, model, **options)
+
+
+def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
+    """Return measured FRFs as they are, or read from their files.
+
+    Raises
+    ------
+    MeasurementError
+        Something is neither, or a file cannot be read.
+    """
+    each = [measured] if isinstance(measured, (Frf, str, Path)) else list(measured)
+    for one in each:
+        if not isinstance(one, (Frf, str, Path)):
+            problem = f"this is an object of the type {type(one).__name__}."
+            raise MeasurementError(Fault("measured", problem, "an Frf, or the path of its file"))
+    return tuple(one if isinstance(one, Frf) else read_frf(one) for one in each)
 
 
 def _prepared(
@@ -232,7 +250,7 @@ class Batch:
 
 
 def identify_many(
-    assembly: Assembly,
+    assembly: AssemblySource,
     measurements: Sequence[Measurement],
     method: str = DEFAULT_METHOD,
     *,
@@ -245,7 +263,8 @@ def identify_many(
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : Assembly or path
+        Or its description.
     measurements : sequence
         An FRF or its file each; or for several responses a sequence of them each, as `identify` takes it.
     method : str
@@ -268,12 +287,12 @@ def identify_many(
     -----
     The first measurement is identified before the others, so that all processes share the engine that it compiles.
     """
-    frfs = list(measurements)
+    loaded, frfs = as_assembly(assembly), list(measurements)
     names = _names(frfs)
 
     def work(index: int) -> Identification | str:
         try:
-            return identify(assembly, _read(frfs[index]), method, model=model, **options)
+            return identify(loaded, frfs[index], method, model=model, **options)
         except DovetailError as error:
             return str(error)
 
@@ -293,12 +312,6 @@ def identify_many(
         MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, Identification)}),
         MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, str)}),
     )
-
-
-def _read(measurement: Measurement) -> Frf | list[Frf]:
-    if isinstance(measurement, (Frf, str, Path)):
-        return measurement if isinstance(measurement, Frf) else read_frf(measurement)
-    return [each if isinstance(each, Frf) else read_frf(each) for each in measurement]
 
 
 def _names(measurements: Sequence[Measurement]) -> list[str]:

@@ -5,29 +5,32 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.posterior import LEVEL, error_shapes
 from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.identification.result import Identification
+from dovetail.identification.result_file import load_result
 
 __all__ = ["Band", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]
 
 
-def predict(assembly: Assembly, result: Identification | Mapping[str, float]) -> Frf:
+def predict(assembly: AssemblySource, result: Identification | str | Path | Mapping[str, float]) -> Frf:
     """Predict the FRF of an assembly with a joint that was identified in another.
 
     Parameters
     ----------
-    assembly : Assembly
-        For example another tool in the same holder and joint. Parameters that its description fixes keep their values.
-    result : Identification or mapping of str to float
-        The identified joint; or SI values by name, bare or as ``joint.parameter``.
+    assembly : Assembly or path
+        Or its description; for example another tool in the same holder and joint. Parameters that its description fixes
+        keep their values.
+    result : Identification, path, or mapping of str to float
+        The identified joint, or where its result was written; or SI values by name, bare or as ``joint.parameter``.
 
     Returns
     -------
@@ -50,8 +53,9 @@ def predict(assembly: Assembly, result: Identification | Mapping[str, float]) ->
     A parameter is matched by joint and name, or else by its name alone if only one joint on either side has it.
     Parameters that the identified assembly's description fixes belong to the joint and are taken along.
     """
-    _warn(result)
-    return predicted_frf(assembly, result)
+    joint = load_result(result) if isinstance(result, (str, Path)) else result
+    _warn(joint)
+    return predicted_frf(as_assembly(assembly), joint)
 
 
 def predicted_frf(assembly: Assembly, result: Identification | Mapping[str, float]) -> Frf:
@@ -186,14 +190,16 @@ class Band:
     caveat: str = ""
 
 
-def predict_band(assembly: Assembly, result: Identification, *, level: float = LEVEL, seed: int = 0) -> Band:
+def predict_band(
+    assembly: AssemblySource, result: Identification | str | Path, *, level: float = LEVEL, seed: int = 0
+) -> Band:
     """Predict the amplitudes between which the FRF of another assembly with the identified joint lies.
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : Assembly or path
         As in `predict`.
-    result : Identification
+    result : Identification or path
         By the method "posterior".
     level : float
         Probability, line by line.
@@ -216,8 +222,9 @@ def predict_band(assembly: Assembly, result: Identification, *, level: float = L
     UserWarning
         `result` is not to be believed.
     """
-    _warn(result)
-    return predicted_band(assembly, result, level, seed)
+    joint = load_result(result) if isinstance(result, (str, Path)) else result
+    _warn(joint)
+    return predicted_band(as_assembly(assembly), joint, level, seed)
 
 
 def predicted_band(assembly: Assembly, result: Identification, level: float = LEVEL, seed: int = 0) -> Band:

@@ -33,6 +33,7 @@ __all__ = [
     "draw_phase",
     "frf_figure",
     "load_matplotlib",
+    "measured_figure",
     "new_figure",
     "robustness_figure",
     "save_png",
@@ -140,6 +141,38 @@ def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Fig
     _finish_frequency_axis(panels, frf.frequency)
     _mark_frequencies(panels, natural_frequencies)
     set_title(figure, frf.label, frf.note)
+    return figure
+
+
+def measured_figure(frfs: Sequence[Frf]) -> Figure:
+    """Draw measured FRFs over each other: amplitude, and phase and coherence where one of them has it.
+
+    Parameters
+    ----------
+    frfs : sequence of Frf
+        One or more; all are drawn in the quantity of the first.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    drawn = [frf if frf.rotation else frf.to(frfs[0].quantity) for frf in frfs]
+    with_phase, with_coherence = any(frf.has_phase for frf in drawn), any(frf.coherence is not None for frf in drawn)
+    figure, panels = _stacked([2.6] + [1.5] * with_phase + [1.2] * with_coherence)
+    for number, frf in enumerate(drawn):
+        colour, dashes = LINES[number % len(LINES)], _DASHES[number // len(LINES) % len(_DASHES)]
+        style = {"color": colour, "linestyle": dashes, "linewidth": 1.3}
+        draw_amplitude(panels[0], frf, {**style, "label": terminal_text(frf.label).replace("$", r"\$")})
+        if frf.has_phase:
+            draw_phase(panels[1], frf, style)
+        if frf.coherence is not None:
+            panels[-1].plot(frf.frequency, frf.coherence, **style)
+            panels[-1].set(ylim=(0.0, 1.03), yticks=[0.0, 0.5, 1.0], ylabel="Coherence [-]")
+    if len(drawn) == 1:
+        set_title(figure, frfs[0].label, frfs[0].note)
+    else:
+        panels[0].legend(loc="best", fontsize=8.5)
+    _finish_frequency_axis(panels, np.unique(np.concatenate([frf.frequency for frf in drawn])))
     return figure
 
 

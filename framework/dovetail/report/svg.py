@@ -11,7 +11,9 @@ from dovetail.plain_text import html_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["inline_svg"]
+__all__ = ["FIGURE_SUFFIXES", "figure_bytes", "inline_svg"]
+
+FIGURE_SUFFIXES = (".png", ".svg", ".html")
 
 _REFERENCE = re.compile(r'(\bid="|url\(#|href="#)')
 _PATH = re.compile(r'\bd="[^"]*"')
@@ -49,3 +51,18 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
     text = text.replace("xlink:href", "href")
     text = _REFERENCE.sub(rf"\g<1>{name}-", text)
     return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text)
+
+
+def figure_bytes(figure: Figure, suffix: str) -> bytes:
+    """Return the file of a figure in one of `FIGURE_SUFFIXES`; a page holds it as a drawing, with no script."""
+    title = figure.get_suptitle() or "FRF"
+    if suffix == ".png":
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=200, metadata={"Title": title})
+        return buffer.getvalue()
+    drawing = inline_svg(figure, "frf", title)
+    if suffix == ".svg":
+        return drawing.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1).encode()
+    style = "body { margin: 1rem auto; max-width: 60rem }"
+    head = f'<meta charset="utf-8"><title>{html_text(title)}</title><style>{style}</style>'
+    return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>{drawing}</body></html>\n'.encode()

@@ -1,0 +1,54 @@
+"""What the shell completes: names of models, methods and parameters, and files."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+__all__ = ["complete_files", "complete_methods", "complete_models", "complete_parameters"]
+
+
+def complete_files(incomplete: str) -> list[str]:
+    """Return folders and files whose paths begin so; hidden ones only if asked for."""
+    folder = incomplete.rpartition("/")[0]
+    begun = incomplete.rpartition("/")[2]
+    place = Path(folder or ("/" if incomplete.startswith("/") else "."))
+    prefix = incomplete[: len(incomplete) - len(begun)]
+    with suppress(OSError):
+        named = [path for path in sorted(place.iterdir()) if path.name.startswith(begun)]
+        shown = [path for path in named if begun or not path.name.startswith(".")]
+        return [f"{prefix}{path.name}{'/' if path.is_dir() else ''}" for path in shown]
+    return []
+
+
+def complete_methods(incomplete: str) -> list[str]:
+    """Return the methods of identification that begin so."""
+    from dovetail.identification.methods import METHODS
+
+    return [name for name in METHODS if name.startswith(incomplete)]
+
+
+def complete_models(incomplete: str) -> list[str]:
+    """Return the models at hand that begin so."""
+    from dovetail.assembly import components
+    from dovetail.interfaces import KINDS
+
+    registry = components(())
+    return sorted({name for kind in KINDS for name in registry.names(kind) if name.startswith(incomplete)})
+
+
+def complete_parameters(incomplete: str) -> list[str]:
+    """Return ``name=`` for the parameters of the description that stands before on the command line.
+
+    An option without its value leaves the command line unread, so that the description is looked for among the words
+    that the shell gives.
+    """
+    from dovetail import DovetailError, load
+
+    words = os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS", "")
+    for word in words.split():
+        if word.endswith((".yaml", ".yml")) and Path(word).is_file():
+            with suppress(DovetailError):
+                return [f"{p.name}=" for p in load(word).parameters if p.name.startswith(incomplete)]
+    return []
