@@ -36,7 +36,7 @@ def routes(assembly: dovetail.Assembly, samples: int) -> Routes:
     theta = latin_hypercube(assembly, samples, seed=0)
     few = theta[: max(1, samples // 4)]
     single = assembly.by_joint(theta[0])
-    literal = LiteralSynthesis(assembly.graph, assembly.frequency, *assembly.drive_point)
+    literal = LiteralSynthesis(assembly.graph, assembly.frequency, *assembly.description.response.point)
 
     def on(threads: int, work: Callable[[], object]) -> Callable[[], object]:
         def timed() -> object:

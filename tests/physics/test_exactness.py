@@ -216,7 +216,7 @@ def test_the_literal_method_gives_the_same_for_twenty_vectors(name):
     """To 1e-6 only: the literal method inverts receptances, which costs it the digits."""
     assembly = load(name)
     lines = np.linspace(0, len(assembly.frequency) - 1, 250).astype(int)
-    literal = LiteralSynthesis(assembly.graph, assembly.frequency[lines], *assembly.drive_point)
+    literal = LiteralSynthesis(assembly.graph, assembly.frequency[lines], *assembly.description.response.point)
     theta = samples(assembly, 20, seed=15)
     for vector, found in zip(theta, assembly.engine.drive_point(assembly.by_joint(theta)), strict=True):
         np.testing.assert_allclose(literal.receptance(assembly.by_joint(vector)), found[lines], rtol=1e-6)

@@ -82,7 +82,7 @@ def matrices_of(assembly):
 
 def error(assembly, lines):
     """Largest relative difference from the direct solve of the whole assembly at some lines."""
-    name, dof = assembly.drive_point
+    name, dof = assembly.description.response.point
     number = [int(assembly.graph.substructure_dofs(name)[dof])]
     frequency = assembly.frequency[lines]
     truth = direct_receptance(assembly.graph, frequency, matrices_of(assembly), number, number)[:, 0, 0]

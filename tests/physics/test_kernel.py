@@ -130,7 +130,7 @@ def test_without_damping_the_frf_is_real_and_exact_away_from_resonance(collet):
     theta = latin_hypercube(assembly, 10, seed=8)
     found = assembly.engine.drive_point(assembly.by_joint(theta))
     assert np.all(found.imag == 0)
-    name, dof = assembly.drive_point
+    name, dof = assembly.description.response.point
     number = int(assembly.graph.substructure_dofs(name)[dof])
     for vector, receptance in zip(theta, found, strict=True):
         by_joint = assembly.by_joint(vector)

@@ -72,7 +72,7 @@ def assert_same(loops: Engine, straight: Engine, theta: dict[str, np.ndarray]) -
 
 def test_loops_and_straight_line_code_give_the_same_for_the_collet(collet, monkeypatch):
     theta = collet.by_joint(latin_hypercube(collet, 9, seed=3))
-    points, columns = [collet.drive_point], {"collet": [11, 0, 4]}
+    points, columns = [collet.description.response.point], {"collet": [11, 0, 4]}
     make = lambda: Engine(collet.graph, collet.frequency[::7], points, theta, columns)  # noqa: E731
     assert_same(*both(monkeypatch, make), theta)
 

@@ -215,7 +215,7 @@ def test_a_pivot_that_vanishes_at_a_point_is_solved_with_pivoting(kernel, pairs)
 def places(collet) -> list[tuple[str, int]]:
     """Displacements and rotations of both parts, the described drive point first."""
     others = [("tool", 0.0, "x"), ("tool", 0.05, "rz"), ("holder", 0.1454, "x"), ("holder", 0.0, "rz")]
-    return [collet.drive_point, *(collet.point(*place) for place in others)]
+    return [collet.description.response.point, *(collet.point(*place) for place in others)]
 
 
 def engine_between(collet, places, pairs, samples: int = 6) -> tuple[Engine, dict[str, np.ndarray]]:

@@ -19,7 +19,7 @@ def worst_error(assembly: dovetail.Assembly, samples: int, every: int) -> float:
     """Return the largest relative error over samples and every n-th line, each sample beginning at another line."""
     theta = latin_hypercube(assembly, samples, seed=0) if assembly.parameters else np.empty((1, 0))
     by_joint = assembly.by_joint(theta)
-    name, dof = assembly.drive_point
+    name, dof = assembly.description.response.point
     number = int(assembly.graph.substructure_dofs(name)[dof])
     found = assembly.engine.drive_point(by_joint)
     errors = []

@@ -103,7 +103,7 @@ def middle(assembly):
 
 def direct(assembly, theta, lines=slice(None)):
     by_joint = assembly.by_joint(theta)
-    name, dof = assembly.drive_point
+    name, dof = assembly.description.response.point
     number = int(assembly.graph.substructure_dofs(name)[dof])
     return direct_receptance(assembly.graph, assembly.frequency[lines], by_joint, [number], [number])[:, 0, 0]
 
