@@ -202,7 +202,7 @@ class OrderOfASet(SoundJoint):
     def matrices(self, theta):
         """Let the order count."""
         order = "".join(set("abcdefgh"))
-        return stiffer(super().matrices(theta), 1.0 + 1e-6 * int.from_bytes(order.encode()[:2], "big"))
+        return stiffer(super().matrices(theta), 1.0 + 1e-6 * (int.from_bytes(order.encode(), "big") % 9973))
 
 
 @also_breaks("a_fresh_process_gives_the_same_answers")
