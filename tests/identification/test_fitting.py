@@ -179,7 +179,7 @@ def test_the_ranges_hold(sdof):
     assert all(p.lower <= value <= p.upper for p, value in zip(sdof.parameters, fit.theta, strict=True))
     assert fit.at_bounds["k"] == "upper"
     result = dovetail.identify(sdof, beyond, "refined")
-    assert "k ended at the upper end of its range." in result.warnings
+    assert "In the best fit k is at the upper end of its range." in result.warnings
 
 
 @pytest.mark.parametrize("objective", ["frf", "weighted"])

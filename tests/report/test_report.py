@@ -159,9 +159,9 @@ def test_a_measurement_is_not_called_synthetic_without_reason(result: Identifica
 
 def test_truth_and_error_stand_beside_the_values(result: Identification, truth: Truth, tmp_path: Path) -> None:
     text = written(result, tmp_path, truth).text
-    assert after(text, "equivalent outer diameter of the collet")[:5] == ["35.18", "mm", "34.90", "+0.80", "26"]
+    assert after(text, "equivalent outer diameter of the collet")[:6] == ["35.18", "mm", "34.90", "+0.80", "%", "26"]
     assert truth.note in text
-    assert "Error" not in written(result, tmp_path).text
+    assert "True," not in written(result, tmp_path).text
 
 
 def test_a_truth_of_some_parameters_leaves_the_others_open(result: Identification, tmp_path: Path) -> None:

@@ -216,7 +216,7 @@ def _warnings_at(at_point: AtPoint, where: str, believable: bool) -> list[str]:
 
 def _warnings_of_fit(fit: Fit) -> list[str]:
     """Return the warnings about a fit; how well it explains the measurement is told by its adequacy."""
-    return [f"{name} ended at the {end} end of its range." for name, end in fit.at_bounds.items()]
+    return [f"In the best fit {name} is at the {end} end of its range." for name, end in fit.at_bounds.items()]
 
 
 def _warnings_of_lines(fit: Fit, where: str) -> list[str]:
