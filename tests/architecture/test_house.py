@@ -18,8 +18,8 @@ resonance, and how wrong a model is, with causes, came after that in a thousand 
 (tables without a header, LabVIEW, MATLAB's cells and frd, modal parameters) took eight hundred more; FRFs between any
 points by one elimination, unknown options of parts, measurement chains, ties, priors and masks another fourteen
 hundred. Readers in guarded processes, hostile texts, folders that are whole or not there, locks and targets that are
-tried first took seven hundred. One table of results everywhere, batches, data frames and inference data took five
-hundred. A feature that is worth more code raises the limit, and says here what it was. The
+tried first took seven hundred. One table of results everywhere, batches, data frames and inference data, a look at
+measured files and completion took eight hundred. A feature that is worth more code raises the limit, and says here what it was. The
 conformance kit is left out: it grows with every mistake that it learns to see.
 """
 
