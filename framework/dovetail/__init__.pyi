@@ -3,6 +3,7 @@
 
 from .assembly import Assembly as Assembly
 from .assembly import description_schema as description_schema
+from .assembly import find_doubts as find_doubts
 from .assembly import load as load
 from .atomic_files import read_bounded as read_bounded
 from .coupling import ReceptanceMatrix as ReceptanceMatrix

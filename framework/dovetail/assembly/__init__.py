@@ -2,6 +2,7 @@
 
 from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.description import Description, IdentificationSettings, fingerprint
+from dovetail.assembly.doubts import find_doubts
 from dovetail.assembly.json_schema import description_schema
 from dovetail.assembly.loading import AssemblySource, PluginPaths, as_assembly, components, load
 from dovetail.assembly.parameters import ParameterSpace, Theta
@@ -21,6 +22,7 @@ __all__ = [
     "as_assembly",
     "components",
     "description_schema",
+    "find_doubts",
     "fingerprint",
     "largest_frf_difference",
     "load",

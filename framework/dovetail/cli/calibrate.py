@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell
 
@@ -55,6 +55,7 @@ def calibrate(
     from dovetail.cli.result_files import prepare_folder, writing
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
+    note_doubts(loaded)
     if output is not None:
         prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:

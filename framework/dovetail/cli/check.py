@@ -39,6 +39,8 @@ _NORMAL = {"linear": "normal", "log": "log-normal"}
 
 
 def _summary(assembly: Assembly) -> dict[str, Any]:
+    from dovetail.assembly import find_doubts
+
     description, graph = assembly.description, assembly.graph
     frequency = assembly.frequency
     natural, reason = natural_frequencies(assembly)
@@ -69,6 +71,7 @@ def _summary(assembly: Assembly) -> dict[str, Any]:
         "frequency": {"first": float(frequency[0]), "last": float(frequency[-1]), "lines": len(frequency)},
         "natural_frequencies": natural,
         "without_natural_frequencies": reason,
+        "doubts": list(find_doubts(assembly)),
     }
 
 
@@ -117,6 +120,10 @@ def _print(assembly: Assembly, summary: dict[str, Any]) -> None:
         table(["parameter", "value"], [(p["name"], format_quantity(p["value"], p["unit"])) for p in summary["fixed"]])
     heading("Natural frequencies in the middle of the ranges")
     say_natural_frequencies(summary["natural_frequencies"], summary["without_natural_frequencies"])
+    if summary["doubts"]:
+        heading("What looks wrong")
+        for doubt in summary["doubts"]:
+            say(doubt)
 
 
 def _print_dofs(summary: dict[str, Any]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AssemblyFile, PluginFiles
+from dovetail.cli.options import AssemblyFile, PluginFiles, note_doubts
 from dovetail.cli.terminal import note, progress_bars, say
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ def generate(
     import dovetail
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
+    note_doubts(loaded)
     kept: Storage = storage.value
     chosen = {"samples": samples, "seed": seed, "storage": kept, "interpolation": interpolation}
     try:

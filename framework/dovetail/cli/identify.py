@@ -11,7 +11,7 @@ import typer
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.commands import exit_unless_believable
 from dovetail.cli.completion import complete_files, complete_methods
-from dovetail.cli.options import AsJson, PluginFiles, check_method, quantity_in
+from dovetail.cli.options import AsJson, PluginFiles, check_method, note_doubts, quantity_in
 from dovetail.cli.reading import (
     Columns,
     ForceDofs,
@@ -208,7 +208,9 @@ def _read(source: Path, plugins: list[Path]) -> tuple[Assembly, Identifier | Non
     import dovetail
 
     if not source.is_dir():
-        return dovetail.load(source, plugins=plugins), None
+        assembly = dovetail.load(source, plugins=plugins)
+        note_doubts(assembly)
+        return assembly, None
     model = dovetail.load_model(source, plugins=plugins)
     return model.assembly, model
 

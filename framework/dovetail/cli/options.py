@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.completion import complete_files
+from dovetail.cli.terminal import note
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -23,6 +24,7 @@ __all__ = [
     "at_point",
     "check_method",
     "check_new_files",
+    "note_doubts",
     "part",
     "quantity_in",
 ]
@@ -85,6 +87,14 @@ def quantity_in(unit: str) -> Callable[[str], float]:
             raise typer.BadParameter(error.faults[0].problem) from None
 
     return parse
+
+
+def note_doubts(assembly: Assembly) -> None:
+    """Say on stderr, before long work, what looks wrong in a description."""
+    from dovetail.assembly import find_doubts
+
+    for doubt in find_doubts(assembly):
+        note(f"This looks wrong: {doubt}")
 
 
 def part(text: str) -> float:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts
 from dovetail.cli.terminal import print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def robustness(
 
     chosen, noise = [name.strip() for name in models.split(",")], _levels(levels)
     loaded, registry = dovetail.load(assembly, plugins=plugin or ()), components(plugin or ())
+    note_doubts(loaded)
     for name in chosen:
         variant(loaded, name, registry)
     if output is not None:

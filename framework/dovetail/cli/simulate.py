@@ -19,6 +19,7 @@ from dovetail.cli.options import (
     PointNumber,
     at_point,
     check_new_files,
+    note_doubts,
     part,
 )
 from dovetail.cli.terminal import heading, note, print_json, quantity_text, range_text, table, title
@@ -74,6 +75,7 @@ def simulate(
         check_new_files([truth_output], [".json"], overwrite)
     chosen = _settings(settings or [])
     loaded = at_point(dovetail.load(assembly, plugins=plugin or ()), point)
+    note_doubts(loaded)
     theta = _theta(loaded, chosen)
     frf = loaded.simulate(theta)
     if noise:

@@ -56,6 +56,10 @@ class SubstructureModel(Component):
         """Return the same part with a mesh `factor` times as fine, or None if it has no mesh."""
         return None
 
+    def doubts(self, frequency: float) -> Sequence[str]:  # noqa: ARG002
+        """Return what looks wrong with this part up to a frequency [Hz], a sentence each; by default nothing."""
+        return ()
+
     @property
     def absent_dofs(self) -> frozenset[int]:
         """DOFs of the nodes at which a part known by its FRFs has no receptance; none by default.
