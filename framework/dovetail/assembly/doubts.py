@@ -1,0 +1,120 @@
+"""What looks wrong in a valid description: values that hardly anybody means, each with what was probably meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from dovetail.assembly.assembly import Assembly
+from dovetail.documents.validation import number_unit
+from dovetail.errors import DovetailError, PluginError
+from dovetail.interfaces import Parameter, plugin_errors
+from dovetail.units import format_quantity
+
+__all__ = ["find_doubts"]
+
+_USUAL = {"Pa": (1e6, 1.3e12), "kg/m^3": (10.0, 25e3), "m": (1e-6, 20.0)}
+"""From soft rubber to diamond, from foam to osmium, from a micrometre to a building."""
+_MEANT = {
+    "Pa": ((1e9, "GPa"), (1e6, "MPa")),
+    "kg/m^3": ((1e3, "g/cm^3"), (1e12, "t/mm^3")),
+    "m": ((1e-3, "mm"),),
+}
+_DECADES = 1e3
+"""Upper over lower end from which a range on a linear scale hardly holds values near its lower end."""
+_FAR = 2.0
+"""Times the nearest natural frequency from which a band is far from it."""
+_MODES, _VECTORS = 60, 8
+"""Natural frequencies of so many random parameter vectors that are looked at."""
+
+
+def find_doubts(assembly: Assembly) -> tuple[str, ...]:
+    """Return what looks wrong in an assembly's description, a sentence each; nothing is refused for it.
+
+    Parameters
+    ----------
+    assembly : Assembly
+
+    Returns
+    -------
+    tuple of str
+        Moduli, densities and lengths far from any material's or structure's; wide ranges on a linear scale; a band
+        without a natural frequency; and what a substructure says of itself (`SubstructureModel.doubts`).
+    """
+    found = [
+        f"substructures.{name}.{problem}"
+        for name, part in assembly.description.substructures.items()
+        for problem in _of_options(getattr(part, "config", None))
+    ]
+    found += [problem for parameter in assembly.parameters for problem in _of_range(parameter)]
+    highest = float(assembly.frequency[-1])
+    for name, part in assembly.description.substructures.items():
+        with plugin_errors(part, f"substructure '{name}' ({part.name})"):
+            found += [f"substructures.{name}: {problem}" for problem in part.doubts(highest)]
+    return (*found, *_of_band(assembly))
+
+
+def _of_options(config: object) -> Iterator[str]:
+    """Yield the doubts about a component's options with a unit."""
+    if not isinstance(config, BaseModel):
+        return
+    for steps, value in _numbers_within(config.model_dump(), ()):
+        unit = number_unit(type(config), steps)
+        low, high = _USUAL.get(unit or "", (-np.inf, np.inf))
+        if unit is None or value == 0.0 or low <= abs(value) <= high:
+            continue
+        option = ".".join(map(str, steps))
+        meant = [f"{value:g} {name}" for factor, name in _MEANT[unit] if low <= abs(value) * factor <= high]
+        hint = f" Was {' or '.join(meant)} meant? A number without a unit is in SI." if meant else ""
+        yield f"{option}: {value:g} {unit} is not within {low:g} to {high:g} {unit}.{hint}"
+
+
+def _numbers_within(value: Any, steps: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], float]]:
+    children: Sequence[tuple[str | int, Any]] = ()
+    if isinstance(value, Mapping):
+        children = list(value.items())
+    elif isinstance(value, (list, tuple)):
+        children = list(enumerate(value))
+    elif isinstance(value, float):
+        yield steps, value
+    for step, child in children:
+        yield from _numbers_within(child, (*steps, step))
+
+
+def _of_range(parameter: Parameter) -> Iterator[str]:
+    """Yield the doubt about a range of decades on a linear scale."""
+    if parameter.scale != "linear" or parameter.prior != "uniform":
+        return
+    if 0 < _DECADES * parameter.lower <= parameter.upper:
+        ends = " to ".join(format_quantity(end, parameter.unit) for end in (parameter.lower, parameter.upper))
+        yield (
+            f"{parameter.name}: on a linear scale nine tenths of the range {ends} lie in its highest decade. Was "
+            "'scale: log' meant?"
+        )
+
+
+def _of_band(assembly: Assembly) -> Iterator[str]:
+    """Yield the doubt about a band that is far from all natural frequencies that the ranges allow."""
+    low, high = float(assembly.frequency[0]), float(assembly.frequency[-1])
+    if not assembly.parameters:
+        return
+    first, last = np.inf, 0.0
+    for fraction in np.random.default_rng(0).random((_VECTORS, len(assembly.parameters))):
+        try:
+            natural = assembly.natural_frequencies(assembly.from_unit(fraction), _MODES)
+        except PluginError:
+            raise
+        except (DovetailError, np.linalg.LinAlgError):
+            return
+        first, last = np.nanmin(natural, initial=first), np.nanmax(natural, initial=last)
+        if _FAR * high >= first and low <= _FAR * last:
+            return  # which spares the other vectors of all but odd descriptions
+    side, nearest = ("below", first) if _FAR * high < first else ("above", last)
+    if last:
+        yield (
+            f"frequency: the band, {low:g} to {high:g} Hz, lies far {side} all natural frequencies that the ranges "
+            f"allow; the nearest is {nearest:.4g} Hz. Frequencies are in Hz, and numbers without a unit in SI."
+        )
