@@ -433,7 +433,7 @@ def test_several_files_are_a_batch(run, bench, tmp_path):
 
     gone = tmp_path / "gone.csv"
     done = run("identify", bench.description, folder / "a.csv", gone, "--method", "refined", "--json", code=1)
-    assert done.stderr == f"{gone}\n  there is no such file.\n"
+    assert done.stderr.endswith(f"'imag' is imag.\n{gone}\n  there is no such file.\n")
     printed = json.loads(done.stdout)
     assert list(printed["failures"]) == ["gone.csv"]
     assert [row["measurement"] for row in printed["results"]] == ["a.csv"]

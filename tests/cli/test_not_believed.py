@@ -21,10 +21,7 @@ from dovetail.cli.result_files import write_results
 from dovetail.identification import methods
 from dovetail.identification.result_file import load_result
 
-pytestmark = [
-    pytest.mark.xdist_group("not_believed"),  # what its tests share takes long
-    pytest.mark.usefixtures("few_mode_searches"),
-]
+pytestmark = pytest.mark.usefixtures("few_mode_searches")
 CAVEAT = "The model does not fit the measurement: do not believe the numbers."
 HEAVIER = "extends: sdof.yaml\nname: heavier\nsubstructures: {mass: {masses: [{mass: 2 kg}]}}\n"
 JOINT = "{assembly: sdof.yaml, measured: measured.uff}"

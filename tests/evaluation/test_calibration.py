@@ -19,10 +19,7 @@ from dovetail.evaluation import calibration as study
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.parallel import side_by_side
 
-pytestmark = [
-    pytest.mark.xdist_group("calibration"),  # what its tests share takes long
-    pytest.mark.usefixtures("few_mode_searches"),
-]
+pytestmark = pytest.mark.usefixtures("few_mode_searches")
 CASES = 120
 
 

@@ -67,7 +67,9 @@ def test_any_number_of_lines(sdof, lines):
     description["frequency"] = {"start": 10, "stop": 10 + 7 * (lines - 1) + 1e-3, "lines": lines} if lines > 1 else None
     theta = [2.5e6, 40.0]
     if lines == 1:
-        engine = Engine(sdof.graph, np.array([50.0]), [sdof.drive_point], sdof.by_joint(np.array([theta])))
+        engine = Engine(
+            sdof.graph, np.array([50.0]), [sdof.description.response.point], sdof.by_joint(np.array([theta]))
+        )
         frequency, found = np.array([50.0]), engine.drive_point(sdof.by_joint(np.array([theta])))[0]
     else:
         assembly = dovetail.load(description)
@@ -211,7 +213,9 @@ def test_where_a_pivot_vanishes_the_derivatives_are_solved_with_pivoting():
 
 
 def test_a_line_on_an_undamped_resonance_is_refused(sdof):
-    at_resonance = Engine(sdof.graph, np.array([50.0]), [sdof.drive_point], sdof.by_joint(np.array([[1e6, 10.0]])))
+    at_resonance = Engine(
+        sdof.graph, np.array([50.0]), [sdof.description.response.point], sdof.by_joint(np.array([[1e6, 10.0]]))
+    )
     theta = sdof.by_joint(np.array([[(2 * np.pi * 50.0) ** 2, 0.0]]))
     for compute in (at_resonance.drive_point, at_resonance.jacobian):
         with pytest.raises(dovetail.DovetailError, match="resonates without damping at 50 Hz"):

@@ -44,17 +44,17 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
         Moduli, densities and lengths far from any material's or structure's; wide ranges on a linear scale; a band
         without a natural frequency; and what a substructure says of itself (`SubstructureModel.doubts`).
     """
-    found = [
+    doubts = [
         f"substructures.{name}.{problem}"
         for name, part in assembly.description.substructures.items()
         for problem in _of_options(getattr(part, "config", None))
     ]
-    found += [problem for parameter in assembly.parameters for problem in _of_range(parameter)]
+    doubts += [problem for parameter in assembly.parameters for problem in _of_range(parameter)]
     highest = float(assembly.frequency[-1])
     for name, part in assembly.description.substructures.items():
         with plugin_errors(part, f"substructure '{name}' ({part.name})"):
-            found += [f"substructures.{name}: {problem}" for problem in part.doubts(highest)]
-    return (*found, *_of_band(assembly))
+            doubts += [f"substructures.{name}: {problem}" for problem in part.doubts(highest)]
+    return (*doubts, *_of_band(assembly))
 
 
 def _of_options(config: object) -> Iterator[str]:

@@ -163,5 +163,6 @@ def _stems(names: Sequence[str]) -> list[str]:
     stems: list[str] = []
     for name in names:
         stem = re.sub(r"[^\w.-]+", "_", name).strip("._") or "measurement"
-        stems.append(stem if stem not in stems else f"{stem}_{len(stems) + 1}")
+        taken = stem.casefold() in map(str.casefold, stems)  # as macOS and Windows compare
+        stems.append(f"{stem}_{len(stems) + 1}" if taken else stem)
     return stems

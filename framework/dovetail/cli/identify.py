@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 __all__ = ["identify"]
 
-_WORDS = ("parameter", "unit", "verdict", "range")
-"""Columns of the table of parameters that are not numbers."""
+_WORDS = ("unit", "verdict", "range")
+"""Columns of the table of parameters that are not numbers, beside the first."""
 
 
 def identify(
@@ -176,6 +176,7 @@ def identify(
     batch = is_batch(measured, len(assembly.description.responses))
     if batch:
         frfs = []
+        _check_accelerometer(assembly, accelerometer_mass)
         check_batch(truth, output, index, response, force)
     else:
         frfs = [read(file, index=number, response=to, force=from_) for file, number, to, from_ in chosen_frfs]
@@ -283,10 +284,12 @@ def _print(result: Identification, truth: Truth | None) -> None:
 
 def _print_parameters(result: Identification, rows: list[ParameterRow], *, with_truth: bool) -> None:
     """Print the one table, what its columns are, and why a parameter is not identified."""
+    from dovetail.identification.posterior import NOT_BELIEVED
     from dovetail.report.content import columns_sentence, posterior_sentence, truth_sentence
 
+    name = "parameter" if result.believable else f"parameter, {NOT_BELIEVED}"  # stands before each part of the table
     shown: dict[str, Callable[[ParameterRow], str]] = {
-        "parameter": lambda row: row.name,
+        name: lambda row: row.name,
         "estimate": lambda row: row.estimate,
         "90 % interval": lambda row: row.interval,
         "unit": lambda row: row.unit,
@@ -299,7 +302,7 @@ def _print_parameters(result: Identification, rows: list[ParameterRow], *, with_
         "range": lambda row: f"{row.lower} to {row.upper}",
     }
     texts = [[text(row) for text in shown.values()] for row in rows]
-    table(list(shown), texts, numbers=[name for name in shown if name not in _WORDS], split=True)
+    table(list(shown), texts, numbers=[column for column in shown if column not in (name, *_WORDS)], split=True)
     sentences = [columns_sentence(result), truth_sentence(rows)]
     if result.posterior is not None:
         sentences.append(posterior_sentence(result.posterior))

@@ -162,11 +162,11 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
     weight = np.array(stored.samples.weight)
     theta = np.array(stored.samples.theta, dtype=np.float64)
     total = float(weight.sum())
+    if theta.shape != (len(weight), len(parameters)) or not len(weight) or not total > 0 or not 0 < stored.reached <= 1:
+        raise DovetailError(Fault(str(file), "the samples of its posterior do not fit its parameters."))
     levels = stored.samples.log_likelihood
     if levels is not None and len(levels) != len(weight):
         raise DovetailError(Fault(str(file), "its posterior has not as many log-likelihoods as samples."))
-    if theta.shape != (len(weight), len(parameters)) or not len(weight) or not total > 0 or not 0 < stored.reached <= 1:
-        raise DovetailError(Fault(str(file), "the samples of its posterior do not fit its parameters."))
     if stored.mode is not None and len(stored.mode) != len(parameters):
         raise DovetailError(Fault(str(file), "the most probable place of its posterior does not fit its parameters."))
     ranges = [parameter.definition for parameter in parameters.values()]

@@ -116,18 +116,18 @@ class TimoshenkoBeam(SubstructureModel):
 
     def doubts(self, frequency: float) -> list[str]:
         """Name the sections whose elements are longer than a sixth of a bending wave at this frequency [Hz]."""
-        found = []
+        too_long = []
         for number, section in enumerate(self.config.sections):
             shape, material = section.cross_section(self.config.material.poisson), self.config.material
             stiffness, mass = material.young * shape.inertia, material.density * shape.area
             wave = float(np.min(2.0 * np.pi * (stiffness / (mass * (2.0 * np.pi * frequency) ** 2)) ** 0.25))
             length = section.length / section.elements
             if length > wave / 6.0:
-                found.append(
+                too_long.append(
                     f"sections.{number} has elements of {length * 1e3:.3g} mm; a bending wave at {frequency:g} Hz is "
                     f"{wave * 1e3:.3g} mm long. Take {int(np.ceil(6.0 * section.length / wave))} elements or more."
                 )
-        return found
+        return too_long
 
     def refined(self, factor: int) -> TimoshenkoBeam:
         """Return the same beam with `factor` times as many elements in each section."""
