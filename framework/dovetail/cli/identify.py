@@ -21,7 +21,7 @@ from dovetail.cli.reading import (
     ResponseDofs,
     UnitOfFile,
     read_measured,
-    selections,
+    read_selected,
 )
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
@@ -171,7 +171,6 @@ def identify(
         unit=unit,
         accelerometer_mass=accelerometer_mass,
     )
-    chosen_frfs = selections(measured, index or [], response or [], force or [])
     needed = method == "network" or bool(network) or retrain
     batch = is_batch(measured, len(assembly.description.responses))
     if batch:
@@ -179,7 +178,7 @@ def identify(
         _check_accelerometer(assembly, accelerometer_mass)
         check_batch(truth, output, index, response, force)
     else:
-        frfs = [read(file, index=number, response=to, force=from_) for file, number, to, from_ in chosen_frfs]
+        frfs = read_selected(read, measured, index, response, force)
         _check(assembly, frfs, needed, truth, output, accelerometer_mass)
     if network is False and method != "network":
         model = None

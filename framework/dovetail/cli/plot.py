@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +19,7 @@ from dovetail.cli.reading import (
     ResponseDofs,
     UnitOfFile,
     read_measured,
-    selections,
+    read_selected,
 )
 from dovetail.cli.terminal import note, table
 
@@ -57,10 +58,8 @@ def plot(
 
     files = output or []
     check_new_files(files, FIGURE_SUFFIXES, overwrite)
-    frfs = [
-        read_measured(file, names, columns, quantity=quantity, unit=unit, index=number, response=to, force=from_)
-        for file, number, to, from_ in selections(measured, index or [], response or [], force or [])
-    ]
+    read = partial(read_measured, names=names, columns=columns, quantity=quantity, unit=unit)
+    frfs = read_selected(read, measured, index, response, force)
     headers = ["measurement", "quantity", "lines", "band [Hz]", "coherence", "averages", "resonances [Hz]"]
     table(headers, [_row(frf) for frf in frfs], numbers=["lines"], split=True)
     write_figures(frfs, files, overwrite=overwrite)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -100,6 +100,18 @@ def read_measured(file: Path, names: Sequence[str] | None, columns: str | None, 
     for warning in caught:
         note(f"Note: {warning.message}")
     return frf
+
+
+def read_selected(
+    read: Callable[..., Frf],
+    files: Sequence[Path],
+    index: Sequence[int] | None,
+    response: Sequence[str] | None,
+    force: Sequence[str] | None,
+) -> list[Frf]:
+    """Read the FRFs that files and options select, as `selections` says, each by `read`."""
+    chosen = selections(files, index or [], response or [], force or [])
+    return [read(file, index=number, response=to, force=from_) for file, number, to, from_ in chosen]
 
 
 def columns_of(text: str | None) -> tuple[str, ...]:

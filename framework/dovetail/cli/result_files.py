@@ -8,6 +8,7 @@ import io
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -139,8 +140,6 @@ def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
 
 
 def _parameters(result: Identification, truth: Truth | None) -> str:
-    from dataclasses import asdict
-
     rows = [asdict(row) for row in result.table]
     if truth is not None:
         rows = [{**row, "truth": truth.parameters.get(row["name"])} for row in rows]

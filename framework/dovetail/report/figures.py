@@ -35,6 +35,7 @@ __all__ = [
     "load_matplotlib",
     "measured_figure",
     "new_figure",
+    "png_bytes",
     "robustness_figure",
     "save_png",
     "set_title",
@@ -237,10 +238,15 @@ def save_png(figure: Figure, path: str | Path, *, dpi: int = 200) -> Path:
     DovetailError
         The file cannot be written.
     """
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Title": figure.get_suptitle()})
-    write_whole(Path(path), buffer.getvalue(), overwrite=True)
+    write_whole(Path(path), png_bytes(figure, figure.get_suptitle(), dpi=dpi), overwrite=True)
     return Path(path)
+
+
+def png_bytes(figure: Figure, title: str, *, dpi: int = 200) -> bytes:
+    """Return a figure as PNG, with a title in its metadata."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Title": title})
+    return buffer.getvalue()
 
 
 def _stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:

@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from dovetail.plain_text import html_text
+from dovetail.report.figures import png_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,9 +58,7 @@ def figure_bytes(figure: Figure, suffix: str) -> bytes:
     """Return the file of a figure in one of `FIGURE_SUFFIXES`; a page holds it as a drawing, with no script."""
     title = figure.get_suptitle() or "FRF"
     if suffix == ".png":
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=200, metadata={"Title": title})
-        return buffer.getvalue()
+        return png_bytes(figure, title)
     drawing = inline_svg(figure, "frf", title)
     if suffix == ".svg":
         return drawing.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1).encode()
