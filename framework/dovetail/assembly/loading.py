@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.reader import read_description
 from dovetail.errors import Fault, ParameterError
+from dovetail.interfaces import logged
 from dovetail.registry import Registry, installed_components
 
 __all__ = ["AssemblySource", "PluginPaths", "as_assembly", "components", "load"]
@@ -50,7 +51,9 @@ def load(
     PluginError
         A plugin file cannot be loaded.
     """
-    return Assembly(read_description(source, components(plugins), None if files_in is None else os.fspath(files_in)))
+    with logged(__name__, f"description {'' if isinstance(source, Mapping) else os.fspath(source)} read"):
+        folder = None if files_in is None else os.fspath(files_in)
+        return Assembly(read_description(source, components(plugins), folder))
 
 
 def as_assembly(source: AssemblySource) -> Assembly:

@@ -33,6 +33,7 @@ from dovetail.cli.robustness import robustness
 from dovetail.cli.schema import schema
 from dovetail.cli.simulate import simulate
 from dovetail.cli.spindle import spindle
+from dovetail.cli.terminal import choose
 from dovetail.cli.train import train
 from dovetail.cli.validate import validate
 
@@ -63,6 +64,22 @@ def dovetail(
     _version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
+    _quiet: Annotated[
+        bool,
+        typer.Option("--quiet", "-q", expose_value=False, callback=choose, help="Leave out notes and progress."),
+    ] = False,
+    _verbose: Annotated[
+        int,
+        typer.Option(
+            "--verbose",
+            "-v",
+            count=True,
+            expose_value=False,
+            callback=choose,
+            show_default=False,
+            help="Print what is done, and how long it takes; -vv prints more.",
+        ),
+    ] = 0,
 ) -> None:
     """Identify the parameters of a mechanical joint from one measured frequency response function."""
     context.obj = plugin

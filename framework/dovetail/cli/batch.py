@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from dovetail.cli.commands import exit_unless_believable
-from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
+from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, tell, title
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -72,7 +72,7 @@ def identify_batch(
         else:
             _print(assembly, batch)
     for failure in batch.failures.values():
-        note(failure)
+        tell(failure)
     if batch.failures:
         raise typer.Exit(1)
     exit_unless_believable(batch)

@@ -10,7 +10,7 @@ import typer
 
 from dovetail.cli.completion import complete_models
 from dovetail.cli.options import AsJson, PluginFiles
-from dovetail.cli.terminal import print_json, say, title
+from dovetail.cli.terminal import print_json, progress_bars, say, title
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,7 +37,8 @@ def check_plugin(
     from dovetail.assembly import components
     from dovetail.testing import check_component
 
-    results = check_component(model, registry=components(plugin or ()))
+    with progress_bars() as progress:
+        results = check_component(model, registry=components(plugin or ()), progress=progress)
     if as_json:
         print_json([{**asdict(result), "passed": result.passed} for result in results])
     else:

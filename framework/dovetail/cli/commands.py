@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import typer
 from typer.core import TyperGroup
 
-from dovetail.cli.terminal import note, say
+from dovetail.cli.terminal import say, tell, waiting
 from dovetail.errors import DovetailError, Fault
 from dovetail.plain_text import terminal_text
 
@@ -56,6 +56,14 @@ class Commands(TyperGroup):
         with _shown_not_obeyed():
             return super().make_context(*arguments, **options)
 
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command, which takes -q and -v as the group does."""
+        command = super().get_command(ctx, cmd_name)
+        if command is not None:
+            own = {option.name for option in command.params}
+            command.params += [o for o in self.params if o.name in ("_quiet", "_verbose") and o.name not in own]
+        return command
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the commands by what they are for, each with the first sentence of its help."""
         groups: dict[str, list[tuple[str, str]]] = {}
@@ -70,7 +78,7 @@ class Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run a command and turn what it raises into a message and an exit code."""
         try:
-            with _shown_not_obeyed():
+            with _shown_not_obeyed(), waiting():
                 return super().invoke(ctx)
         except DovetailError as error:
             typer.echo(str(error), err=True)
@@ -106,7 +114,7 @@ def say_caveat(result: Believable) -> None:
 def exit_unless_believable(result: Believable) -> None:
     """Say the caveat of a result on stderr, and end the command with exit code 3 if it is not to be believed."""
     if result.caveat:
-        note(f"Warning: {result.caveat}")
+        tell(f"Warning: {result.caveat}")
     if not result.believable:
         raise typer.Exit(NOT_BELIEVED)
 

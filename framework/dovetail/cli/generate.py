@@ -12,7 +12,7 @@ import typer
 
 from dovetail.cli.commands import INTERRUPTED
 from dovetail.cli.options import AssemblyFile, PluginFiles, note_doubts
-from dovetail.cli.terminal import note, progress_bars, say
+from dovetail.cli.terminal import progress_bars, say, tell
 
 if TYPE_CHECKING:
     from dovetail.dataset import Storage
@@ -85,10 +85,10 @@ def generate(
 def _advise(assembly: Path, output: Path, chosen: Mapping[str, object], plugin: list[Path]) -> None:
     """Say what is there after an interruption, and how to go on."""
     if not output.exists():
-        note("\nInterrupted before the first sample; nothing was written.")
+        tell("\nInterrupted before the first sample; nothing was written.")
         return
     command = ["dovetail", "generate", str(assembly), "-o", str(output)]
     options = {name: value for name, value in chosen.items() if value not in (None, "amplitude")}
     command += [part for name, value in options.items() for part in (f"--{name}", str(value))]
     command += [part for file in plugin for part in ("--plugin", str(file))]
-    note(f"\nInterrupted. What is done stays in {output}; go on with:\n  {shlex.join([*command, '--resume'])}")
+    tell(f"\nInterrupted. What is done stays in {output}; go on with:\n  {shlex.join([*command, '--resume'])}")

@@ -95,6 +95,15 @@ def identify(
             help="Relative error of natural frequencies that the model is allowed; told by the measurement by default.",
         ),
     ] = None,
+    cause_seconds: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            min=0.0,
+            show_default=False,
+            help="Time after which no further cause of a misfit is tried; 20 s by default, none with 0.",
+        ),
+    ] = None,
     objective: Annotated[
         str | None, typer.Option(metavar="NAME", help="Of multistart: frf or weighted.", show_default=False)
     ] = None,
@@ -159,6 +168,7 @@ def identify(
         "form": form,
         "samples": samples,
         "model_error": model_error,
+        "cause_seconds": cause_seconds,
     }
     options: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
     check_method(method, options)
@@ -193,8 +203,7 @@ def identify(
         return
     known = None if truth is None else read_truth(truth, assembly.parameters)
     with progress_bars() as progress:
-        watched: dict[str, Any] = {} if method == "network" else {"progress": progress}
-        result = dovetail.identify(assembly, frfs, method, model=model, **counted, **options, **watched)
+        result = dovetail.identify(assembly, frfs, method, model=model, progress=progress, **counted, **options)
     with writing(output, lambda folder: write_results(result, folder, known)):
         if as_json:
             print_json(result.to_dict())

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from dovetail.cli.completion import complete_files
-from dovetail.cli.options import Overwrite, check_new_files
+from dovetail.cli.options import AsJson, Overwrite, check_new_files
 from dovetail.cli.reading import (
     Columns,
     ForceDofs,
@@ -21,7 +21,7 @@ from dovetail.cli.reading import (
     read_measured,
     read_selected,
 )
-from dovetail.cli.terminal import note, table
+from dovetail.cli.terminal import note, print_json, table
 
 if TYPE_CHECKING:
     from dovetail.frf import Frf
@@ -49,6 +49,7 @@ def plot(
     names: Names = None,
     columns: Columns = None,
     overwrite: Overwrite = False,
+    as_json: AsJson = False,
 ) -> None:
     """Look at measured FRFs: what files hold, resonances, figures.
 
@@ -60,26 +61,44 @@ def plot(
     check_new_files(files, FIGURE_SUFFIXES, overwrite)
     read = partial(read_measured, names=names, columns=columns, quantity=quantity, unit=unit)
     frfs = read_selected(read, measured, index, response, force)
-    headers = ["measurement", "quantity", "lines", "band [Hz]", "coherence", "averages", "resonances [Hz]"]
-    table(headers, [_row(frf) for frf in frfs], numbers=["lines"], split=True)
+    summaries = [_summary(frf) for frf in frfs]
+    if as_json:
+        print_json(summaries)
+    else:
+        headers = ["measurement", "quantity", "lines", "band [Hz]", "coherence", "averages", "resonances [Hz]"]
+        table(headers, [_row(summary) for summary in summaries], numbers=["lines"], split=True)
     write_figures(frfs, files, overwrite=overwrite)
     for file in files:
         note(f"Written: {file}")
 
 
-def _row(frf: Frf) -> list[str]:
+def _summary(frf: Frf) -> dict[str, Any]:
+    """Return what an FRF is, as plain values."""
     from dovetail.identification.resonance_peaks import resonance_peaks
 
-    peaks = resonance_peaks(frf)
-    listed = ", ".join(f"{peak:.1f}" for peak in peaks[:_PEAKS]) + (", ..." if len(peaks) > _PEAKS else "")
+    return {
+        "measurement": frf.label,
+        "quantity": frf.quantity,
+        "has_phase": frf.has_phase,
+        "lines": frf.frequency.size,
+        "band_Hz": [float(frf.frequency[0]), float(frf.frequency[-1])],
+        "mean_coherence": None if frf.coherence is None else float(frf.coherence.mean()),
+        "averages": frf.averages,
+        "resonances_Hz": [float(peak) for peak in resonance_peaks(frf)],
+    }
+
+
+def _row(summary: dict[str, Any]) -> list[str]:
+    low, high = summary["band_Hz"]
+    coherence, peaks = summary["mean_coherence"], summary["resonances_Hz"]
     return [
-        frf.label,
-        frf.quantity + ("" if frf.has_phase else ", amplitude alone"),
-        str(frf.frequency.size),
-        f"{frf.frequency[0]:g} to {frf.frequency[-1]:g}",
-        "" if frf.coherence is None else f"{frf.coherence.mean():.3f}",
-        "" if frf.averages is None else str(frf.averages),
-        listed,
+        summary["measurement"],
+        summary["quantity"] + ("" if summary["has_phase"] else ", amplitude alone"),
+        str(summary["lines"]),
+        f"{low:g} to {high:g}",
+        "" if coherence is None else f"{coherence:.3f}",
+        str(summary["averages"] or ""),
+        ", ".join(f"{peak:.1f}" for peak in peaks[:_PEAKS]) + (", ..." if len(peaks) > _PEAKS else ""),
     ]
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import shutil
 import sys
 import textwrap
+import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
@@ -20,12 +22,27 @@ if TYPE_CHECKING:
 
     from dovetail.interfaces import Progress
 
-__all__ = ["heading", "note", "print_json", "progress_bars", "quantity_text", "range_text", "say", "table", "title"]
+__all__ = [
+    "choose",
+    "heading",
+    "note",
+    "print_json",
+    "progress_bars",
+    "quantity_text",
+    "range_text",
+    "say",
+    "table",
+    "tell",
+    "title",
+    "waiting",
+]
 
 _UNLIMITED = 10_000
 """Columns in a pipe: a row stays a line, for grep."""
 _GAP = 3
 """Blanks between the columns of a table."""
+_PATIENCE = 0.7
+"""Seconds without a word after which a command shows that it is at work."""
 
 
 class Ranged(Protocol):
@@ -44,8 +61,99 @@ class Ranged(Protocol):
         """Upper end of the range, in `unit`."""
 
 
+class _Records(logging.Handler):
+    """Prints what is logged under the name "dovetail"."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one record."""
+        tell(f"{record.name}: {record.getMessage()}")
+
+
+_RECORDS = _Records()
+_chosen = {"_quiet": 0, "_verbose": 0}
+"""How often -q and -v were given to this command."""
+
+
+def choose(context: typer.Context, option: typer.CallbackParam, value: int) -> None:
+    """Take in how often -q or -v was given, before a command or behind it."""
+    name = str(option.name)
+    _chosen[name] = value + (_chosen[name] if context.parent is not None else 0)
+    if any(_chosen.values()):
+        _WAITING.end()
+    logger, verbose = logging.getLogger("dovetail"), min(_chosen["_verbose"], 2)
+    logger.setLevel((logging.NOTSET, logging.INFO, logging.DEBUG)[verbose])
+    (logger.addHandler if verbose else logger.removeHandler)(_RECORDS)
+
+
+class _Waiting:
+    """A bar that moves where a command has not said anything for a while, such as while libraries are loaded."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._timer: threading.Timer | None = None
+        self._shown = ExitStack()
+
+    def begin(self) -> None:
+        """Show the bar after a while, unless something is printed."""
+        self.end()
+        self._timer = threading.Timer(_PATIENCE, self._show)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _show(self) -> None:
+        from dovetail.interfaces.progress_bars import StageBars
+
+        with self._lock:
+            if threading.current_thread() is self._timer:  # nobody has ended it meanwhile
+                self._shown.enter_context(StageBars(transient=True))("at work", 0, 1)
+
+    def end(self) -> bool:
+        """Make room for what is printed; return whether the bar was waited for or shown."""
+        with self._lock:
+            timer, self._timer = self._timer, None
+            self._shown.close()
+        if timer is not None:
+            timer.cancel()
+        return timer is not None
+
+
+_WAITING = _Waiting()
+
+
+@contextmanager
+def waiting() -> Iterator[None]:
+    """Show on a terminal that a command is at work, whenever it has not said anything for a while."""
+    if _shows_progress():
+        _WAITING.begin()
+    try:
+        yield
+    finally:
+        _WAITING.end()
+
+
+@contextmanager
+def _room() -> Iterator[None]:
+    """Take the bar of `waiting` away while something else is printed."""
+    waited = _WAITING.end()
+    try:
+        yield
+    finally:
+        if waited:
+            _WAITING.begin()
+
+
+def _shows_progress() -> bool:
+    return sys.stderr.isatty() and not any(_chosen.values())
+
+
 def note(text: str) -> None:
-    """Print a note to the user on stderr; on a terminal, lines that are not indented are wrapped."""
+    """Tell the user something on stderr, unless they want to have it quiet."""
+    if not _chosen["_quiet"]:
+        tell(text)
+
+
+def tell(text: str) -> None:
+    """Print a text on stderr; on a terminal, lines that are not indented are wrapped."""
     text = terminal_text(text)
     if sys.stderr.isatty():
         width = shutil.get_terminal_size().columns
@@ -53,13 +161,15 @@ def note(text: str) -> None:
             line if line.startswith(" ") else textwrap.fill(line, width, break_on_hyphens=False)
             for line in text.split("\n")
         )
-    typer.echo(text, err=True)
+    with _room():
+        typer.echo(text, err=True)
 
 
 def print_json(value: Any) -> None:
     """Print plain values as JSON."""
     text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
-    typer.echo(terminal_text(text.encode("utf-8", "replace").decode("utf-8")))
+    with _room():
+        typer.echo(terminal_text(text.encode("utf-8", "replace").decode("utf-8")))
 
 
 def say(text: str = "") -> None:
@@ -78,7 +188,7 @@ def title(text: str) -> None:
 
 def heading(text: str) -> None:
     """Print an empty line and a title."""
-    typer.echo()
+    say()
     title(text)
 
 
@@ -119,7 +229,7 @@ def table(
     widths = {column: max(len(row[column]) for row in (headers, *cells)) for column in kept}
     for number, columns in enumerate(_blocks(kept, widths) if split else [kept]):
         if number:
-            typer.echo()
+            say()
         _print_columns(headers, cells, columns, numbers)
 
 
@@ -161,25 +271,32 @@ def _width() -> int:
 def _show(renderable: RenderableType) -> None:
     from rich.console import Console
 
-    if sys.stdout.isatty():
-        Console(highlight=False).print(renderable)
-        return
-    plain = Console(highlight=False, color_system=None, force_terminal=False, width=_width())
-    with plain.capture() as captured:
-        plain.print(renderable)
-    typer.echo("\n".join(line.rstrip() for line in captured.get().rstrip("\n").split("\n")))
+    with _room():
+        if sys.stdout.isatty():
+            Console(highlight=False).print(renderable)
+            return
+        plain = Console(highlight=False, color_system=None, force_terminal=False, width=_width())
+        with plain.capture() as captured:
+            plain.print(renderable)
+        typer.echo("\n".join(line.rstrip() for line in captured.get().rstrip("\n").split("\n")))
 
 
 @contextmanager
 def progress_bars() -> Iterator[Progress]:
-    """Show the progress of each stage as a bar with the time left; nothing where stderr is not a terminal."""
-    if not sys.stderr.isatty():
-        from dovetail.interfaces import silent
+    """Show the progress of each stage as a bar with the time left.
 
-        yield silent
-        return
-    from dovetail.cli.bars import StageBars
+    Nothing is shown where stderr is no terminal, with -q, and with -v, whose records take the place of the bars.
+    """
+    from dovetail.interfaces import progress_reporter
 
-    with StageBars() as bars:
-        yield bars
-    note("")
+    shown = _shows_progress()
+    with progress_reporter(shown) as bars:
+
+        def progress(stage: str, done: int, total: int, note: str = "") -> None:
+            _WAITING.end()
+            bars(stage, done, total, note)
+
+        yield progress
+    if shown:
+        tell("")
+        _WAITING.begin()

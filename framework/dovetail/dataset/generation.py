@@ -20,7 +20,7 @@ from dovetail.dataset.sampling import check_number, latin_hypercube
 from dovetail.dataset.storage import ARRAYS, Storage
 from dovetail.errors import DatasetError, Fault, FileError, listing
 from dovetail.frf import conversion
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Progress, logged, progress_reporter
 
 __all__ = ["complex_accelerance", "generate"]
 
@@ -37,7 +37,7 @@ def generate(
     storage: Storage = "amplitude",
     interpolation: float | None = None,
     resume: bool = False,
-    progress: Progress = silent,
+    progress: Progress | bool | None = None,
 ) -> Dataset:
     """Generate a dataset: Latin hypercube samples and the accelerance of each, for all responses.
 
@@ -58,7 +58,8 @@ def generate(
     resume : bool
         Continue a dataset that was interrupted. Complete chunks are not computed again, and the result is bit for bit
         that of an uninterrupted run. Missing or truncated chunks are computed anew.
-    progress : callable
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
     Returns
     -------
@@ -92,12 +93,13 @@ def generate(
     try:
         check_room(folder.resolve().parent, max(plan.bytes(assembly) - _written_bytes(folder), 0))
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with held(folder, wait=0):
+        step = logged(__name__, f"{plan.samples} samples of {assembly.name} into {folder}")
+        with held(folder, wait=0), step, progress_reporter(progress) as report:
             if folder.exists():
                 _check_resumable(folder, assembly, plan, resume)
             else:
                 _create(folder, assembly, plan)
-            _fill(folder, assembly, progress)
+            _fill(folder, assembly, report)
     except FileError as error:
         raise DatasetError(*error.faults) from None
     except OSError as error:

@@ -17,7 +17,7 @@ from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
 from dovetail.identification import identify
 from dovetail.identification.posterior import LEVEL, PRIOR_PRECISION
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import noisy_frf
 from dovetail.parallel import cores, side_by_side
 
@@ -183,7 +183,7 @@ def calibrate(
     finer_mesh: int = 1,
     seed: int = 0,
     workers: int | None = None,
-    progress: Progress = silent,
+    progress: Progress | bool | None = None,
 ) -> Calibration:
     """Simulate noisy measurements of random joints, identify each, and rank the truth within its posterior.
 
@@ -205,7 +205,8 @@ def calibrate(
         Case by case the same whatever their number and that of the workers.
     workers : int, optional
         Cases at work at once, each in a process of its own; one a processor by default.
-    progress : callable
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
     Returns
     -------
@@ -232,13 +233,13 @@ def calibrate(
         raise ParameterError(Fault("workers", f"{workers} are none.", "1 or more"))
     began = time.perf_counter()
     done: dict[int, _Case] = {}
-    progress("cases", 0, cases)
     try:
-        with closing(side_by_side(study.case, cases, at_once)) as results:
+        with progress_reporter(progress) as report, closing(side_by_side(study.case, cases, at_once)) as results:
+            report("cases", 0, cases)
             for index, case in results:
                 done[index] = case
                 inside = np.mean([np.abs(2.0 * other.rank - 1.0) < LEVEL for other in done.values()])
-                progress("cases", len(done), cases, f"truth in {inside:.0%} of the {LEVEL:.0%} intervals")
+                report("cases", len(done), cases, f"truth in {inside:.0%} of the {LEVEL:.0%} intervals")
     except KeyboardInterrupt:
         if not done:
             raise

@@ -24,7 +24,7 @@ from dovetail.identification.fitting import one_per_response
 from dovetail.identification.methods import METHODS
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
 
 __all__ = ["DEFAULT_METHODS", "RIGID", "Compared", "Comparison", "compare", "read_truths"]
@@ -129,7 +129,7 @@ def compare(
     data: str | PathLike[str] | None = None,
     truth: Mapping[str, Mapping[str, float]] | None = None,
     plugins: Iterable[str | PathLike[str]] = (),
-    progress: Progress = silent,
+    progress: Progress | bool | None = None,
 ) -> Comparison:
     """Identify the joint of every case by every method.
 
@@ -147,7 +147,8 @@ def compare(
     truth : mapping, optional
         Of `read_truths`.
     plugins : iterable of paths
-    progress : callable
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
     Returns
     -------
@@ -168,12 +169,13 @@ def compare(
     networks = [method for method in methods if method not in (*_FITS, RIGID)]
     variants = {name: variant(assembly, name, registry) for name in networks}
     measured = {case.name: _measurement(case, assembly) for case in cases.cases}
-    models, training, seconds = _trained(assembly, variants, samples, data, progress)
     rows = []
-    for index, case in enumerate(cases.cases):
-        progress("cases", index, len(cases.cases))
-        rows += [_compared(case, method, assembly, models.get(method), measured[case.name]) for method in methods]
-    progress("cases", len(cases.cases), len(cases.cases))
+    with progress_reporter(progress) as report:
+        models, training, seconds = _trained(assembly, variants, samples, data, report)
+        for index, case in enumerate(cases.cases):
+            report("cases", index, len(cases.cases))
+            rows += [_compared(case, method, assembly, models.get(method), measured[case.name]) for method in methods]
+        report("cases", len(cases.cases), len(cases.cases))
     known = {case.name: truth[stem] for case in cases.cases if truth and (stem := _stem(case)) in truth}
     return Comparison(cases.title, cases.series, tuple(methods), tuple(rows), training, seconds, known)
 

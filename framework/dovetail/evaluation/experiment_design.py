@@ -15,7 +15,7 @@ from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.truncated_gaussian import RemainingUncertainty, remaining_uncertainty
 from dovetail.identification.fitting.residuals import linearise_frf
 from dovetail.identification.posterior import PRIOR_PRECISION
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Progress, progress_reporter
 from dovetail.units import format_quantity
 
 __all__ = ["NOISE", "Plan", "PlannedPoint", "plan"]
@@ -124,7 +124,7 @@ def plan(
     noise: float = NOISE,
     beside_described: bool = False,
     seed: int = 0,
-    progress: Progress = silent,
+    progress: Progress | bool | None = None,
 ) -> Plan:
     """Rank the nodes of an assembly, but for those inside a joint, as points where force and response are measured.
 
@@ -142,7 +142,8 @@ def plan(
     beside_described : bool
         Look for a second point beside the described response, which is measured already, not beside the best point.
     seed : int
-    progress : callable
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
     Returns
     -------
@@ -167,7 +168,9 @@ def plan(
     candidates = _candidates(assembly, substructures)
     theta = latin_hypercube(assembly, samples, seed)
     natural = _natural(assembly)
-    known = _of_each(candidates, theta, noise * assembly.frf(theta).std(axis=1), progress)
+    deviation = noise * assembly.frf(theta).std(axis=1)
+    with progress_reporter(progress) as report:
+        known = _of_each(candidates, theta, deviation, report)
     share = np.array([_share(candidate, natural) for candidate in candidates])
     hidden, truth = share < _HIDDEN * np.max(share, axis=0, initial=0.0), assembly.to_unit(theta)
     points = _points(candidates, remaining_uncertainty(known, truth, seed), [natural[rows] for rows in hidden])

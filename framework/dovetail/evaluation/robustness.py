@@ -19,7 +19,7 @@ from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
 from dovetail.identification.metrics import parameter_metrics
 from dovetail.identification.network.training import draw_test_samples
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import data_noise
 from dovetail.registry import Registry
 
@@ -69,7 +69,7 @@ def robustness(
     levels: Sequence[float] = LEVELS,
     seed: int = 0,
     plugins: Iterable[str | PathLike[str]] = (),
-    progress: Progress = silent,
+    progress: Progress | bool | None = None,
 ) -> tuple[RobustnessRow, ...]:
     """Train one network for each model and evaluate it on noisy FRFs.
 
@@ -87,7 +87,8 @@ def robustness(
         Of the noise; the same noise meets every model.
     plugins : iterable of paths
         Plugin files with further reducers.
-    progress : callable
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
     Returns
     -------
@@ -100,17 +101,15 @@ def robustness(
     amplitudes of a response; what becomes negative is taken as its magnitude.
     """
     assembly = as_assembly(assembly)
-    if dataset is None:
-        with TemporaryDirectory(prefix="dovetail-") as folder:
-            generated = generate(assembly, Path(folder) / "dataset.zarr", progress=progress)
-            return robustness(
-                assembly, generated, models=models, levels=levels, seed=seed, plugins=plugins, progress=progress
-            )
     registry = components(tuple(plugins))
+    variants = {name: variant(assembly, name, registry) for name in models}
     rows: list[RobustnessRow] = []
-    for name, described in {name: variant(assembly, name, registry) for name in models}.items():
-        identifier = train(described, dataset, progress=progress)
-        rows.extend(_evaluate(name, identifier, dataset, levels, seed, progress))
+    with progress_reporter(progress) as report, TemporaryDirectory(prefix="dovetail-") as folder:
+        if dataset is None:
+            dataset = generate(assembly, Path(folder) / "dataset.zarr", progress=report)
+        for name, described in variants.items():
+            identifier = train(described, dataset, progress=report)
+            rows.extend(_evaluate(name, identifier, dataset, levels, seed, report))
     return tuple(rows)
 
 

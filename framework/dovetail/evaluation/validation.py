@@ -19,7 +19,7 @@ from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
 from dovetail.identification.result_file import load_result
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
 
 __all__ = ["Identify", "PeakRow", "ValidatedCase", "Validation", "validate"]
@@ -145,7 +145,7 @@ def validate(
     method: str | Identify = "refined",
     *,
     plugins: Iterable[str | PathLike[str]] = (),
-    progress: Progress = silent,
+    progress: Progress | bool | None = None,
 ) -> Validation:
     """Predict what was measured, case by case.
 
@@ -157,7 +157,8 @@ def validate(
         an assembly and its measurement without the accelerometer to an identification. Each is identified once.
     plugins : iterable of paths
         Plugin files to take in.
-    progress : callable
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
     Returns
     -------
@@ -177,10 +178,11 @@ def validate(
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
     joints = _Joints(partial(identify, method=method) if isinstance(method, str) else method, files)
     validated = []
-    for index, (case, assembly) in enumerate(zip(cases.cases, loaded, strict=True)):
-        progress("cases", index, len(loaded))
-        validated.append(_validated(case, assembly, joints))
-    progress("cases", len(loaded), len(loaded))
+    with progress_reporter(progress) as report:
+        for index, (case, assembly) in enumerate(zip(cases.cases, loaded, strict=True)):
+            report("cases", index, len(loaded))
+            validated.append(_validated(case, assembly, joints))
+        report("cases", len(loaded), len(loaded))
     return Validation(cases.title, cases.series, tuple(validated))
 
 

@@ -13,7 +13,7 @@ from dovetail.identification.network.bundle import read_bundle, write_bundle
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.network.training import train_network
 from dovetail.identification.result import Identification
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Progress, logged, progress_reporter
 
 __all__ = ["Identifier", "load_model", "train"]
 
@@ -84,7 +84,7 @@ def train(
     dataset: Dataset | str | Path | None = None,
     *,
     robust: bool = False,
-    progress: Progress = silent,
+    progress: Progress | bool | None = None,
 ) -> Identifier:
     """Train the network of an assembly's description and evaluate it on the test part of the dataset.
 
@@ -97,8 +97,8 @@ def train(
     robust : bool
         Train on FRFs with noise, as the description's `augmentation` says or else by its defaults. A description that
         has an `augmentation` is trained so in any case.
-    progress : Progress
-        Called as training goes on.
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
     Returns
     -------
@@ -112,7 +112,8 @@ def train(
         The reducer or the regressor breaks its contract.
     """
     samples = Dataset(dataset) if isinstance(dataset, (str, Path)) else dataset
-    return Identifier.of(train_network(as_assembly(assembly), samples, robust=robust, progress=progress))
+    with progress_reporter(progress) as report:
+        return Identifier.of(train_network(as_assembly(assembly), samples, robust=robust, progress=report))
 
 
 def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:
@@ -137,4 +138,5 @@ def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:
     PluginError
         A plugin file cannot be loaded.
     """
-    return Identifier.of(read_bundle(path, plugins=plugins))
+    with logged(__name__, f"model {path} read"):
+        return Identifier.of(read_bundle(path, plugins=plugins))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -24,7 +25,7 @@ from dovetail.identification.methods import DEFAULT_METHOD, METHODS
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.parameters import dataframe
 from dovetail.identification.result import Identification, caveats_of
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Progress, logged, progress_reporter
 from dovetail.measurement import read_frf
 from dovetail.parallel import cores, side_by_side
 
@@ -49,6 +50,7 @@ def identify(
     model: TrainedNetwork | None = None,
     weights: Weights | Sequence[Weights] | None = None,
     phase: bool = True,
+    progress: Progress | bool | None = None,
     **options: Any,
 ) -> Identification:
     """Identify the joint of an assembly from the measured FRF of its response point, or of each of its response points.
@@ -73,10 +75,13 @@ def identify(
         relative errors count; or an array for each measurement. The network does not ask.
     phase : bool
         False for a fit that takes no notice of the measurement's phase.
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
     **options
         Of the method: ``seed`` for all but the network; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or
         ``"weighted"``) for ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
-        ``samples`` and ``model_error`` for ``"posterior"``.
+        ``samples`` and ``model_error`` for ``"posterior"``; ``cause_seconds``, the time after which no further cause
+        of a misfit is tried (20 by default, none with 0), for all but the network.
 
     Returns
     -------
@@ -111,9 +116,10 @@ def identify(
         if name not in accepted_options:
             problem = f"the method '{method}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
-    with threadpool_limits(1, user_api="blas"):
-        lines = _with_signs(MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase)))
-        return METHODS[method](lines, model, **options)
+    step = logged(__name__, f"{assembly.name} identified from {listing(frf.label for frf in measured)} by {method}")
+    with threadpool_limits(1, user_api="blas"), step, progress_reporter(progress) as report:
+        lines = MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase))
+        return METHODS[method](_with_signs(lines, report), model, progress=report, **options)
 
 
 def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
@@ -171,7 +177,7 @@ def _check_numbers(frf: Frf) -> None:
         raise MeasurementError(Fault(frf.label, problem, remedy="Leave this line out: 'frequency: {without: ...}'."))
 
 
-def _with_signs(lines: MeasuredLines) -> MeasuredLines:
+def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
     """Tell the signs of responses that the description leaves open, from a fit that does not look at their phase."""
     description = lines.assembly.description
     unknown = unknown_signs(description)
@@ -179,7 +185,7 @@ def _with_signs(lines: MeasuredLines) -> MeasuredLines:
         return lines
     pairs = list(zip(description.responses, lines.frfs, strict=True))
     amplitudes = [_amplitudes(frf) if response.name in unknown else frf for response, frf in pairs]
-    theta = refine(lines.assembly, amplitudes, seed=description.identification.seed).theta
+    theta = refine(lines.assembly, amplitudes, seed=description.identification.seed, progress=progress).theta
     signs = {
         response.name: _sign(alone, theta, frf)
         for (response, frf), alone in zip(pairs, lines.assembly.each_response, strict=True)
@@ -208,7 +214,7 @@ def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
 def method_options(method: str) -> tuple[str, ...]:
     """Return the names of the options that a method takes."""
     parameters = inspect.signature(METHODS[method]).parameters.values()
-    return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY)
+    return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name != "progress")
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +262,7 @@ def identify_many(
     *,
     model: TrainedNetwork | None = None,
     processes: int | None = None,
-    progress: Progress = silent,
+    progress: Progress | bool | None = None,
     **options: Any,
 ) -> Batch:
     """Identify the joint of an assembly from each of many measurements.
@@ -273,8 +279,8 @@ def identify_many(
         As of `identify`; with it, one measurement follows the other.
     processes : int, optional
         How many work at once; one for each core by default.
-    progress : Progress
-        Called after each measurement.
+    progress : bool or callable, optional
+        True shows a bar in a terminal or a notebook; a function is called after each measurement.
     **options
         As of `identify`.
 
@@ -294,19 +300,23 @@ def identify_many(
         try:
             return identify(loaded, frfs[index], method, model=model, **options)
         except DovetailError as error:
+            logging.getLogger(__name__).info("%s: failed", names[index])
             return str(error)
 
     outcomes: dict[int, Identification | str] = {}
     workers = 1 if model is not None else processes or cores()
 
-    def keep(index: int, outcome: Identification | str) -> None:
-        outcomes[index] = outcome
-        progress("identifying", len(outcomes), len(frfs))
+    with progress_reporter(progress) as report:
 
-    if frfs:
-        keep(0, work(0))
-        for index, outcome in side_by_side(lambda index: work(index + 1), len(frfs) - 1, workers):
-            keep(index + 1, outcome)
+        def keep(index: int, outcome: Identification | str) -> None:
+            outcomes[index] = outcome
+            report("identifying", len(outcomes), len(frfs))
+
+        report("identifying", 0, len(frfs))
+        if frfs:
+            keep(0, work(0))
+            for index, outcome in side_by_side(lambda index: work(index + 1), len(frfs) - 1, workers):
+                keep(index + 1, outcome)
     ordered = [(name, outcomes[index]) for index, name in enumerate(names)]
     return Batch(
         MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, Identification)}),

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
-from dovetail.identification.adequacy import Adequacy, assess
+from dovetail.identification.adequacy import CAUSE_SECONDS, Adequacy, assess
 from dovetail.identification.fitting import Objective, multistart, refine
 from dovetail.identification.fitting.observations import MeasuredLines
 from dovetail.identification.network.preprocessing import accelerance_amplitudes
@@ -41,7 +41,9 @@ _CANNOT_TELL = (
 )
 
 
-def by_network(measured: MeasuredLines, trained: TrainedNetwork | None = None) -> Identification:
+def by_network(
+    measured: MeasuredLines, trained: TrainedNetwork | None = None, *, progress: Progress = silent
+) -> Identification:
     """Identify the joint from measured FRFs with the network alone.
 
     Raises
@@ -55,6 +57,7 @@ def by_network(measured: MeasuredLines, trained: TrainedNetwork | None = None) -
     if trained is None:
         problem = "the method 'network' needs a trained model."
         raise ParameterError(Fault(assembly.name, problem, remedy="Train one with dovetail.train, or use 'refined'."))
+    progress("network", 0, 1)
     resampled = measured.resampled(trained.assembly)
     theta = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
     if not np.isfinite(theta).all():
@@ -78,6 +81,7 @@ def by_refined_fit(
     trained: TrainedNetwork | None = None,
     *,
     model_error: float | None = None,
+    cause_seconds: float = CAUSE_SECONDS,
     seed: int | None = None,
     progress: Progress = silent,
 ) -> Identification:
@@ -90,26 +94,28 @@ def by_refined_fit(
         Its answer is one more start, if the measurement covers its frequencies.
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed; what the measurement shows, by default.
+    cause_seconds : float
+        Time after which no further cause of a misfit is tried; with 0 none is.
     seed : int, optional
         Of the other starts; the description's by default.
     progress : Progress
-        Called while causes of a misfit are searched.
     """
     assembly, frfs = measured.assembly, measured.frfs
     settings = assembly.description.identification
-    _check(model_error)
+    _check(model_error, cause_seconds)
+    progress("fit", 0, 1)
     network, warnings = _network_answer(measured, trained)
     starts = [] if network is None else [network]
-    fit = refine(assembly, frfs, starts, seed=settings.seed if seed is None else seed)
-    adequacy, fit = assess(assembly, frfs, fit, model_error, progress=progress)
+    fit = refine(assembly, frfs, starts, seed=settings.seed if seed is None else seed, progress=progress)
+    adequacy, fit = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     origin = provenance(measured.described, measured.whole, trained.evaluation if trained is not None else None)
     result = _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
     beside = None if network is None else MappingProxyType(dict(zip(result.parameters, network.tolist(), strict=True)))
     return replace(result, network=beside, warnings=(*result.warnings, *warnings))
 
 
-def _check(model_error: float | None) -> None:
-    """Make sure that the error that a model is allowed is one.
+def _check(model_error: float | None, cause_seconds: float) -> None:
+    """Make sure that the error that a model is allowed, and the time for causes, are such.
 
     Raises
     ------
@@ -117,6 +123,8 @@ def _check(model_error: float | None) -> None:
     """
     if model_error is not None and not (np.isfinite(model_error) and 0.0 <= model_error < 1.0):
         raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
+    if not cause_seconds >= 0.0:
+        raise ParameterError(Fault("cause_seconds", f"{cause_seconds:g} s is no time.", "0, for none, or more"))
 
 
 def _network_answer(
@@ -149,6 +157,7 @@ def by_multistart(
     seconds: float | None = None,
     objective: Objective = "frf",
     model_error: float | None = None,
+    cause_seconds: float = CAUSE_SECONDS,
     seed: int | None = None,
     progress: Progress = silent,
 ) -> Identification:
@@ -168,13 +177,14 @@ def by_multistart(
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed; what the measurement shows, by default. It
         judges the fit, which is that of `objective`.
+    cause_seconds : float
+        Time after which no further cause of a misfit is tried; with 0 none is.
     seed : int, optional
         Of the Latin hypercube; the description's by default.
     progress : Progress
-        Called while causes of a misfit are searched.
     """
     assembly, frfs = measured.assembly, measured.frfs
-    _check(model_error)
+    _check(model_error, cause_seconds)
     fit = multistart(
         assembly,
         frfs,
@@ -182,9 +192,10 @@ def by_multistart(
         seconds=seconds,
         objective=objective,
         seed=assembly.description.identification.seed if seed is None else seed,
+        progress=progress,
     )
     origin = provenance(measured.described, measured.whole, None) | {"objective": objective}
-    adequacy, _ = assess(assembly, frfs, fit, model_error, progress=progress)
+    adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, adequacy=adequacy)
 
 
@@ -198,6 +209,7 @@ def by_posterior(
     form: Form = "samples",
     samples: int = 400,
     model_error: float | None = None,
+    cause_seconds: float = CAUSE_SECONDS,
     seed: int | None = None,
     progress: Progress = silent,
 ) -> Identification:
@@ -214,15 +226,17 @@ def by_posterior(
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed; by default what the measurement shows, or 5e-4
         if it shows none.
+    cause_seconds : float
+        Time after which no further cause of a misfit is tried; with 0 none is.
     seed : int, optional
         The description's by default.
     progress : Progress
-        Called while causes of a misfit are searched.
     """
     if form not in _FORMS:
         problem = f"'{form}' is no form of the posterior."
         raise ParameterError(Fault("form", problem, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
-    fitted = by_refined_fit(measured, trained, model_error=model_error, seed=seed, progress=progress)
+    limits: dict[str, Any] = {"model_error": model_error, "cause_seconds": cause_seconds}
+    fitted = by_refined_fit(measured, trained, **limits, seed=seed, progress=progress)
     assert fitted.fit is not None
     allowed = _allowed(fitted.adequacy)
     posterior = _FORMS[form](
@@ -232,6 +246,7 @@ def by_posterior(
         samples=samples,
         model_error=allowed,
         seed=measured.described.description.identification.seed if seed is None else seed,
+        progress=progress,
     )
     origin = {**fitted.provenance, "posterior_form": form, "model_error": allowed.natural_frequency}
     warnings = (*fitted.warnings, *posterior.warnings)

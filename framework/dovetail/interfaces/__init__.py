@@ -14,7 +14,7 @@ from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.joint import JointModel, Parameter, Port, Prior, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.option_schema import option_schema
-from dovetail.interfaces.progress import Progress, silent
+from dovetail.interfaces.progress import Progress, logged, progress_reporter, silent
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor
 from dovetail.interfaces.sparse_matrices import SparseMatrices
@@ -46,11 +46,13 @@ __all__ = [
     "StructuralMatrices",
     "SubstructureModel",
     "joint_faults",
+    "logged",
     "node_faults",
     "option_schema",
     "parameter_faults",
     "plugin_errors",
     "port_faults",
+    "progress_reporter",
     "silent",
     "source_file",
 ]

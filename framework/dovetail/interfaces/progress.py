@@ -1,10 +1,14 @@
-"""Progress of long computations."""
+"""Progress of long computations, and their record in the log of the name "dovetail"."""
 
 from __future__ import annotations
 
+import logging
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
-__all__ = ["Progress", "silent"]
+__all__ = ["Progress", "logged", "progress_reporter", "silent"]
 
 
 class Progress(Protocol):
@@ -16,3 +20,27 @@ class Progress(Protocol):
 
 def silent(stage: str, done: int, total: int, note: str = "") -> None:
     """Report nothing."""
+
+
+@contextmanager
+def progress_reporter(progress: Progress | bool | None) -> Iterator[Progress]:
+    """Yield what a function calls that was given this `progress`.
+
+    True shows a bar for each stage, in a terminal or a notebook; False or None shows nothing; a function is itself.
+    """
+    if progress is not True:
+        yield progress or silent
+        return
+    from dovetail.interfaces.progress_bars import StageBars  # loads rich
+
+    with StageBars() as bars:
+        yield bars
+
+
+@contextmanager
+def logged(name: str, step: str) -> Iterator[None]:
+    """Log what begins, as DEBUG, and when it is done how long it took, as INFO; `name` is the module's."""
+    logger, began = logging.getLogger(name), time.perf_counter()
+    logger.debug("%s ...", step)
+    yield
+    logger.info("%s: %.2f s", step, time.perf_counter() - began)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from dovetail.atomic_files import read_bounded, write_whole
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
+from dovetail.interfaces import logged
 from dovetail.measurement.accelerometer import remove_accelerometer_mass
 from dovetail.measurement.formats import cutpro, guarded, lvm, npz, tables, uff_reader, uff_writer
 from dovetail.measurement.recording import FrfToWrite, ReadOptions, Recording, parse_quantity, prepare_for_writing
@@ -119,7 +120,8 @@ def read_frf(
         problem = f"columns={','.join(columns)} is for tables, not for {source.suffix} files."
         raise MeasurementError(Fault(str(source), problem))
     options = ReadOptions(index, response, force, dict(names or {}), tuple(columns))
-    recording = file_format.decode(source, read_bounded(source), options)
+    with logged(__name__, f"measurement {source} read"):
+        recording = file_format.decode(source, read_bounded(source), options)
     frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
     if accelerometer_mass:
         _check_drive_point(frf)

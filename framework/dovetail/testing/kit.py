@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.errors import DovetailError, Fault, PluginError, listing
-from dovetail.interfaces import KINDS, Component, Kind, plugin_errors
+from dovetail.interfaces import KINDS, Component, Kind, Progress, plugin_errors, progress_reporter
 from dovetail.registry import Registry, installed_components
 from dovetail.testing import (
     declared_checks,
@@ -84,7 +84,12 @@ _PREREQUISITES = frozenset(
 """Checks without which those behind them mean nothing."""
 
 
-def check_component(component: type[Component] | str, *, registry: Registry | None = None) -> tuple[CheckResult, ...]:
+def check_component(
+    component: type[Component] | str,
+    *,
+    registry: Registry | None = None,
+    progress: Progress | bool | None = None,
+) -> tuple[CheckResult, ...]:
     """Run every check of its kind over a component.
 
     Parameters
@@ -93,6 +98,8 @@ def check_component(component: type[Component] | str, *, registry: Registry | No
         A class, or the name of a model; a name that models of several kinds bear checks them all.
     registry : Registry, optional
         Where the name is looked up; by default among what is installed.
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
     Returns
     -------
@@ -105,7 +112,14 @@ def check_component(component: type[Component] | str, *, registry: Registry | No
         There is no such model, or this is no component class.
     """
     models = components_named(component, registry) if isinstance(component, str) else (component,)
-    return tuple(result for model in models for result in each_check(model))
+    results: list[CheckResult] = []
+    with progress_reporter(progress) as report:
+        for model in models:
+            expected = len(results) + len(check_names(model.kind))
+            for result in each_check(model):
+                results.append(result)
+                report("checks", len(results), expected)
+    return tuple(results)
 
 
 def check_names(kind: Kind) -> tuple[str, ...]:

@@ -2,5 +2,6 @@
 
 from dovetail.identification.adequacy.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.identification.adequacy.assess import assess
+from dovetail.identification.adequacy.causes import CAUSE_SECONDS
 
-__all__ = ["Adequacy", "AdequacyWord", "Cause", "assess"]
+__all__ = ["CAUSE_SECONDS", "Adequacy", "AdequacyWord", "Cause", "assess"]

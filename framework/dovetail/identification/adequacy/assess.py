@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import Adequacy, word_for
-from dovetail.identification.adequacy.causes import find_causes
+from dovetail.identification.adequacy.causes import CAUSE_SECONDS, find_causes
 from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.fit import bounds_reached
@@ -20,7 +20,7 @@ from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
 from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import find_deviating_bands, is_white
 from dovetail.identification.posterior.model_error import typical_model_error
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import Progress, logged, silent
 
 __all__ = ["assess"]
 
@@ -46,6 +46,7 @@ def assess(
     fit: Fit,
     model_error: float | None = None,
     *,
+    cause_seconds: float = CAUSE_SECONDS,
     progress: Progress = silent,
 ) -> tuple[Adequacy, Fit]:
     """Judge how well a fit explains a measurement, and fit anew with the errors that the model turns out to have.
@@ -60,8 +61,9 @@ def assess(
         Of the same measurement.
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed; by default what the measurement shows.
+    cause_seconds : float
+        Time after which no further cause is tried; with 0 none is.
     progress : Progress
-        Called while causes are searched.
 
     Returns
     -------
@@ -76,7 +78,9 @@ def assess(
     if not noise and max(target.counts) < 2:
         return Adequacy("not judged", allowed=model_error), fit
     start = assembly.to_unit(fit.theta)
-    estimated = None if noise else estimate_model_error(model, target, fit.variance, fit.used, start)
+    progress("model error", 0, 1)
+    with logged(__name__, "errors of the model"):
+        estimated = None if noise else estimate_model_error(model, target, fit.variance, fit.used, start, progress)
     used = estimated
     if model_error is not None:
         used = fit_with_error(model, target, fit.variance, fit.used, start, typical_model_error(model_error))
@@ -90,11 +94,13 @@ def assess(
     if estimated is None:
         return Adequacy("to the noise", allowed=model_error), refitted
     size = replace(estimated.size, magnitude=max(estimated.size.magnitude, _typical_ratio(target, estimated.values)))
+    with logged(__name__, "causes of the misfit"):
+        causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
     adequacy = Adequacy(
         word_for(size),
         size,
         model_error,
-        causes=find_causes(assembly, measured, refitted, progress=progress),
+        causes=causes,
         reasons=tuple(_reasons(target, fit, estimated, model_error)),
         bands=_bands(target, fit, estimated.values),
     )

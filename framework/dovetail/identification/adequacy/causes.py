@@ -5,6 +5,7 @@ Each change is tried by fitting the joint anew with it.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +27,7 @@ from dovetail.identification.fitting.residuals import linearise_frf
 from dovetail.interfaces import Parameter, Progress, silent
 from dovetail.units import format_quantity
 
-__all__ = ["find_causes"]
+__all__ = ["CAUSE_SECONDS", "find_causes"]
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,6 @@ class Settings:
 
     most: int = 3
     """Causes that are named at most; more are not readable."""
-    seconds: float = 20.0
-    """Time after which nothing new is tried."""
     noise: float = 0.6
     """Misfit of noise: mean of log(1 + x) for an x that is distributed exponentially."""
     of_measurement: float = 0.3
@@ -82,6 +81,9 @@ class Settings:
 
 _SETTINGS = Settings()
 
+CAUSE_SECONDS = 20.0
+"""Time after which nothing new is tried, by default."""
+
 _UNITS: tuple[tuple[float, str], ...] = (
     (9.80665, "g and m/s^2"),
     (4.44822, "N and lbf"),
@@ -94,12 +96,19 @@ _UNITS: tuple[tuple[float, str], ...] = (
     (np.sqrt(2.0), "peak and RMS"),
 )
 
+_LOG = logging.getLogger(__name__)
+
 Candidate = tuple[str, str, Trial]
 """Kind and words of a cause, and the fit with it."""
 
 
 def find_causes(
-    assembly: Assembly, measured: Sequence[Frf], fit: Fit, *, progress: Progress = silent
+    assembly: Assembly,
+    measured: Sequence[Frf],
+    fit: Fit,
+    *,
+    seconds: float = CAUSE_SECONDS,
+    progress: Progress = silent,
 ) -> tuple[Cause, ...]:
     """Return what makes the model fit clearly better, the best first; nothing if nothing that was tried does.
 
@@ -111,6 +120,8 @@ def find_causes(
         One for each response.
     fit : Fit
         Of the same measurement.
+    seconds : float
+        Time after which nothing new is tried; with 0 nothing is.
     progress : Progress
 
     Notes
@@ -120,13 +131,16 @@ def find_causes(
     either by 0.4 of what separates it from noise; a quantity of a part if it takes away 0.7 of that. Each must
     take away at least half as much as the best one.
     """
-    deadline = time.monotonic() + _SETTINGS.seconds
+    if not seconds:
+        return ()
+    deadline = time.monotonic() + seconds
     trials = Trials(assembly, measured, fit)
     before = trials.unchanged
     improvements: list[tuple[float, Cause]] = []
     for name, words, trial in _candidates(trials, progress):
         improvement = before.misfit - trial.misfit
         factor = float(np.exp(improvement / 2.0))
+        _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", words or name, factor)
         improvements.append((improvement, Cause(name, words, (before.coherence, trial.coherence), factor)))
         if time.monotonic() > deadline or trial.misfit < _SETTINGS.noise + _SETTINGS.explained:
             break

@@ -26,6 +26,7 @@ from dovetail.identification.posterior.model_error import (
     typical_model_error,
 )
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
+from dovetail.interfaces import Progress, silent
 
 __all__ = ["FitWithError", "estimate_model_error", "fit_with_error"]
 
@@ -167,6 +168,7 @@ def estimate_model_error(
     variance: NDArray[np.float64],
     used: NDArray[np.bool_],
     fraction: NDArray[np.float64],
+    progress: Progress = silent,
 ) -> FitWithError:
     """Estimate the sizes of the model's errors around a fit.
 
@@ -181,19 +183,26 @@ def estimate_model_error(
     fraction : (p,) array
         Of the ranges: the fit, which stays what it is. Where a model errs in many ways, a fit that allows for all of
         them gives up what is plain, as the peaks, for what is not.
+    progress : Progress
     """
     problem = _Problem(model, target, variance, used)
-    size = _most_plausible(_estimates(problem, fraction))
+    size = _most_plausible(_estimates(problem, fraction, progress))
     return _Linearised(problem, fraction, size).result(size)
 
 
-def _estimates(problem: _Problem, fraction: NDArray[np.float64]) -> Iterator[tuple[float, ModelError]]:
+def _estimates(
+    problem: _Problem, fraction: NDArray[np.float64], progress: Progress
+) -> Iterator[tuple[float, ModelError]]:
     """Yield the sizes that are told with residuals averaged for natural frequencies that are off by less or more."""
     width, most = problem.widths(fraction)
+    widths = []
     while width <= min(most, _SETTINGS.widest):
+        widths.append(width)
+        width *= _SETTINGS.wider
+    for step, width in enumerate(widths):
+        progress("model error", step, len(widths))
         size = _Linearised(problem, fraction, typical_model_error(width), most).estimate()
         yield width, replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
-        width *= _SETTINGS.wider
 
 
 def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Protocol
@@ -85,7 +86,13 @@ class Minima:
 
 
 def minimise(
-    problem: SumOfSquares, start: NDArray[np.float64], *, tolerance: float, most_steps: int, deadline: float = np.inf
+    problem: SumOfSquares,
+    start: NDArray[np.float64],
+    *,
+    tolerance: float,
+    most_steps: int,
+    deadline: float = np.inf,
+    tell: Callable[[], None] = lambda: None,
 ) -> Minima:
     """Minimise sums of squares from several starts by the trust-region reflective method.
 
@@ -100,13 +107,18 @@ def minimise(
     most_steps : int
     deadline : float
         `time.monotonic()` after which no further step begins.
+    tell : callable
+        Called after each search.
 
     References
     ----------
     M. A. Branch, T. F. Coleman, Y. Li, A subspace, interior, and conjugate gradient method for large-scale
     bound-constrained minimization problems, SIAM J. Sci. Comput. 21 (1999) 1-23; as `scipy.optimize.least_squares`.
     """
-    searches = [_search(problem, point, tolerance, most_steps, deadline) for point in np.clip(start, 0.0, 1.0)]
+    searches = []
+    for point in np.clip(start, 0.0, 1.0):
+        searches.append(_search(problem, point, tolerance, most_steps, deadline))
+        tell()
     position, cost, curvature, steps = (np.stack(values) for values in zip(*searches, strict=True))
     return Minima(position, cost, curvature, steps)
 

@@ -17,6 +17,7 @@ from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agree
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals
+from dovetail.interfaces import Progress, silent
 
 __all__ = ["Objective", "multistart"]
 
@@ -37,6 +38,7 @@ def multistart(
     seconds: float | None = None,
     objective: Objective = "frf",
     seed: int = 0,
+    progress: Progress = silent,
 ) -> Fit:
     """Fit the parameters by bounded local searches from Latin hypercube points.
 
@@ -51,6 +53,7 @@ def multistart(
         Time after which no further step begins.
     objective : {"frf", "weighted"}
     seed : int
+    progress : Progress
 
     Returns
     -------
@@ -71,7 +74,9 @@ def multistart(
     weights = variance if objective == "weighted" else _mean_of_response(target, variance)
     problem = FrfResiduals(assembly, target.weighted(weights, used))
     minima = []
-    for point in qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts):
+    points = qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts)
+    for number, point in enumerate(points):
+        progress("fit", number, starts)
         start = point[np.newaxis]
         minima.append(minimise(problem, start, tolerance=_TOLERANCE, most_steps=_MOST_STEPS, deadline=deadline))
         if time.monotonic() > deadline:

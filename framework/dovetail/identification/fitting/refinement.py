@@ -18,6 +18,7 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, WithPrior
 from dovetail.identification.fitting.search_lines import missed_resonances, search_lines, thinned_lines
 from dovetail.identification.fitting.whiteness import is_white
+from dovetail.interfaces import Progress, logged, silent
 
 __all__ = ["refine"]
 
@@ -75,7 +76,12 @@ _SETTINGS = Settings()
 
 
 def refine(
-    assembly: Assembly, measured: Frf | Sequence[Frf], starts: Sequence[NDArray[np.float64]] = (), *, seed: int = 0
+    assembly: Assembly,
+    measured: Frf | Sequence[Frf],
+    starts: Sequence[NDArray[np.float64]] = (),
+    *,
+    seed: int = 0,
+    progress: Progress = silent,
 ) -> Fit:
     """Fit the parameters to a measured FRF, weighted by its random error, or to one for each response.
 
@@ -92,6 +98,8 @@ def refine(
         the random error allows.
     seed : int
         Of the Latin hypercube.
+    progress : Progress
+        Called after each search; more are added while no fit is as good as the random error allows.
 
     Returns
     -------
@@ -107,7 +115,9 @@ def refine(
     magnitude, and by some part of the FRF's level everywhere, as by modes that it lacks. The most likely parts enter
     the weights, so that the lines with the least noise do not dominate.
     """
-    return _Refinement(assembly, Observations.of(assembly, measured), seed).run(starts)
+    progress("fit", 0, 1)
+    with logged(__name__, f"fit of {len(assembly.parameters)} parameters"):
+        return _Refinement(assembly, Observations.of(assembly, measured), seed, progress).run(starts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +138,7 @@ class _Ranked:
 class _Refinement:
     """The state of one refinement: the weights and the lines that count."""
 
-    def __init__(self, assembly: Assembly, target: Observations, seed: int) -> None:
+    def __init__(self, assembly: Assembly, target: Observations, seed: int, progress: Progress) -> None:
         self._assembly = assembly
         self._model = ModelFrfs.of(assembly)
         self._target = target
@@ -140,7 +150,14 @@ class _Refinement:
         self._some = thinned_lines(target, _SETTINGS.fit_lines, self._few)
         self._model_of_few = self._model_at(self._few)
         self._model_of_some = self._model_at(self._some)
-        self._steps = self._starts = 0
+        self._steps = self._starts = self._searches = 0
+        self._expected = _SETTINGS.first_starts + _SETTINGS.first_carried + 1
+        self._progress = progress
+
+    def _tell(self) -> None:
+        """Report one more search; no more than those of the first batch are expected until they have ended."""
+        self._searches += 1
+        self._progress("fit", self._searches, max(self._expected, self._searches + 1))
 
     def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
         began = time.perf_counter()
@@ -181,6 +198,7 @@ class _Refinement:
             enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
             if enough and batch >= _SETTINGS.least_batches and not self._missed(best).size:
                 break
+            self._expected = self._searches + _SETTINGS.more_starts + _SETTINGS.carried + len(minima.cost) + 1
             ends = self._searched(self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates))
             minima = _Ranked.of(minima, self._told_apart(ends[: _SETTINGS.carried]))
         return minima, best
@@ -207,7 +225,8 @@ class _Refinement:
 
     def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches by logarithms of amplitudes ended, the most promising first."""
-        minima = minimise(self._search, batch, tolerance=_SETTINGS.search_tolerance, most_steps=_SETTINGS.search_steps)
+        tolerance, most_steps = _SETTINGS.search_tolerance, _SETTINGS.search_steps
+        minima = minimise(self._search, batch, tolerance=tolerance, most_steps=most_steps, tell=self._tell)
         self._steps += int(minima.steps.sum())
         self._starts += len(batch)
         return self._with_delays(minima.position[np.argsort(minima.cost, kind="stable")])
@@ -239,7 +258,8 @@ class _Refinement:
 
     def _minimised(self, problem: FrfResiduals, start: NDArray[np.float64]) -> _Ranked:
         with_prior = WithPrior(problem, self._assembly)
-        minima = minimise(with_prior, start, tolerance=_SETTINGS.fit_tolerance, most_steps=_SETTINGS.fit_steps)
+        tolerance, most_steps = _SETTINGS.fit_tolerance, _SETTINGS.fit_steps
+        minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, tell=self._tell)
         self._steps += int(minima.steps.sum())
         return _Ranked.of(minima)
 

@@ -26,7 +26,7 @@ from dovetail.identification.network.network import Network, check_contract, com
 from dovetail.identification.network.novelty import learn_novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
 from dovetail.identification.network.trained_network import TrainedNetwork
-from dovetail.interfaces import FittedReducer, Progress, plugin_errors, silent
+from dovetail.interfaces import FittedReducer, Progress, logged, plugin_errors, silent
 
 __all__ = ["draw_test_samples", "read_frfs", "train_network"]
 
@@ -96,12 +96,14 @@ def _train(assembly: Assembly, dataset: Dataset, timer: _StageTimer, progress: P
     is_test = draw_test_samples(len(dataset), settings.test_fraction, settings.seed)
     theta = np.asarray(dataset.parameters, dtype=np.float64)
     network, test_amplitude = _fit_network(assembly, dataset, is_test, timer, progress)
+    progress("evaluation", 0, 1)
     with timer.stage("evaluation"):
         predicted = network.predict(test_amplitude)
         if not np.isfinite(predicted).all():
             label = component_label(settings.regressor)
             raise PluginError(Fault(label, "its answers to the test FRFs are not finite.", "finite numbers"))
     novelty = None
+    progress("novelty", 0, 1)
     with timer.stage("novelty"):
         if len(assembly.description.responses) == 1:
             rows = next(blocks(len(dataset)))
@@ -169,7 +171,8 @@ class _StageTimer:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         start = time.perf_counter()
-        yield
+        with logged(__name__, f"training, {name}"):
+            yield
         self.seconds[name] = time.perf_counter() - start
 
 

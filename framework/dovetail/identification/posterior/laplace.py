@@ -24,6 +24,7 @@ from dovetail.identification.posterior.likelihood import (
 from dovetail.identification.posterior.mode_search import maximise_posterior
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior
+from dovetail.interfaces import Progress, silent
 
 __all__ = ["LaplaceApproximation", "laplace_posterior"]
 
@@ -111,6 +112,7 @@ def laplace_posterior(
     samples: int = 400,
     model_error: ModelError = TYPICAL,
     seed: int = 0,
+    progress: Progress = silent,
 ) -> Posterior:
     """Approximate the posterior by a Gaussian, in the coordinates in which the prior is one.
 
@@ -127,6 +129,7 @@ def laplace_posterior(
     model_error : ModelError
         As in `sample_posterior`.
     seed : int
+    progress : Progress
 
     Returns
     -------
@@ -139,6 +142,7 @@ def laplace_posterior(
         An option is out of its range.
     """
     check_options(samples)
+    progress("modes", 0, 1)
     began = time.perf_counter()
     likelihood = build_likelihood(assembly, measured, fit, model_error)
     residuals = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +21,7 @@ from dovetail.identification.posterior.likelihood import (
     PosteriorResiduals,
     normal_from_unit,
 )
+from dovetail.interfaces import Progress, silent
 
 __all__ = ["maximise_posterior", "search_modes"]
 
@@ -55,7 +59,11 @@ _SETTINGS = ModeSearchSettings()
 
 
 def search_modes(
-    assembly: Assembly, likelihood: Likelihood, best: NDArray[np.float64], random: np.random.Generator
+    assembly: Assembly,
+    likelihood: Likelihood,
+    best: NDArray[np.float64],
+    random: np.random.Generator,
+    progress: Progress = silent,
 ) -> NDArray[np.float64]:
     """Search the modes of the posterior, from the best fit and from points all over the ranges.
 
@@ -66,6 +74,8 @@ def search_modes(
     best : (p,) array
         Fractions of the ranges at the best fit.
     random : numpy.random.Generator
+    progress : Progress
+        Called after each search.
 
     Returns
     -------
@@ -83,20 +93,27 @@ def search_modes(
         full_weight = float(np.sqrt(step))  # with which these lines tell as much as all
     points = qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
     logarithms = FrfResiduals(on_lines, likelihood.target.at(lines).logarithms(variance[lines]))
-    near = minimise(logarithms, points, tolerance=_SETTINGS.first_tolerance, most_steps=_SETTINGS.first_steps).position
+    searches = itertools.count(1)
+    total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + 1 + _SETTINGS.refined_modes
+
+    def tell() -> None:
+        progress("modes", next(searches), total)
+
+    first: dict[str, Any] = {"tolerance": _SETTINGS.first_tolerance, "most_steps": _SETTINGS.first_steps}
+    near = minimise(logarithms, points, **first, tell=tell).position
 
     def tempered(weight: float) -> PosteriorResiduals:
         return PosteriorResiduals(MarginalisedResiduals(misfit, some_errors, weight * full_weight))
 
     direct = cooled = normal_from_unit(_within_margin(near))
-    tolerance = _SETTINGS.rough_tolerance
+    rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "tell": tell}
     for weight in _SETTINGS.tempering:
-        cooled = maximise_posterior(tempered(weight), cooled, tolerance=tolerance, most_steps=_SETTINGS.tempering_steps)
+        cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
     both = np.concatenate([direct, cooled])
-    rough = maximise_posterior(tempered(1.0), both, tolerance=tolerance, most_steps=_SETTINGS.rough_steps)
+    ends = maximise_posterior(tempered(1.0), both, most_steps=_SETTINGS.rough_steps, **rough)
     posterior = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, errors))
     best_fit = normal_from_unit(_within_margin(best))[np.newaxis]
-    return maximise_posterior(posterior, np.concatenate([best_fit, rough[: _SETTINGS.refined_modes]]))
+    return maximise_posterior(posterior, np.concatenate([best_fit, ends[: _SETTINGS.refined_modes]]), tell=tell)
 
 
 def maximise_posterior(
@@ -105,10 +122,11 @@ def maximise_posterior(
     *,
     tolerance: float = _SETTINGS.tolerance,
     most_steps: int = _SETTINGS.steps,
+    tell: Callable[[], None] = lambda: None,
 ) -> NDArray[np.float64]:
     """Search a mode from each start z (n, p); return where the searches ended (n, p), the highest first."""
     problem, cube = CubeResiduals(posterior), CubeResiduals.from_normal(starts)
-    minimum = minimise(problem, cube, tolerance=tolerance, most_steps=most_steps)
+    minimum = minimise(problem, cube, tolerance=tolerance, most_steps=most_steps, tell=tell)
     return CubeResiduals.to_normal(minimum.position[np.argsort(minimum.cost, kind="stable")])
 
 

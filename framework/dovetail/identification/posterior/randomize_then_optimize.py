@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.identification.posterior.likelihood import Z_LIMIT, PosteriorResiduals
+from dovetail.interfaces import Progress, silent
 
 __all__ = ["LinearisedPoints", "TangentMap", "decorrelate", "metropolis_step"]
 
@@ -184,11 +185,15 @@ class TangentMap:
 
 
 def decorrelate(
-    posterior: PosteriorResiduals, points: LinearisedPoints, random: np.random.Generator
+    posterior: PosteriorResiduals,
+    points: LinearisedPoints,
+    random: np.random.Generator,
+    progress: Progress = silent,
 ) -> LinearisedPoints:
     """Move points by Metropolis steps until they are independent of where they were."""
     correlation = 1.0
-    for _ in range(_SETTINGS.most_metropolis_steps):
+    for number in range(_SETTINGS.most_metropolis_steps):
+        progress("independence", number, _SETTINGS.most_metropolis_steps)
         points, acceptance = metropolis_step(posterior, points, random)
         correlation *= 1.0 - (1.0 - _SETTINGS.correlation) * acceptance
         if correlation < _SETTINGS.remaining_correlation:

@@ -30,6 +30,7 @@ from dovetail.identification.posterior.mode_search import maximise_posterior, se
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior, drawn_by_weight
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
+from dovetail.interfaces import Progress, logged, silent
 
 __all__ = ["sample_posterior"]
 
@@ -72,6 +73,7 @@ def sample_posterior(
     samples: int = 400,
     model_error: ModelError = TYPICAL,
     seed: int = 0,
+    progress: Progress = silent,
 ) -> Posterior:
     """Draw samples of the parameters given a measured FRF, or one for each response.
 
@@ -89,6 +91,7 @@ def sample_posterior(
         What the model is allowed, 0 for a model that is exact. Small errors the measurement cannot show, since the
         parameters follow them.
     seed : int
+    progress : Progress
 
     Returns
     -------
@@ -107,14 +110,18 @@ def sample_posterior(
     they began.
     """
     check_options(samples)
-    likelihood = build_likelihood(assembly, measured, fit, model_error)
-    modes = search_modes(assembly, likelihood, assembly.to_unit(fit.theta), np.random.default_rng([seed, 3]))
+    progress("modes", 0, 1)
+    with logged(__name__, "modes of the posterior"):
+        likelihood = build_likelihood(assembly, measured, fit, model_error)
+        best, random = assembly.to_unit(fit.theta), np.random.default_rng([seed, 3])
+        modes = search_modes(assembly, likelihood, best, random, progress)
     began = time.perf_counter()
-    sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]))
-    z, log_weight = sampler.search(samples)
-    converged = len(z)
-    if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
-        z, log_weight = sampler.move(z, log_weight, samples)
+    with logged(__name__, f"{samples} samples of the posterior"):
+        sampler = _Sampler(likelihood, modes, fit.information, np.random.default_rng([seed, 2]), progress)
+        z, log_weight = sampler.search(samples)
+        converged = len(z)
+        if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
+            z, log_weight = sampler.move(z, log_weight, samples)
     weight, fraction = np.exp(log_weight - log_weight.max()), unit_from_normal(z)
     return Posterior.from_fractions(
         assembly,
@@ -139,6 +146,7 @@ class _Sampler:
     information : (p, p) array
         Fisher information of the fractions at the best fit.
     random : numpy.random.Generator
+    progress : Progress
     """
 
     def __init__(
@@ -147,14 +155,16 @@ class _Sampler:
         modes: NDArray[np.float64],
         information: NDArray[np.float64],
         random: np.random.Generator,
+        progress: Progress,
     ) -> None:
         self._residuals, self._errors = likelihood.misfit, likelihood.errors
-        self._random = random
+        self._random, self._progress = random, progress
         log_posterior = self._log_posterior(modes)
         self._points = modes[log_posterior >= log_posterior.max() - _SETTINGS.region / 2.0]
         origin = self._residuals.residuals(unit_from_normal(self._points[:1]))[0]
         snapshots = self._first_snapshots(unit_from_normal(self._points), information)
         for number in range(1, _SETTINGS.rounds[1] + 1):
+            progress("exploration", number - 1, _SETTINGS.rounds[1])
             reduced = ReducedResiduals(likelihood, snapshots, origin)
             self._adopt(reduced)
             pilots, _ = self._solve(_SETTINGS.pilots, _SETTINGS.pilot_iterations)
@@ -199,6 +209,7 @@ class _Sampler:
         """Return z where the searches for random components converged, and the logarithms of their weights."""
         z, log_weight = self._mode[:0], np.empty(0)
         for first in range(0, count, _SETTINGS.batch):
+            self._progress("samples", first, count)
             ends, converged = self._solve(min(_SETTINGS.batch, count - first), _SETTINGS.iterations)
             ends = ends.at_rows(np.flatnonzero(converged))
             components = self._tangent_map.components(ends.residuals)
@@ -206,6 +217,7 @@ class _Sampler:
             log_density = self._tangent_map.log_determinant(ends) - squares / 2.0
             self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
             log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density])
+        self._progress("samples", count, count)
         return z, log_weight
 
     def move(
@@ -218,7 +230,8 @@ class _Sampler:
             log_weight = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.weight_quantile))
         weight = np.exp(log_weight - log_weight.max())
         chosen = drawn_by_weight(weight, count, self._random)
-        points = decorrelate(self._posterior, LinearisedPoints.at(self._posterior, z[chosen]), self._random)
+        start = LinearisedPoints.at(self._posterior, z[chosen])
+        points = decorrelate(self._posterior, start, self._random, self._progress)
         return points.z, self._log_posterior(points.z) - points.log_posterior
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,7 +1,8 @@
-"""Progress bars on a terminal; this module loads rich, so it is imported when a bar is drawn."""
+"""Progress bars in a terminal or a notebook; this module loads rich, so it is imported when a bar is drawn."""
 
 from __future__ import annotations
 
+import sys
 from types import TracebackType
 
 from rich.console import Console
@@ -27,22 +28,34 @@ class _Clock(ProgressColumn):
 
 
 class StageBars:
-    """One bar a stage; a stage is over when the next begins. Fulfils `dovetail.Progress`."""
+    """One bar a stage; a stage is over when the next begins. Fulfils `dovetail.Progress`.
 
-    def __init__(self) -> None:
+    Nothing is shown where standard error is neither a terminal nor a notebook's.
+
+    Parameters
+    ----------
+    transient : bool
+        Whether nothing of them stays when they end. Nothing else may be printed meanwhile.
+    """
+
+    def __init__(self, *, transient: bool = False) -> None:
+        console = Console(stderr=True)
         self._bars = Progress(
             TextColumn("{task.description:<13}"),
             BarColumn(bar_width=20),
             TextColumn("{task.fields[count]}"),
             _Clock(),
             TextColumn("{task.fields[note]}"),
-            console=Console(stderr=True),
+            console=console,
+            transient=transient,
+            redirect_stdout=not transient,
+            redirect_stderr=not transient,
+            disable=not (console.is_jupyter or sys.stderr.isatty()),
         )
         self._stage = ""
         self._task: TaskID | None = None
 
     def __enter__(self) -> StageBars:
-        self._bars.start()
         return self
 
     def __exit__(
@@ -55,6 +68,7 @@ class StageBars:
     def __call__(self, stage: str, done: int, total: int, note: str = "") -> None:
         """Show `done` of `total` steps of `stage`."""
         if self._task is None or stage != self._stage:
+            self._bars.start()
             self._finish()
             self._stage = stage
             self._task = self._bars.add_task(stage, total=None, count="", note="")
