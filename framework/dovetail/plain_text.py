@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import html
 import re
+from collections.abc import Iterable, Sequence
 
-__all__ = ["csv_cell", "csv_comment", "html_text", "markdown_cell", "terminal_text"]
+__all__ = ["csv_cell", "csv_comment", "html_table", "html_text", "markdown_cell", "terminal_text"]
 
 _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters, marks that turn the direction of writing, and halves of characters, which no file can hold."""
@@ -19,6 +20,14 @@ def terminal_text(text: str) -> str:
 def html_text(text: str) -> str:
     """Return a text for the inside of an element or of an attribute in quotes."""
     return html.escape(terminal_text(text))
+
+
+def html_table(title: str, rows: Iterable[Sequence[str]]) -> str:
+    """Return a line and a table of texts, for a notebook; the first row heads the columns."""
+    head, *body = ([html_text(cell) for cell in row] for row in rows)
+    lines = [f"<tr><th>{'</th><th>'.join(head)}</th></tr>"]
+    lines += [f"<tr><td>{'</td><td>'.join(row)}</td></tr>" for row in body]
+    return f"<p>{html_text(title)}</p><table>{''.join(lines)}</table>"
 
 
 def markdown_cell(text: str) -> str:

@@ -18,6 +18,7 @@ from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, po
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.interfaces import DIRECTIONS, Parameter
+from dovetail.plain_text import html_table
 from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, assembly_matrices, elastic_frequencies
 
 __all__ = ["Assembly"]
@@ -64,6 +65,9 @@ class Assembly:
 
     def __repr__(self) -> str:
         return f"Assembly({self.name!r}, {len(self.parameters)} parameters, {len(self.frequency)} lines)"
+
+    def _repr_html_(self) -> str:
+        return html_table(repr(self), self._space.rows)
 
     @property
     def name(self) -> str:
@@ -182,8 +186,7 @@ class Assembly:
         batch, single = self._space.batch(theta)
         if not single:
             raise ParameterError(Fault("theta", f"one parameter vector is expected, not a batch of {len(batch)}."))
-        vector: NDArray[np.float64] = batch[0]
-        return vector
+        return np.asarray(batch[0])
 
     def frf(self, theta: Theta = None) -> NDArray[np.complex128]:
         """FRF of the first response, in its quantity.
@@ -204,8 +207,7 @@ class Assembly:
 
     def simulate(self, theta: Theta = None) -> Frf:
         """Return `frf` for one parameter vector as a measurement would be given."""
-        response, values = self.description.response, self.frf(self.vector(theta))
-        label = f"{self.name}, simulated"
+        response, values, label = self.description.response, self.frf(self.vector(theta)), f"{self.name}, simulated"
         return Frf(self.frequency, values, response.quantity, label=label, rotation=response.rotation)
 
     def frfs(self, theta: Theta = None) -> NDArray[np.complex128]:
@@ -357,8 +359,7 @@ class Assembly:
         for known in (self, *self._elsewhere):
             if _same_axes(known._axes, axes):
                 return known
-        there = replace(self.description, frequency=axes[0])
-        made = Assembly(there, rigid=self._rigid, further_frequencies=axes[1:])
+        made = Assembly(replace(self.description, frequency=axes[0]), rigid=self._rigid, further_frequencies=axes[1:])
         made._elsewhere = deque(maxlen=0)  # whoever asks again, asks this assembly
         self._elsewhere.append(made)
         return made

@@ -17,7 +17,7 @@ from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, list
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
 from dovetail.synthesis import Engine, Point
-from dovetail.units import to_si
+from dovetail.units import format_quantity, to_si
 
 __all__ = ["ParameterSpace", "ResponseFrfs", "Theta", "points_and_pairs"]
 
@@ -91,6 +91,14 @@ class ParameterSpace:
     def names(self) -> tuple[str, ...]:
         """Names of the identified parameters."""
         return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """A table of the identified parameters, as texts."""
+        texts = [(p.name, format_quantity(p.lower, p.unit), format_quantity(p.upper, p.unit)) for p in self.parameters]
+        scales = [(p.scale, p.prior, p.description) for p in self.parameters]
+        head = ("parameter", "from", "to", "scale", "prior", "description")
+        return [head, *(text + scale for text, scale in zip(texts, scales, strict=True))]
 
     @property
     def nominal(self) -> NDArray[np.float64]:

@@ -41,7 +41,7 @@ _UNLIMITED = 10_000
 """Columns in a pipe: a row stays a line, for grep."""
 _GAP = 3
 """Blanks between the columns of a table."""
-_PATIENCE = 0.7
+_PATIENCE = 0.5
 """Seconds without a word after which a command shows that it is at work."""
 
 

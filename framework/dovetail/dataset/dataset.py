@@ -13,6 +13,7 @@ from dovetail.assembly import FRF_TOLERANCE, Assembly, fingerprint, largest_frf_
 from dovetail.dataset.metadata import check_metadata, read_metadata
 from dovetail.dataset.storage import ARRAYS, Storage, StoredFrfs, read_array, read_flags
 from dovetail.errors import DatasetError, Fault
+from dovetail.plain_text import html_table
 
 __all__ = ["FORMAT", "Dataset"]
 
@@ -78,6 +79,13 @@ class Dataset:
 
     def __repr__(self) -> str:
         return f"Dataset({str(self.path)!r}, {len(self)} samples, {len(self.frequency)} lines)"
+
+    def _repr_html_(self) -> str:
+        band = f"{self.frequency[0]:g} to {self.frequency[-1]:g} Hz"
+        head = ("assembly", "samples", "lines", "band", "seed", "stored", "complete")
+        sizes = (str(len(self)), str(len(self.frequency)), band, str(self.seed))
+        name = str(self.attributes.get("name", ""))
+        return html_table(repr(self), [head, (name, *sizes, self.storage, "yes" if self.complete else "no")])
 
     @property
     def accelerance(self) -> StoredFrfs:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.errors import MeasurementError
 from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
+from dovetail.plain_text import html_table, terminal_text
 
 __all__ = ["Frf", "in_bands"]
 
@@ -116,6 +117,24 @@ class Frf:
             raise MeasurementError(
                 f"{self.label}: the first frequency is {self.frequency[0]:g} Hz; it must be positive."
             )
+
+    def __repr__(self) -> str:
+        note = f"; {self.note}" if self.note else ""
+        values = self.quantity if self.has_phase else f"amplitude of the {self.quantity}"
+        band = f"{self.frequency.size} lines from {self.frequency[0]:g} to {self.frequency[-1]:g} Hz"
+        return f"<Frf: {terminal_text(f'{self.label}, {values}, {band}{note}')}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            ("unit", self.unit),
+            ("largest amplitude", f"{self.amplitude.max():.4g} at {self.frequency[self.amplitude.argmax()]:g} Hz"),
+            ("mean coherence", "" if self.coherence is None else f"{self.coherence.mean():.3f}"),
+            ("averages", str(self.averages or "")),
+            ("response", self.response),
+            ("force", self.force),
+            ("origin", self.origin),
+        ]
+        return html_table(repr(self), [("", ""), *(row for row in rows if row[1])])
 
     @property
     def unit(self) -> str:

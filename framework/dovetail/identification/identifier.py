@@ -14,6 +14,8 @@ from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.network.training import train_network
 from dovetail.identification.result import Identification
 from dovetail.interfaces import Progress, logged, progress_reporter
+from dovetail.plain_text import html_table, terminal_text
+from dovetail.units import format_quantity
 
 __all__ = ["Identifier", "load_model", "train"]
 
@@ -23,6 +25,17 @@ class Identifier(TrainedNetwork):
 
     `train` and `load_model` give one. Its fields are those of `TrainedNetwork`.
     """
+
+    def __repr__(self) -> str:
+        tested = f"{self.evaluation.training_samples} training samples, mean R2 {self.evaluation.mean_r2:.3f}"
+        return f"<Identifier: {terminal_text(self.assembly.name)}, {tested}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, "" if metrics.r2 is None else f"{metrics.r2:.3f}", format_quantity(metrics.rmse_si, metrics.unit, 3))
+            for name, metrics in self.evaluation.parameters.items()
+        ]
+        return html_table(repr(self), [("parameter", "R2", "RMS error"), *rows])
 
     @classmethod
     def of(cls, trained: TrainedNetwork) -> Self:

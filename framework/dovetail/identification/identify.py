@@ -28,6 +28,7 @@ from dovetail.identification.result import Identification, caveats_of
 from dovetail.interfaces import Progress, logged, progress_reporter
 from dovetail.measurement import read_frf
 from dovetail.parallel import cores, side_by_side
+from dovetail.plain_text import html_table
 
 __all__ = ["Batch", "Measurement", "identify", "identify_many", "method_options"]
 
@@ -234,6 +235,12 @@ class Batch:
 
     def __repr__(self) -> str:
         return f"<Batch: {len(self.results)} identifications, {len(self.failures)} failures>"
+
+    def _repr_html_(self) -> str:
+        judged = {name: "" if one.adequacy is None else one.adequacy.word for name, one in self.results.items()}
+        rows = [(name, judged[name], f"{one.mean_coherence:.3f}", one.caveat) for name, one in self.results.items()]
+        rows += [(name, "failed", "", reason) for name, reason in self.failures.items()]
+        return html_table(repr(self), [("measurement", "model", "mean coherence", ""), *rows])
 
     @property
     def believable(self) -> bool:

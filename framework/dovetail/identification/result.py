@@ -16,6 +16,7 @@ from dovetail.identification.adequacy.adequacy import Adequacy
 from dovetail.identification.fitting.fit import Fit
 from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
 from dovetail.identification.posterior.posterior import Posterior
+from dovetail.plain_text import html_table, terminal_text
 from dovetail.units import format_quantity
 
 __all__ = ["AtPoint", "Identification", "Mode", "caveats_of"]
@@ -157,8 +158,20 @@ class Identification:
     def __repr__(self) -> str:
         """Return assembly, measurement, method and parameters in one line, the caveat before all numbers."""
         values = ", ".join(f"{row.name}={format_quantity(row.estimate, row.unit)}" for row in self.table)
-        head = f"{self.provenance.get('assembly', '')}, {self.measured.label}, {self.method}".removeprefix(", ")
-        return f"<Identification: {head}: {f'{self.caveat} ' if self.caveat else ''}{values}>"
+        return terminal_text(f"<Identification: {self._head}: {f'{self.caveat} ' if self.caveat else ''}{values}>")
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for row in self.table:
+            ends = [end for end in (row.interval_low, row.interval_high) if end is not None]
+            interval = " to ".join(format_quantity(end, row.unit) for end in ends)
+            rows.append((row.name, format_quantity(row.estimate, row.unit), interval, row.verdict, row.why))
+        head = f"<Identification: {self._head}> {self.caveat}"
+        return html_table(head, [("parameter", "estimate", "90 % interval", "verdict", "why"), *rows])
+
+    @property
+    def _head(self) -> str:
+        return f"{self.provenance.get('assembly', '')}, {self.measured.label}, {self.method}".removeprefix(", ")
 
     @property
     def believable(self) -> bool:
