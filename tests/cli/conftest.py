@@ -6,7 +6,9 @@ import shlex
 import signal
 import subprocess
 import sysconfig
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -31,6 +33,9 @@ TRUTH = {
 }
 
 Run = Callable[..., Result]
+
+BAR = b"\x1b[?25l"
+"""What hides the cursor, with which rich begins a bar."""
 
 
 @pytest.fixture(autouse=True)
@@ -81,6 +86,53 @@ def interruptible(command: str, environment: dict[str, str]) -> Callable[..., su
         )
 
     return start
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a command wrote to a terminal, when [s] the first bar stood there, and how long it was watched."""
+
+    written: str
+    first_bar: float
+    seconds: float
+    code: int
+
+
+@pytest.fixture
+def on_a_terminal(environment: dict[str, str]) -> Callable[..., Shown]:
+    """Run a command on a terminal of 80 columns, to its end or until a bar stands there."""
+    pty = pytest.importorskip("pty")
+    import fcntl
+    import struct
+    import termios
+
+    def call(*command: object, until_bar: bool = False) -> Shown:
+        own, terminal = pty.openpty()
+        fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 80, 0, 0))
+        shown = {**environment, "TERM": "xterm-256color"}
+        shown.pop("COLUMNS", None)
+        began, first, written = time.monotonic(), float("inf"), bytearray()
+        words = [str(word) for word in command]
+        files = {"stdin": terminal, "stdout": terminal, "stderr": terminal}
+        process = subprocess.Popen(words, **files, env=shown, start_new_session=True)
+        os.close(terminal)
+        while not (until_bar and first < float("inf")):
+            try:
+                part = os.read(own, 65536)
+            except OSError:  # the terminal closes with the last process that holds it
+                break
+            if not part:
+                break
+            written += part
+            if first == float("inf") and BAR in written:
+                first = time.monotonic() - began
+        seconds = time.monotonic() - began
+        if until_bar:
+            os.killpg(process.pid, signal.SIGKILL)
+        os.close(own)
+        return Shown(written.decode(errors="replace"), first, seconds, process.wait(timeout=60))
+
+    return call
 
 
 @pytest.fixture

@@ -26,41 +26,16 @@ def test_a_pipe_gets_results_and_no_control_characters(shell, bench, tmp_path):
     )
 
 
-def on_a_terminal(command: list[str], environment: dict[str, str]) -> str:
-    """Return everything that a command writes to a terminal of 80 columns."""
-    pty = pytest.importorskip("pty")
-    import fcntl
-    import struct
-    import termios
-
-    own, terminal = pty.openpty()
-    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 80, 0, 0))
-    shown = {**environment, "TERM": "xterm-256color"}
-    shown.pop("COLUMNS", None)
-    process = subprocess.Popen(command, stdin=terminal, stdout=terminal, stderr=terminal, env=shown)
-    os.close(terminal)
-    written = bytearray()
-    while True:
-        try:
-            part = os.read(own, 65536)
-        except OSError:  # the terminal closes with the last process that holds it
-            break
-        if not part:
-            break
-        written += part
-    os.close(own)
-    assert process.wait(timeout=60) == 0, written.decode()
-    return written.decode()
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are of POSIX")
-def test_a_terminal_gets_a_bar_a_stage_and_the_time_left(command, environment, bench, tmp_path):
-    written = on_a_terminal([command, "train", str(bench.description), "-o", str(tmp_path / "model")], environment)
-    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", written)
+def test_a_terminal_gets_a_bar_a_stage_and_the_time_left(command, on_a_terminal, bench, tmp_path):
+    shown = on_a_terminal(command, "train", bench.description, "-o", tmp_path / "model")
+    assert shown.code == 0, shown.written
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.written)
     final = plain[plain.rindex("generate") : plain.index("small: errors on 40 test samples")]
     stages = [line.split() for line in final.replace("\r", "").splitlines() if line.strip()]
     assert [stage[0] for stage in stages][:3] == ["generate", "features", "reducer"]
-    assert len(stages) == 5
+    assert [stage[0] for stage in stages][-2:] == ["evaluation", "novelty"]
+    assert len(stages) == 7
     assert stages[0][2] == "200/200"
     assert all(any(re.fullmatch(r"\d\d:\d\d", word) for word in stage[2:4]) for stage in stages)
     assert "validation loss" in final
@@ -124,7 +99,7 @@ def test_a_pipe_that_closes_early_is_no_fault(command, environment):
 
 
 def test_a_stage_that_ends_early_is_shown_as_done():
-    from dovetail.cli.bars import StageBars
+    from dovetail.progress_bars import StageBars
 
     with StageBars() as bars:
         bars("regressor", 30, 200, "validation loss 0.1")

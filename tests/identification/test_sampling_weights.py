@@ -40,7 +40,7 @@ def test_samples_are_moved_where_fewer_than_four_tenths_of_them_count(sdof, monk
 @pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])
 def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypatch, light, kept):
     """20 of 1000 weigh 1, the others exp(-4) or exp(-3.5): 71 or 118 count. Cut at 97.5 %, all weigh the same."""
-    monkeypatch.setattr(sampling, "decorrelate", lambda _, points, __: points)
+    monkeypatch.setattr(sampling, "decorrelate", lambda _, points, *__: points)
     points = SimpleNamespace(z=None, log_posterior=np.zeros(1))
     chosen = []
 
@@ -50,7 +50,11 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
 
     monkeypatch.setattr(sampling.LinearisedPoints, "at", staticmethod(at))
     sampler = SimpleNamespace(
-        _random=np.random.default_rng(0), _posterior=None, _log_posterior=lambda _: np.zeros(1), _mode=None
+        _random=np.random.default_rng(0),
+        _posterior=None,
+        _log_posterior=lambda _: np.zeros(1),
+        _mode=None,
+        _progress=None,
     )
     log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
     z = np.arange(1000.0)[:, np.newaxis]

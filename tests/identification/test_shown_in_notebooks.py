@@ -71,9 +71,7 @@ def test_what_the_lines_and_the_tables_say(shown, assemblies):
     assert repr(frf) == "<Frf: a.uff, accelerance, 2 lines from 10 to 20 Hz>"
     assert "<td>largest amplitude</td><td>2 at 20 Hz</td>" in frf._repr_html_()
     assert "<td>averages</td><td>3</td>" in frf._repr_html_()
-    assert repr(shown["Identifier"]) == (
-        "<Identifier: <script>alert(1)</script>, 160 training samples, mean R2 0.900>"
-    )
+    assert repr(shown["Identifier"]) == ("<Identifier: <script>alert(1)</script>, 160 training samples, mean R2 0.900>")
     assert "<td>k</td><td>0.900</td><td>1e+05 N/m</td>" in shown["Identifier"]._repr_html_()
     result = shown["Identification"]
     low, high = (f"{end:.5g} N/m" for end in result.interval["k"])

@@ -30,6 +30,7 @@ __all__ = [
     "progress_bars",
     "quantity_text",
     "range_text",
+    "room",
     "say",
     "table",
     "tell",
@@ -101,10 +102,10 @@ class _Waiting:
         self._timer.start()
 
     def _show(self) -> None:
-        from dovetail.interfaces.progress_bars import StageBars
-
         with self._lock:
             if threading.current_thread() is self._timer:  # nobody has ended it meanwhile
+                from dovetail.progress_bars import StageBars
+
                 self._shown.enter_context(StageBars(transient=True))("at work", 0, 1)
 
     def end(self) -> bool:
@@ -132,8 +133,8 @@ def waiting() -> Iterator[None]:
 
 
 @contextmanager
-def _room() -> Iterator[None]:
-    """Take the bar of `waiting` away while something else is printed."""
+def room() -> Iterator[None]:
+    """Take the bar of `waiting` away while something else is printed, or asked."""
     waited = _WAITING.end()
     try:
         yield
@@ -152,6 +153,7 @@ def note(text: str) -> None:
         tell(text)
 
 
+@room()
 def tell(text: str) -> None:
     """Print a text on stderr; on a terminal, lines that are not indented are wrapped."""
     text = terminal_text(text)
@@ -161,17 +163,17 @@ def tell(text: str) -> None:
             line if line.startswith(" ") else textwrap.fill(line, width, break_on_hyphens=False)
             for line in text.split("\n")
         )
-    with _room():
-        typer.echo(text, err=True)
+    typer.echo(text, err=True)
 
 
+@room()
 def print_json(value: Any) -> None:
     """Print plain values as JSON."""
     text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
-    with _room():
-        typer.echo(terminal_text(text.encode("utf-8", "replace").decode("utf-8")))
+    typer.echo(terminal_text(text.encode("utf-8", "replace").decode("utf-8")))
 
 
+@room()
 def say(text: str = "") -> None:
     """Print a paragraph, wrapped on a terminal."""
     from rich.text import Text
@@ -179,6 +181,7 @@ def say(text: str = "") -> None:
     _show(Text(terminal_text(text)))
 
 
+@room()
 def title(text: str) -> None:
     """Print a line that stands out on a terminal."""
     from rich.text import Text
@@ -209,6 +212,7 @@ def range_text(parameter: Ranged) -> str:
     return f"{low} to {high} {unit.text}".rstrip()
 
 
+@room()
 def table(
     headers: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Sequence[str] = (), split: bool = False
 ) -> None:
@@ -271,14 +275,13 @@ def _width() -> int:
 def _show(renderable: RenderableType) -> None:
     from rich.console import Console
 
-    with _room():
-        if sys.stdout.isatty():
-            Console(highlight=False).print(renderable)
-            return
-        plain = Console(highlight=False, color_system=None, force_terminal=False, width=_width())
-        with plain.capture() as captured:
-            plain.print(renderable)
-        typer.echo("\n".join(line.rstrip() for line in captured.get().rstrip("\n").split("\n")))
+    if sys.stdout.isatty():
+        Console(highlight=False).print(renderable)
+        return
+    plain = Console(highlight=False, color_system=None, force_terminal=False, width=_width())
+    with plain.capture() as captured:
+        plain.print(renderable)
+    typer.echo("\n".join(line.rstrip() for line in captured.get().rstrip("\n").split("\n")))
 
 
 @contextmanager

@@ -31,7 +31,7 @@ def progress_reporter(progress: Progress | bool | None) -> Iterator[Progress]:
     if progress is not True:
         yield progress or silent
         return
-    from dovetail.interfaces.progress_bars import StageBars  # loads rich
+    from dovetail.progress_bars import StageBars  # loads rich
 
     with StageBars() as bars:
         yield bars

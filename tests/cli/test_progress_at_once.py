@@ -1,0 +1,76 @@
+"""On a terminal, every command that takes long shows that it is at work within a second of the first."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from dovetail.cli import COMMANDS
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are of POSIX")
+
+LONG = (
+    "check {sdof}",
+    "simulate {sdof} -o {out}/frf.png",
+    "plot {measured} -o {out}/plot.png",
+    "convert {measured} {out}/converted.png",
+    "identify {sdof} {measured}",
+    "identify {sdof} {measured} {measured}",
+    "train {sdof} -o {out}/model",
+    "generate {sdof} -o {out}/data.zarr",
+    "predict {sdof} {measured}/../results",
+    "validate {assemblies}/campaign/cases/parts.yaml",
+    "plan {sdof}",
+    "calibrate {sdof} --cases 4",
+    "compare {assemblies}/campaign/cases/torques.yaml --methods refined",
+    "robustness {sdof}",
+    "check-plugin mlp",
+)
+"""Commands that take longer than two seconds on a slow machine."""
+
+QUICK = {"describe", "schema", "plugins", "new-plugin", "frf", "spindle"}
+"""The others; these too show a bar where they take long."""
+
+
+@pytest.fixture(scope="module")
+def files(run, assemblies, tmp_path_factory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("long")
+    files = {"assemblies": assemblies, "sdof": assemblies / "sdof.yaml", "measured": folder / "measured.uff"}
+    run("simulate", files["sdof"], "--set", "k=3 MN/m", "--set", "c=40", "-o", files["measured"])
+    run("identify", files["sdof"], files["measured"], "--method", "refined", "-o", folder / "results")
+    return files
+
+
+def test_all_commands_are_here():
+    names = {command.__name__.replace("_", "-") for commands in COMMANDS.values() for command in commands}
+    assert names == {line.split()[0] for line in LONG} | QUICK
+
+
+@pytest.mark.parametrize("line", LONG, ids=lambda line: line.split(" -")[0].replace("{", "").replace("}", ""))
+def test_a_bar_is_shown_within_a_second_of_the_first(command, on_a_terminal, files, tmp_path, line):
+    """With what the command needs to start at all, so that a busy machine does not fail; it is ended at its bar."""
+    start = on_a_terminal(command, "--version").seconds
+    shown = on_a_terminal(command, *shlex.split(line.format(**files, out=tmp_path)), until_bar=True)
+    print(f"started in {start:.2f} s; first bar after {shown.first_bar:.2f} s")
+    assert min(shown.first_bar, shown.seconds) < 2.0 + 2.0 * start, shown.written
+
+
+SCRIPT = """
+import sys
+import dovetail
+assembly = dovetail.load(sys.argv[1])
+dovetail.generate(assembly, sys.argv[2], samples=50, progress={progress})
+print("done")
+"""
+
+
+@pytest.mark.parametrize("progress", [True, False])
+def test_a_bar_in_python_where_it_is_wanted(on_a_terminal, files, tmp_path, progress):
+    script = SCRIPT.format(progress=progress)
+    shown = on_a_terminal(sys.executable, "-c", script, files["sdof"], tmp_path / "data.zarr")
+    assert shown.code == 0, shown.written
+    assert ("generate" in shown.written) == ("50/50" in shown.written) == progress
+    assert shown.written.endswith("done\r\n")
