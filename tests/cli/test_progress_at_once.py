@@ -74,3 +74,12 @@ def test_a_bar_in_python_where_it_is_wanted(on_a_terminal, files, tmp_path, prog
     assert shown.code == 0, shown.written
     assert ("generate" in shown.written) == ("50/50" in shown.written) == progress
     assert shown.written.endswith("done\r\n")
+
+
+@pytest.mark.parametrize("word", ["-q", "-v"])
+def test_no_bar_with_quiet_and_with_verbose(command, on_a_terminal, files, tmp_path, word):
+    shown = on_a_terminal(command, "generate", files["sdof"], "-o", tmp_path / "data.zarr", "--samples", 50, word)
+    assert shown.code == 0, shown.written
+    assert shown.first_bar == float("inf")
+    assert ("50 samples of sdof" in shown.written) == (word == "-v")
+    assert "samples of 2 parameters" in shown.written
