@@ -10,6 +10,7 @@ from dovetail.testing.kit import check_descriptions
 PAGE = Path(__file__).with_name("conformance.md")
 PLUGINS = Path(__file__).parents[1] / "tests" / "testing"
 HEADINGS = {"joint": "Joints", "substructure": "Substructures", "reducer": "Reducers", "regressor": "Regressors"}
+HEADINGS |= {"reader": "File readers", "method": "Methods of identification"}
 
 INTRODUCTION = """# What the conformance kit checks
 

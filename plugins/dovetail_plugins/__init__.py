@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
+from typing import Any
+
+import yaml
+
 import dovetail
 from dovetail_plugins.joints.bearing import Bearing
 from dovetail_plugins.joints.bolted import Bolted
@@ -44,3 +49,11 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         MLP,
         ScikitLearnRegressor,
     ]
+
+
+@dovetail.hookimpl
+def dovetail_defaults() -> dict[str, Any]:
+    """Return what ``defaults.yaml`` says."""
+    text = (files("dovetail_plugins") / "defaults.yaml").read_text(encoding="utf-8")
+    defaults: dict[str, Any] = yaml.safe_load(text)
+    return defaults

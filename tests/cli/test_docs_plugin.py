@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -39,10 +40,10 @@ def example(name: str, folder: Path) -> Path:
 
 def test_every_plugin_of_the_page_is_run_here():
     names = re.findall(r'```python\n"""(\w+\.py): ', PAGE.read_text(encoding="utf-8"))
-    assert names == ["mount.py", "rail.py", "bands.py", "ridge.py"]
+    assert names == ["mount.py", "rail.py", "bands.py", "ridge.py", "blocks.py", "one_step.py"]
 
 
-@pytest.mark.parametrize("name", ["mount", "rail", "bands", "ridge"])
+@pytest.mark.parametrize("name", ["mount", "rail", "bands", "ridge", "blocks", "one_step"])
 def test_every_plugin_of_the_page_passes_the_conformance_kit(run, tmp_path, name):
     printed = run("--plugin", example(f"{name}.py", tmp_path), "check-plugin", name).stdout
     assert "failed" not in printed.splitlines()[-1]
@@ -100,3 +101,20 @@ def test_the_reducer_and_the_regressor_of_the_page(run, tmp_path, assemblies):
     np.testing.assert_allclose(
         model.predict_parameters(amplitude[:1]), model.predict_parameters(amplitude)[:1], rtol=1e-6
     )
+
+
+def test_the_reader_of_the_page(run, tmp_path):
+    plugin, measured = example("blocks.py", tmp_path), tmp_path / "measured.blk"
+    measured.write_text("#blocks\n10 1 0.1\n20 2 0.2\n\n10 3 0.3\n20 4 0.4\n")
+    assert "accelerance" in run("--plugin", plugin, "plot", measured, "--index", "1").stdout
+    frf = dovetail.read_frf(measured, index=2, plugins=plugin)
+    np.testing.assert_allclose(frf.values, 9.80665 * np.array([3 + 0.3j, 4 + 0.4j]))
+
+
+def test_the_method_of_the_page(run, tmp_path, assemblies):
+    plugin, measured = example("one_step.py", tmp_path), tmp_path / "measured.csv"
+    run("simulate", assemblies / "sdof.yaml", "--set", "k=3e6", "--set", "c=50", "--noise", "1%", "-o", measured)
+    words = ("identify", assemblies / "sdof.yaml", measured, "--method", "one_step", "--json")
+    result = json.loads(run("--plugin", plugin, *words).stdout)
+    assert result["method"] == "one_step"
+    assert result["parameters"]["k"]["value"] == pytest.approx(3e6, rel=0.01)

@@ -214,12 +214,18 @@ class _Plugin:
         return list(self._components)
 
 
+class _Defaults(_Plugin):
+    @hookimpl
+    def dovetail_defaults(self):
+        return {"identification": {"reducer": {"model": "umap"}, "regressor": {"model": "mlp"}, "augmentation": {}}}
+
+
 @pytest.fixture(scope="session")
 def registry() -> Registry:
     registry = Registry()
     sound = [Rod, Wall, Pair, Clamp, Weld, Squeeze, UMAP, MLP]
     broken = [Refusing, Crashing, Nodeless, Empty, Portless, Twin]
-    registry.add(_Plugin(*sound, *broken), "fake 1.0")
+    registry.add(_Defaults(*sound, *broken), "fake 1.0")
     registry.add(_Plugin(OtherTwin), "other 2.0")
     return registry
 

@@ -39,12 +39,12 @@ DESCRIPTIONS = [file for file in FILES if is_description(file)]
 
 @cache
 def validator() -> jsonschema.Draft202012Validator:
-    """With what is installed, and the outside package of the docs."""
+    """With what is installed, and the outside packages of the docs."""
     registry = Registry()
     registry.load_entry_points()
-    if "rubber_mount" not in registry.names("joint"):
-        sys.path.append(str(ROOT / "docs" / "examples" / "dovetail-rubber-mount" / "src"))
-        registry.add(importlib.import_module("dovetail_rubber_mount"), "docs")
+    for source in sorted((ROOT / "docs" / "examples").glob("*/src/*/__init__.py")):
+        sys.path.append(str(source.parents[1]))
+        registry.add(importlib.import_module(source.parent.name), "docs")
     schema = json.loads(json.dumps(description_schema(registry), allow_nan=False))
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.assembly import components
 from dovetail.errors import PluginError
 from dovetail.evaluation import robustness
 from dovetail.evaluation.robustness import variant, with_noise
 from dovetail.measurement import data_noise
+from dovetail.registry import components
 
 
 @pytest.fixture(scope="module")

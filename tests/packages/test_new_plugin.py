@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+
 import pytest
 
-from dovetail.testing import check_names
+from dovetail.testing import check_component, check_names
 
 KINDS = [
     "joint",
-    *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("substructure", "reducer", "regressor")),
+    *(
+        pytest.param(kind, marks=pytest.mark.slow)
+        for kind in ("substructure", "reducer", "regressor", "reader", "method")
+    ),
 ]
 
 
@@ -59,6 +65,18 @@ def test_a_name_with_dashes_makes_an_identifier(runner, tmp_path):
     assert runner("new-plugin", "joint", "felt-pad", "-o", tmp_path / "mine").exit_code == 0
     assert 'name = "felt_pad"' in (tmp_path / "mine/src/dovetail_felt_pad/joint.py").read_text()
     assert 'name = "dovetail-felt-pad"' in (tmp_path / "mine/pyproject.toml").read_text()
+
+
+@pytest.mark.parametrize("kind", ["reader", "method"])
+def test_what_it_makes_conforms(kind, runner, tmp_path, monkeypatch):
+    assert runner("new-plugin", kind, "my_own", "-o", tmp_path / "mine").exit_code == 0
+    source = tmp_path / "mine" / "src" / "dovetail_my_own" / f"{kind}.py"
+    spec = importlib.util.spec_from_file_location(f"made_{kind}", source)
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, spec.name, module)
+    spec.loader.exec_module(module)
+    results = check_component(module.MyOwn)
+    assert [result for result in results if not result.ok] == []
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 import dovetail
 from dovetail import StructuralMatrices
-from dovetail.assembly import components
+from dovetail.registry import components
 
 STEEL = {"young": 210e9, "density": 7800, "loss_factor": 0.003}
 

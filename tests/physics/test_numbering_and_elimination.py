@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dovetail.assembly import components
+from dovetail.registry import components
 from dovetail.synthesis import Attachment, Connection, Graph
 from dovetail.synthesis.elimination import plan_elimination, run_elimination
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dovetail.assembly import components
+from dovetail.registry import components
 
 MATERIAL = {"young": 200e9, "density": 8000.0, "poisson": 0.25, "loss_factor": 0.01}
 

@@ -10,8 +10,8 @@ import scipy.io
 import scipy.sparse as sp
 
 import dovetail
-from dovetail.assembly import components
 from dovetail.errors import DescriptionError
+from dovetail.registry import components
 
 MATERIAL = {"young": 2.1e11, "density": 7800, "loss_factor": 0.004}
 SECTIONS = [{"length": 0.16, "outer": 0.02, "elements": 8}]

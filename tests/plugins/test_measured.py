@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.assembly import components
 from dovetail.errors import DescriptionError
+from dovetail.registry import components
 
 STEEL = {"young": 2.05e11, "density": 7850.0, "loss_factor": 0.01}
 FREQUENCY = np.arange(50.0, 3001.0, 10.0)

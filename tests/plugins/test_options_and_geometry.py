@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from dovetail.assembly import components
 from dovetail.interfaces import KINDS
+from dovetail.registry import components
 
 STEEL = {"young": 200e9, "density": 8000.0, "poisson": 0.25, "loss_factor": 0.01}
 

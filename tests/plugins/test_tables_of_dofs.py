@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 import dovetail
 from dovetail import DovetailError
-from dovetail.assembly import components
+from dovetail.registry import components
 from dovetail_plugins.substructures.dof_table import read_dof_table, table_in
 from dovetail_plugins.substructures.matrix_files import matrix_in, read_archive, read_matrix_market, sound_matrix
 

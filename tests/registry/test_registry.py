@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 import textwrap
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -126,6 +128,13 @@ def test_a_name_offered_twice_names_both_and_leaves_the_others_usable():
     with pytest.raises(PluginError) as error:
         registry.find("joint", "pad")
     assert problem_of(error) == "the joint model 'pad' is offered by pads 1.0 and cushions 3.1."
+    assert error.value.faults[0].remedy == "Say which: pads:pad, cushions:pad."
+    assert [registry.find("joint", f"{package}:pad").source for package in ("pads", "cushions")] == [
+        "pads 1.0",
+        "cushions 3.1",
+    ]
+    with pytest.raises(PluginError):
+        registry.find("joint", "felts:pad")
 
 
 def test_the_same_class_offered_twice_is_no_conflict():
@@ -199,7 +208,7 @@ class NoConfig:
         (
             ComponentConfig,
             "<class 'dovetail.interfaces.component.ComponentConfig'> is not a component class "
-            "(a subclass of SubstructureModel, JointModel, Reducer, Regressor).",
+            "(a subclass of SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod).",
         ),
     ],
 )
@@ -287,3 +296,47 @@ def test_a_separately_installed_package_comes_in(tmp_path):
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, env={"PYTHONPATH": str(site)}
     )
     assert run.stdout.splitlines() == ["dovetail-pads 0.3 0", "159.155"]
+
+
+class _Giving:
+    """A plugin without components."""
+
+    def __init__(self, defaults):
+        self._defaults = defaults
+
+    @hookimpl
+    def dovetail_components(self):
+        return []
+
+    @hookimpl
+    def dovetail_defaults(self):
+        return self._defaults
+
+
+def test_the_first_default_of_each_key_counts():
+    registry = Registry()
+    registry.add(_Giving({"compare": ["a"]}), "first 1.0")
+    registry.add(_Giving({"compare": ["b"], "robustness": ["c"]}), "second 1.0")
+    assert dict(registry.defaults) == {"compare": ["a"], "robustness": ["c"]}
+
+
+@pytest.mark.parametrize("returned", [["pca"], "pca", 3])
+def test_defaults_that_are_no_mapping_are_refused(returned):
+    with pytest.raises(PluginError) as error:
+        Registry().add(_Giving(returned), "pads 1.0")
+    assert problem_of(error) == f"its hook 'dovetail_defaults' returned {returned!r}."
+
+
+def test_no_file_of_the_framework_names_a_reducer_or_a_regressor():
+    registry = Registry()
+    registry.load_entry_points()
+    names = {name for kind in ("reducer", "regressor") for name in registry.names(kind)} - {"none"}
+    sources = Path(module.__file__).parents[1].rglob("*.py")
+    named = [
+        (file.name, constant.value)
+        for file in sources
+        if "testing" not in file.parts
+        for constant in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(constant, ast.Constant) and constant.value in names
+    ]
+    assert named == []

@@ -4,7 +4,7 @@ from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.description import Description, IdentificationSettings, fingerprint
 from dovetail.assembly.doubts import find_doubts
 from dovetail.assembly.json_schema import description_schema
-from dovetail.assembly.loading import AssemblySource, PluginPaths, as_assembly, components, load
+from dovetail.assembly.loading import AssemblySource, as_assembly, load
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.assembly.regression_check import FRF_TOLERANCE, largest_frf_difference
 from dovetail.assembly.sections import AugmentationSection
@@ -17,10 +17,8 @@ __all__ = [
     "Description",
     "IdentificationSettings",
     "ParameterSpace",
-    "PluginPaths",
     "Theta",
     "as_assembly",
-    "components",
     "description_schema",
     "find_doubts",
     "fingerprint",

@@ -34,7 +34,6 @@ def build_component(
     registry: Registry,
     *,
     reserved: Collection[str] = (),
-    default: str | None = None,
 ) -> LabelledComponent | None:
     """Make the component that the section at `path` describes.
 
@@ -47,15 +46,13 @@ def build_component(
     registry : Registry
     reserved : collection of str
         Keys of the section, beside ``model``, that are not options of the component.
-    default : str, optional
-        The model if the description lacks the section.
 
     Returns
     -------
     LabelledComponent or None
         None if the section has faults.
     """
-    offer = _offer(kind, path, faults, registry, default)
+    offer = _offer(kind, path, faults, registry)
     if offer is None:
         return None
     label = f"{kind} model '{offer.component.name}' ({offer.source})"
@@ -92,18 +89,20 @@ def _locate_files(config: type[BaseModel], path: Path, faults: FaultList) -> boo
     return True
 
 
-def _offer(kind: Kind, path: Path, faults: FaultList, registry: Registry, default: str | None) -> Offer | None:
+def _offer(kind: Kind, path: Path, faults: FaultList, registry: Registry) -> Offer | None:
     section = faults.root.at(path)
-    name: object = default
-    if section is not None:
-        if not section.is_mapping:
-            problem = f"{format_value(section.value)} is not a section of keys and values."
-            faults.add(path, problem, "a section that begins with 'model:'")
-            return None
-        if "model" not in section.entries:
-            faults.add((*path, "model"), f"the {kind} lacks 'model'.", listing(registry.names(kind)), key=True)
-            return None
-        name = section.entries["model"].item.value
+    if section is None:
+        problem = f"the description names no {kind}, and no plugin gives a default."
+        faults.add(path, problem, listing(registry.names(kind)))
+        return None
+    if not section.is_mapping:
+        problem = f"{format_value(section.value)} is not a section of keys and values."
+        faults.add(path, problem, "a section that begins with 'model:'")
+        return None
+    if "model" not in section.entries:
+        faults.add((*path, "model"), f"the {kind} lacks 'model'.", listing(registry.names(kind)), key=True)
+        return None
+    name = section.entries["model"].item.value
     if not isinstance(name, str):
         faults.add((*path, "model"), f"{format_value(name)} is not the name of a model.", listing(registry.names(kind)))
         return None
@@ -111,8 +110,8 @@ def _offer(kind: Kind, path: Path, faults: FaultList, registry: Registry, defaul
         return registry.find(kind, name)
     except PluginError as error:
         fault = error.faults[0]
-        other_kinds = [offer.component.kind for offer in registry.named(name)]
-        if other_kinds:
+        other_kinds = registry.kinds_of(name)
+        if other_kinds and kind not in other_kinds:
             problem = f"'{name}' is a {other_kinds[0]} model; a {kind} model is wanted here."
             fault = replace(fault, problem=problem, remedy="")
         faults.add((*path, "model"), fault.problem, fault.accepted, fault.remedy)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly.sections import AugmentationSection
 from dovetail.frf import Quantity
-from dovetail.interfaces import DIRECTIONS, Parameter, Reducer, Regressor, SubstructureModel
+from dovetail.interfaces import DIRECTIONS, IdentificationMethod, Parameter, Reducer, Regressor, SubstructureModel
 from dovetail.synthesis import Connection, Point
 from dovetail.units import format_quantity
 
@@ -116,7 +116,7 @@ class Response(Place):
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """Training of the network; without `augmentation` it sees the dataset's FRFs unchanged."""
+    """Training of the network, without `augmentation` with the dataset's FRFs as they are; and a plugin's method."""
 
     samples: int
     seed: int
@@ -125,6 +125,7 @@ class IdentificationSettings:
     reducer: Reducer
     regressor: Regressor
     augmentation: AugmentationSection | None = None
+    method: IdentificationMethod | None = None
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def description_schema(registry: Registry) -> Schema:
     for model in (*sections, IdentificationSection):
         _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
     _complete_sections(definitions)
-    for kind in KINDS:
+    for kind in (kind for kind in KINDS if kind != "reader"):  # readers stand in no description
         for offer in registry.offers(kind):
             _define(definitions, f"{kind}.{offer.component.name}", _component_schema(offer))
         definitions[kind] = _choice(kind, registry.offers(kind))
@@ -122,6 +122,7 @@ def _complete_sections(definitions: dict[str, Schema]) -> None:
     identification = definitions["identification"]["properties"]
     identification["reducer"]["$ref"] = "#/$defs/reducer"
     identification["regressor"]["$ref"] = "#/$defs/regressor"
+    identification["method"]["$ref"] = "#/$defs/method"
 
 
 def _calibration() -> Schema:
@@ -133,14 +134,17 @@ def _calibration() -> Schema:
 
 def _choice(kind: Kind, offers: Iterable[Offer]) -> Schema:
     """Return the schema of a section that names a model, on which the other keys depend."""
-    models = {offer.component.name: offer for offer in offers}
+    models = {offer.component.name: offer.qualified_name for offer in offers}
+    if not models:
+        return {"type": "object", "required": ["model"]}
+    known = {"anyOf": [{"enum": sorted(models)}, {"pattern": "^[^:]+:[^:]+$"}], "description": f"Which {kind} model."}
     return {
         "type": "object",
-        "properties": {"model": {"enum": sorted(models), "description": f"Which {kind} model."}},
+        "properties": {"model": known},
         "required": ["model"],
         "allOf": [
             {
-                "if": {"properties": {"model": {"const": name}}, "required": ["model"]},
+                "if": {"properties": {"model": {"enum": [name, models[name]]}}, "required": ["model"]},
                 "then": {"$ref": f"#/$defs/{kind}.{name}"},
             }
             for name in sorted(models)
@@ -156,7 +160,8 @@ def _component_schema(offer: Offer) -> Schema:
         schema = {"type": "object", "properties": {}, "additionalProperties": True}
     schema["title"] = f"{component.kind} {component.name}"
     schema["description"] = f"{component.summary} ({offer.source})"
-    schema["properties"]["model"] = {"const": component.name, "description": component.summary}
+    names = [component.name, offer.qualified_name]
+    schema["properties"]["model"] = {"enum": names, "description": component.summary}
     schema.setdefault("required", []).append("model")
     if issubclass(component, SubstructureModel):
         schema |= {key: _with_unknowns(schema[key]) for key in ("properties", "$defs") if key in schema}

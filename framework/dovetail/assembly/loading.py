@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 from dovetail.assembly.assembly import Assembly
 from dovetail.assembly.reader import read_description
 from dovetail.errors import Fault, ParameterError
 from dovetail.interfaces import logged
-from dovetail.registry import Registry, installed_components
+from dovetail.registry import PluginPaths, components
 
-__all__ = ["AssemblySource", "PluginPaths", "as_assembly", "components", "load"]
+__all__ = ["AssemblySource", "as_assembly", "load"]
 
 AssemblySource: TypeAlias = Assembly | str | os.PathLike[str]
 """An assembly, or the path of its description."""
-
-PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
-"""One plugin file, or several."""
 
 
 def load(
@@ -72,15 +68,3 @@ def as_assembly(source: AssemblySource) -> Assembly:
         return load(source)
     problem = f"this is an object of the type {type(source).__name__}."
     raise ParameterError(Fault("assembly", problem, "an Assembly, or the path of its description"))
-
-
-def components(plugins: PluginPaths = ()) -> Registry:
-    """Return the installed components and those of plugin files."""
-    files = [Path(file) for file in ([plugins] if isinstance(plugins, (str, os.PathLike)) else plugins)]
-    if not files:
-        return installed_components()
-    registry = Registry()
-    registry.load_entry_points()
-    for file in files:
-        registry.load_file(file)
-    return registry

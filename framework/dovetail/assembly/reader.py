@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -35,7 +35,8 @@ from dovetail.assembly.sections import (
 from dovetail.assembly.unknown_parts import add_unknown_part, take_unknown_options
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.tree import Path, format_value, plain_values
+from dovetail.documents.mapping_reader import read_mapping
+from dovetail.documents.tree import Entry, Item, Path, format_value, plain_values
 from dovetail.documents.validation import validate
 from dovetail.frf import in_bands
 from dovetail.interfaces import SubstructureModel, node_faults
@@ -194,10 +195,12 @@ def _read_joints(substructures: Substructures, faults: FaultList, registry: Regi
 
 def _read_identification(faults: FaultList, registry: Registry) -> IdentificationSettings | None:
     path = ("identification",)
+    stated = set(_add_defaults(path, faults, registry))
     section = validate(IdentificationSection, path, faults, "'identification'", data={})
-    reducer = build_component("reducer", (*path, "reducer"), faults, registry, default="umap")
-    regressor = build_component("regressor", (*path, "regressor"), faults, registry, default="mlp")
-    if section is None or reducer is None or regressor is None:
+    reducer = build_component("reducer", (*path, "reducer"), faults, registry)
+    regressor = build_component("regressor", (*path, "regressor"), faults, registry)
+    method = build_component("method", (*path, "method"), faults, registry) if "method" in stated else None
+    if section is None or reducer is None or regressor is None or (method is None and "method" in stated):
         return None
     testing = round(section.samples * section.test_fraction)
     training = section.samples - testing
@@ -214,7 +217,26 @@ def _read_identification(faults: FaultList, registry: Registry) -> Identificatio
         reducer.component,
         regressor.component,
         section.augmentation,
+        None if method is None else method.component,
     )
+
+
+def _add_defaults(path: Path, faults: FaultList, registry: Registry) -> Iterable[str]:
+    """Add what the description lacks of its identification, and return the keys that it has then.
+
+    Robust training by default belongs to the default reducer: who names a reducer names all of its training.
+    """
+    section = faults.root.at(path)
+    if section is not None and not section.is_mapping:
+        return ()
+    stated = {} if section is None else section.entries
+    defaults = dict(registry.defaults.get("identification", {}))
+    if "reducer" in stated:
+        defaults.pop("augmentation", None)
+    mark = faults.root.mark if section is None else section.mark
+    whole = {**read_mapping(defaults, FaultList()).entries, **stated}
+    faults.root = Item(faults.root.mark, {**faults.root.entries, "identification": Entry(mark, Item(mark, whole))})
+    return whole
 
 
 _Bands = tuple[tuple[float, float], ...]

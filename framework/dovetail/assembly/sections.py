@@ -250,7 +250,9 @@ class IdentificationSection(_Section):
     regressor : section
         From features to parameters.
     augmentation : section
-        Noise on the training FRFs, new in every epoch.
+        Noise on the training FRFs, new in every epoch. A description that names no reducer has it by default.
+    method : section
+        A method of identification that a plugin offers; then it is the default. Others are chosen by ``--method``.
     """
 
     samples: Annotated[_Count, Field(ge=10, le=10_000_000)] = 5000
@@ -260,6 +262,7 @@ class IdentificationSection(_Section):
     reducer: Any = None
     regressor: Any = None
     augmentation: AugmentationSection | None = None
+    method: Any = None
 
 
 class DescriptionSection(_Section):

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.frf import Frf
     from dovetail.identification import Batch, Identification, Identifier
+    from dovetail.interfaces import IdentificationMethod
 
 __all__ = ["check_batch", "identify_batch", "is_batch"]
 
@@ -46,9 +47,10 @@ def identify_batch(
     assembly: Assembly,
     measured: Sequence[Path],
     read: Callable[[Path], Frf],
-    method: str,
+    method: str | IdentificationMethod,
     model: Identifier | None,
     output: Path | None,
+    plugins: Sequence[Path],
     *,
     as_json: bool,
     **options: Any,
@@ -58,7 +60,7 @@ def identify_batch(
     from dovetail.cli.result_files import writing
 
     frfs, unread = [], {}
-    for file in _files(measured):
+    for file in _files(measured, plugins):
         try:
             frfs.append(read(file))
         except DovetailError as error:
@@ -78,16 +80,17 @@ def identify_batch(
     exit_unless_believable(batch)
 
 
-def _files(measured: Sequence[Path]) -> list[Path]:
+def _files(measured: Sequence[Path], plugins: Sequence[Path]) -> list[Path]:
     """Return the files, and those in folders whose suffix is one of an FRF, in alphabetical order."""
     from dovetail.errors import Fault, MeasurementError, listing
-    from dovetail.measurement import FRF_SUFFIXES
+    from dovetail.measurement import frf_suffixes
 
+    suffixes = frf_suffixes(plugins)
     files: list[Path] = []
     for path in measured:
-        inside = sorted(file for file in path.iterdir() if file.suffix.lower() in FRF_SUFFIXES) if path.is_dir() else []
+        inside = sorted(file for file in path.iterdir() if file.suffix.lower() in suffixes) if path.is_dir() else []
         if path.is_dir() and not inside:
-            raise MeasurementError(Fault(str(path), "this folder holds no measurement.", listing(FRF_SUFFIXES)))
+            raise MeasurementError(Fault(str(path), "this folder holds no measurement.", listing(suffixes)))
         files += inside or [path]
     return files
 

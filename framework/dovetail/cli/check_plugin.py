@@ -34,7 +34,7 @@ def check_plugin(
 
     Every check of its kind is run, and printed. The exit code is 1 where one fails; a warning is only printed.
     """
-    from dovetail.assembly import components
+    from dovetail.registry import components
     from dovetail.testing import check_component
 
     with progress_bars() as progress:

@@ -57,11 +57,10 @@ def compare(
     """
     import dovetail
     from dovetail.cli.result_files import prepare_folder, writing
-    from dovetail.evaluation.comparison import DEFAULT_METHODS
 
     read = dovetail.read_cases(cases)
     known = None if truth is None else dovetail.read_truths(truth)
-    chosen = DEFAULT_METHODS if methods is None else tuple(name.strip() for name in methods.split(","))
+    chosen = () if methods is None else tuple(name.strip() for name in methods.split(","))
     if output is not None:
         prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:

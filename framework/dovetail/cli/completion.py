@@ -25,14 +25,15 @@ def complete_files(incomplete: str) -> list[str]:
 def complete_methods(incomplete: str) -> list[str]:
     """Return the methods of identification that begin so."""
     from dovetail.identification.methods import METHODS
+    from dovetail.registry import components
 
-    return [name for name in METHODS if name.startswith(incomplete)]
+    return [name for name in (*METHODS, *components().names("method")) if name.startswith(incomplete)]
 
 
 def complete_models(incomplete: str) -> list[str]:
     """Return the models at hand that begin so."""
-    from dovetail.assembly import components
     from dovetail.interfaces import KINDS
+    from dovetail.registry import components
 
     registry = components(())
     return sorted({name for kind in KINDS for name in registry.names(kind) if name.startswith(incomplete)})

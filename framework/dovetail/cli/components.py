@@ -22,8 +22,8 @@ def plugins(plugin: PluginFiles = None, as_json: AsJson = False) -> None:
 
     Each with its kind, who offers it, and below what could not be loaded.
     """
-    from dovetail.assembly import components
     from dovetail.interfaces import KINDS
+    from dovetail.registry import components
 
     registry = components(plugin or ())
     offers = [offer for kind in KINDS for offer in registry.offers(kind)]
@@ -80,8 +80,8 @@ def describe(
 
     A name that models of several kinds bear shows all of them.
     """
-    from dovetail.assembly import components
     from dovetail.cli.model_description import describe_offer
+    from dovetail.registry import components
 
     described = [describe_offer(offer) for offer in _offers_named(components(plugin or ()), model)]
     if as_json:

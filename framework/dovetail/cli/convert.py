@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.options import Overwrite, check_new_files, quantity_in
+from dovetail.cli.options import Overwrite, PluginFiles, check_new_files, quantity_in
 from dovetail.cli.plot import write_figures
 from dovetail.cli.reading import (
     Columns,
@@ -15,6 +15,7 @@ from dovetail.cli.reading import (
     Index,
     Names,
     QuantityOfFile,
+    Reader,
     ResponseDof,
     UnitOfFile,
     read_measured,
@@ -43,6 +44,8 @@ def convert(
     force: ForceDof = None,
     names: Names = None,
     columns: Columns = None,
+    reader: Reader = None,
+    plugin: PluginFiles = None,
     dofs: Annotated[
         str | None,
         typer.Option(
@@ -91,6 +94,8 @@ def convert(
         response=response,
         force=force,
         dofs=_dofs_of(dofs),
+        reader=reader,
+        plugins=plugin or (),
         accelerometer_mass=0.0 if other_frfs else accelerometer_mass,
     )
     if other_frfs:

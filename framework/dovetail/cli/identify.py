@@ -11,13 +11,14 @@ import typer
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.commands import exit_unless_believable
 from dovetail.cli.completion import complete_files, complete_methods
-from dovetail.cli.options import AsJson, PluginFiles, check_method, note_doubts, quantity_in
+from dovetail.cli.options import AsJson, PluginFiles, chosen_method, note_doubts, quantity_in
 from dovetail.cli.reading import (
     Columns,
     ForceDofs,
     Indices,
     Names,
     QuantityOfFile,
+    Reader,
     ResponseDofs,
     UnitOfFile,
     read_measured,
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = ["identify"]
 
+_STARTED = ("refined", "posterior")
+"""Methods in which a network's answer is a start."""
 _WORDS = ("unit", "verdict", "range")
 """Columns of the table of parameters that are not numbers, beside the first."""
 
@@ -58,13 +61,15 @@ def identify(
         ),
     ],
     method: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="METHOD",
-            help="posterior (with intervals), refined (least squares alone), multistart or network (as it is).",
+            help="posterior (with intervals; the default), refined (least squares alone), multistart, network (as it "
+            "is), or that of a plugin.",
             autocompletion=complete_methods,
+            show_default=False,
         ),
-    ] = "posterior",
+    ] = None,
     network: Annotated[
         bool | None,
         typer.Option(
@@ -123,6 +128,7 @@ def identify(
     force: ForceDofs = None,
     names: Names = None,
     columns: Columns = None,
+    reader: Reader = None,
     accelerometer_mass: Annotated[
         float,
         typer.Option(
@@ -171,8 +177,8 @@ def identify(
         "cause_seconds": cause_seconds,
     }
     options: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
-    check_method(method, options)
     assembly, model = _read(source, plugin or [])
+    by = chosen_method(method, plugin, assembly, options)
     read = partial(
         read_measured,
         names=names,
@@ -180,8 +186,10 @@ def identify(
         quantity=quantity,
         unit=unit,
         accelerometer_mass=accelerometer_mass,
+        reader=reader,
+        plugins=plugin or (),
     )
-    needed = method == "network" or bool(network) or retrain
+    needed = by == "network" or bool(network) or retrain
     batch = is_batch(measured, len(assembly.description.responses))
     if batch:
         frfs = []
@@ -190,20 +198,22 @@ def identify(
     else:
         frfs = read_selected(read, measured, index, response, force)
         _check(assembly, frfs, needed, truth, output, accelerometer_mass)
-    if network is False and method != "network":
+    if network is False and by != "network":
         model = None
-    elif model is None and (needed or method != "multistart"):
+    elif model is None and (needed or by in _STARTED):
         from dovetail.cli.model_cache import kept_model, trained_model
 
         plugins = plugin or []
         model = trained_model(assembly, plugins, retrain=retrain) if needed else kept_model(assembly, plugins)
     counted: dict[str, Any] = {"weights": weights, "phase": not amplitude_only}
     if batch:
-        identify_batch(assembly, measured, read, method, model, output, as_json=as_json, **counted, **options)
+        identify_batch(
+            assembly, measured, read, by, model, output, as_json=as_json, plugins=plugin or (), **counted, **options
+        )
         return
     known = None if truth is None else read_truth(truth, assembly.parameters)
     with progress_bars() as progress:
-        result = dovetail.identify(assembly, frfs, method, model=model, progress=progress, **counted, **options)
+        result = dovetail.identify(assembly, frfs, by, model=model, progress=progress, **counted, **options)
     with writing(output, lambda folder: write_results(result, folder, known)):
         if as_json:
             print_json(result.to_dict())

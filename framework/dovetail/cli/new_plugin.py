@@ -26,7 +26,9 @@ _OWN = {"py": "src/$package/$kind.py", "yaml": "example.yaml", "test.py": "tests
 
 
 def new_plugin(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="substructure, joint, reducer or regressor.")],
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="substructure, joint, reducer, regressor, reader or method.")
+    ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="The word after 'model:' in a description.")],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="By default dovetail-NAME.")

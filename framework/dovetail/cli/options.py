@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +14,7 @@ from dovetail.cli.terminal import note
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
+    from dovetail.interfaces import IdentificationMethod
 
 __all__ = [
     "AsJson",
@@ -22,8 +23,8 @@ __all__ = [
     "PluginFiles",
     "PointNumber",
     "at_point",
-    "check_method",
     "check_new_files",
+    "chosen_method",
     "note_doubts",
     "part",
     "quantity_in",
@@ -109,27 +110,29 @@ def part(text: str) -> float:
     return value
 
 
-def check_method(method: str, options: Iterable[str] = ()) -> None:
-    """Make sure that a method of identification exists and has these options.
+def chosen_method(
+    method: str | None, plugins: Sequence[Path] | None, assembly: Assembly | None = None, options: Iterable[str] = ()
+) -> str | IdentificationMethod:
+    """Return the method of identification that is meant, which has these options.
 
     Raises
     ------
     typer.BadParameter
     """
-    from dovetail.errors import did_you_mean
-    from dovetail.identification.identify import method_options
-    from dovetail.identification.methods import METHODS
+    from dovetail.identification.identify import find_method, method_options
+    from dovetail.registry import components
 
-    if method not in METHODS:
-        hint = did_you_mean(method, METHODS)
-        raise typer.BadParameter(
-            f"'{method}' is not a method. {hint} Accepted: {', '.join(METHODS)}", param_hint="--method"
-        )
+    try:
+        chosen = find_method(method, assembly, components(plugins or ()))
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--method") from None
     for name in options:
-        if name not in method_options(method):
+        if name not in method_options(chosen):
+            called = chosen if isinstance(chosen, str) else chosen.name
             raise typer.BadParameter(
-                f"the method '{method}' has no such option.", param_hint=f"--{name.replace('_', '-')}"
+                f"the method '{called}' has no such option.", param_hint=f"--{name.replace('_', '-')}"
             )
+    return chosen
 
 
 def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: bool) -> None:

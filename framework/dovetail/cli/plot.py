@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dovetail.cli.completion import complete_files
-from dovetail.cli.options import AsJson, Overwrite, check_new_files
+from dovetail.cli.options import AsJson, Overwrite, PluginFiles, check_new_files
 from dovetail.cli.reading import (
     Columns,
     ForceDofs,
     Indices,
     Names,
     QuantityOfFile,
+    Reader,
     ResponseDofs,
     UnitOfFile,
     read_measured,
@@ -48,6 +49,8 @@ def plot(
     force: ForceDofs = None,
     names: Names = None,
     columns: Columns = None,
+    reader: Reader = None,
+    plugin: PluginFiles = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
@@ -59,7 +62,15 @@ def plot(
 
     files = output or []
     check_new_files(files, FIGURE_SUFFIXES, overwrite)
-    read = partial(read_measured, names=names, columns=columns, quantity=quantity, unit=unit)
+    read = partial(
+        read_measured,
+        names=names,
+        columns=columns,
+        quantity=quantity,
+        unit=unit,
+        reader=reader,
+        plugins=plugin or (),
+    )
     frfs = read_selected(read, measured, index, response, force)
     summaries = [_summary(frf) for frf in frfs]
     if as_json:

@@ -22,6 +22,7 @@ __all__ = [
     "Indices",
     "Names",
     "QuantityOfFile",
+    "Reader",
     "ResponseDof",
     "ResponseDofs",
     "UnitOfFile",
@@ -74,6 +75,9 @@ Columns = Annotated[
         metavar="NAMES",
         help="What each column of a table holds, such as frequency,real,imag,skip; in place of its header.",
     ),
+]
+Reader = Annotated[
+    str | None, typer.Option("--reader", metavar="NAME", help="The reader of a plugin that is to read the file.")
 ]
 
 

@@ -38,8 +38,8 @@ def _level(text: str) -> float:
 def robustness(
     assembly: AssemblyFile,
     models: Annotated[
-        str, typer.Option(metavar="NAMES", help="Reducers, with commas; 'pca+robust' is trained with noise.")
-    ] = "umap,pca,none",
+        str | None, typer.Option(metavar="NAMES", help="Reducers, with commas; 'pca+robust' is trained with noise.")
+    ] = None,
     levels: Annotated[
         str, typer.Option(metavar="LEVELS", help="Noise over the data's standard deviation, with commas.")
     ] = "0,0.01,0.02,0.05,0.1,0.15,0.2",
@@ -61,11 +61,11 @@ def robustness(
     replaced.
     """
     import dovetail
-    from dovetail.assembly import components
     from dovetail.cli.result_files import prepare_folder, writing
     from dovetail.evaluation.robustness import variant
+    from dovetail.registry import components
 
-    chosen, noise = [name.strip() for name in models.split(",")], _levels(levels)
+    chosen, noise = [name.strip() for name in models.split(",")] if models else [], _levels(levels)
     loaded, registry = dovetail.load(assembly, plugins=plugin or ()), components(plugin or ())
     note_doubts(loaded)
     for name in chosen:

@@ -26,8 +26,9 @@ def schema(
     It knows the options of every model at hand. The first line of a description, "# yaml-language-server:
     $schema=dovetail.schema.json", makes editors use it.
     """
-    from dovetail.assembly import components, description_schema
+    from dovetail.assembly import description_schema
     from dovetail.atomic_files import write_whole
+    from dovetail.registry import components
 
     if output is not None:
         check_new_files([output], [".json"], overwrite)

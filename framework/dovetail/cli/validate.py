@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dovetail.cli.commands import exit_unless_believable, say_caveat
-from dovetail.cli.options import AsJson, PluginFiles, check_method
+from dovetail.cli.options import AsJson, PluginFiles, chosen_method
 from dovetail.cli.terminal import print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from dovetail.evaluation.validation import Identify
     from dovetail.frf import Frf
     from dovetail.identification import Identification
+    from dovetail.interfaces import IdentificationMethod
 
 __all__ = ["validate"]
 
@@ -48,13 +49,13 @@ def validate(
     import dovetail
     from dovetail.cli.result_files import prepare_folder, writing
 
-    check_method(method)
+    chosen = chosen_method(method, plugin)
     read = dovetail.read_cases(cases)
     names = (*_FILES, _SERIES) if read.series else _FILES
     if output is not None:
         prepare_folder(output, names, _FILES[0])
     with progress_bars() as progress:
-        done = dovetail.validate(read, _method(method, plugin or []), plugins=plugin or (), progress=progress)
+        done = dovetail.validate(read, _method(chosen, plugin or []), plugins=plugin or (), progress=progress)
     with writing(output, lambda folder: _write(done, folder), _FILES[0]):
         if as_json:
             print_json(done.to_dict())
@@ -63,7 +64,7 @@ def validate(
     exit_unless_believable(done)
 
 
-def _method(name: str, plugins: list[Path]) -> str | Identify:
+def _method(name: str | IdentificationMethod, plugins: list[Path]) -> str | IdentificationMethod | Identify:
     """Return how joints are identified: by the method of this name, the network by the model of each assembly."""
 
     def by_network(assembly: Assembly, measured: Frf) -> Identification:

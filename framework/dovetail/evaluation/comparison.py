@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 
 from pydantic import BaseModel, ValidationError
 
-from dovetail.assembly import Assembly, components, load
+from dovetail.assembly import Assembly, load
 from dovetail.atomic_files import read_bounded
 from dovetail.dataset import Dataset, generate
 from dovetail.errors import DovetailError, Fault, ParameterError
@@ -21,18 +21,19 @@ from dovetail.evaluation.validation import PROMINENCE
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, Identifier, identify, train
 from dovetail.identification.fitting import one_per_response
+from dovetail.identification.identify import find_method
 from dovetail.identification.methods import METHODS
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
-from dovetail.interfaces import Progress, progress_reporter
+from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
+from dovetail.registry import components
 
-__all__ = ["DEFAULT_METHODS", "RIGID", "Compared", "Comparison", "compare", "read_truths"]
+__all__ = ["RIGID", "Compared", "Comparison", "compare", "read_truths"]
 
 RIGID = "rigid"
 """The joint's contacts rigid and its other parameters in the middle of their ranges: nothing is identified."""
 _FITS = tuple(name for name in METHODS if name != "network")
-DEFAULT_METHODS = ("umap", "pca", "none", "pca+robust", "multistart", "refined", "posterior", RIGID)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +124,7 @@ class Comparison:
 
 def compare(
     cases: Cases,
-    methods: Sequence[str] = DEFAULT_METHODS,
+    methods: Sequence[str] = (),
     *,
     samples: int | None = None,
     data: str | PathLike[str] | None = None,
@@ -139,7 +140,7 @@ def compare(
         Each with the assembly and the measurement that its joint comes from; one assembly for all.
     methods : sequence of str
         ``"refined"``, ``"posterior"``, ``"multistart"``, ``"rigid"``; or a network by its reducer, as ``"umap"`` or,
-        with robust training, ``"pca+robust"``.
+        with robust training, ``"pca+robust"``; or a plugin's method. By default those that the plugins give.
     samples : int, optional
         FRFs to train on; as many as the description says by default.
     data : path, optional
@@ -166,7 +167,10 @@ def compare(
     source = _one_assembly(cases)
     files = tuple(plugins)
     assembly, registry = load(source, plugins=files), components(files)
-    networks = [method for method in methods if method not in (*_FITS, RIGID)]
+    methods = methods or registry.defaults.get("compare", (*_FITS, RIGID))
+    fits = [method for method in methods if method in _FITS or "method" in registry.kinds_of(method)]
+    ways = {method: find_method(method, assembly, registry) for method in fits}
+    networks = [method for method in methods if method not in (*ways, RIGID)]
     variants = {name: variant(assembly, name, registry) for name in networks}
     measured = {case.name: _measurement(case, assembly) for case in cases.cases}
     rows = []
@@ -174,7 +178,10 @@ def compare(
         models, training, seconds = _trained(assembly, variants, samples, data, report)
         for index, case in enumerate(cases.cases):
             report("cases", index, len(cases.cases))
-            rows += [_compared(case, method, assembly, models.get(method), measured[case.name]) for method in methods]
+            rows += [
+                _compared(case, method, assembly, models.get(method) or ways.get(method), measured[case.name])
+                for method in methods
+            ]
         report("cases", len(cases.cases), len(cases.cases))
     known = {case.name: truth[stem] for case in cases.cases if truth and (stem := _stem(case)) in truth}
     return Comparison(cases.title, cases.series, tuple(methods), tuple(rows), training, seconds, known)
@@ -228,15 +235,17 @@ def _trained(
     return models, training, seconds
 
 
-def _compared(case: Case, method: str, assembly: Assembly, model: Identifier | None, whole: Frf) -> Compared:
+def _compared(
+    case: Case, method: str, assembly: Assembly, way: Identifier | str | IdentificationMethod | None, whole: Frf
+) -> Compared:
     """Identify a joint by one method; `whole` is the measurement, also beyond the assembly's band."""
     measured = within_band(whole, assembly.frequency, assembly.description.left_out)
     began = time.perf_counter()
-    if method == RIGID:
+    if way is None:
         result, values = None, assembly.on(measured.frequency).rigid().frf()
         frf = Frf(measured.frequency, values, measured.quantity, label="rigid joint", rotation=measured.rotation)
     else:
-        result = identify(assembly, whole, method) if model is None else model.identify(whole, "network")
+        result = way.identify(whole, "network") if isinstance(way, Identifier) else identify(assembly, whole, way)
         frf = result.frf
     seconds = time.perf_counter() - began
     ours, theirs = resonance_peaks(measured, PROMINENCE), resonance_peaks(frf, PROMINENCE)

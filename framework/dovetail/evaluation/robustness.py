@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, AssemblySource, as_assembly, components
+from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.assembly.reader import read_description
 from dovetail.dataset import Dataset, generate
 from dovetail.errors import Fault, PluginError
@@ -21,7 +21,7 @@ from dovetail.identification.metrics import parameter_metrics
 from dovetail.identification.network.training import draw_test_samples
 from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import data_noise
-from dovetail.registry import Registry
+from dovetail.registry import Registry, components
 
 __all__ = ["LEVELS", "RobustnessRow", "robustness", "variant", "with_noise"]
 
@@ -65,7 +65,7 @@ def robustness(
     assembly: AssemblySource,
     dataset: Dataset | None = None,
     *,
-    models: Sequence[str] = ("umap", "pca", "none"),
+    models: Sequence[str] = (),
     levels: Sequence[float] = LEVELS,
     seed: int = 0,
     plugins: Iterable[str | PathLike[str]] = (),
@@ -81,7 +81,8 @@ def robustness(
         Of this assembly; its training and test parts are those of `train`. Without one, as many samples as the
         description says are generated and then discarded.
     models : sequence of str
-        Names of reducers, alone for training on clean FRFs or with ``+robust`` (see `variant`).
+        Names of reducers, alone for training on clean FRFs or with ``+robust`` (see `variant`); by default those that
+        the plugins give.
     levels : sequence of float
     seed : int
         Of the noise; the same noise meets every model.
@@ -102,6 +103,7 @@ def robustness(
     """
     assembly = as_assembly(assembly)
     registry = components(tuple(plugins))
+    models = models or registry.defaults.get("robustness", ())
     variants = {name: variant(assembly, name, registry) for name in models}
     rows: list[RobustnessRow] = []
     with progress_reporter(progress) as report, TemporaryDirectory(prefix="dovetail-") as folder:

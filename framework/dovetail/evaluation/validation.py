@@ -19,7 +19,7 @@ from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
 from dovetail.identification.result_file import load_result
-from dovetail.interfaces import Progress, progress_reporter
+from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
 
 __all__ = ["Identify", "PeakRow", "ValidatedCase", "Validation", "validate"]
@@ -142,7 +142,7 @@ class Validation:
 
 def validate(
     cases: Cases,
-    method: str | Identify = "refined",
+    method: str | IdentificationMethod | Identify = "refined",
     *,
     plugins: Iterable[str | PathLike[str]] = (),
     progress: Progress | bool | None = None,
@@ -152,7 +152,7 @@ def validate(
     Parameters
     ----------
     cases : Cases
-    method : str or callable
+    method : str, IdentificationMethod or callable
         How joints are identified: a method of `dovetail.identify` that needs no trained network, or a function from
         an assembly and its measurement without the accelerometer to an identification. Each is identified once.
     plugins : iterable of paths
@@ -176,7 +176,8 @@ def validate(
     """
     files = tuple(plugins)
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
-    joints = _Joints(partial(identify, method=method) if isinstance(method, str) else method, files)
+    by_name = partial(identify, method=method) if isinstance(method, (str, IdentificationMethod)) else method
+    joints = _Joints(by_name, files)
     validated = []
     with progress_reporter(progress) as report:
         for index, (case, assembly) in enumerate(zip(cases.cases, loaded, strict=True)):

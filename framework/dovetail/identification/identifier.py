@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Self
 
-from dovetail.assembly import AssemblySource, PluginPaths, as_assembly
+from dovetail.assembly import AssemblySource, as_assembly
 from dovetail.dataset import Dataset
 from dovetail.identification.identify import Measurement, identify
-from dovetail.identification.methods import DEFAULT_METHOD
 from dovetail.identification.network.bundle import read_bundle, write_bundle
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.network.training import train_network
 from dovetail.identification.result import Identification
-from dovetail.interfaces import Progress, logged, progress_reporter
+from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.plain_text import html_table, terminal_text
+from dovetail.registry import PluginPaths
 from dovetail.units import format_quantity
 
 __all__ = ["Identifier", "load_model", "train"]
@@ -42,7 +42,9 @@ class Identifier(TrainedNetwork):
         """Return the identifier of a trained network."""
         return cls(trained.assembly, trained.network, trained.evaluation, trained.novelty)
 
-    def identify(self, measured: Measurement, method: str = DEFAULT_METHOD, **options: Any) -> Identification:
+    def identify(
+        self, measured: Measurement, method: str | IdentificationMethod | None = None, **options: Any
+    ) -> Identification:
         """Identify the joint from the measured FRF of the assembly's response point, or of each of its points.
 
         Parameters
@@ -50,7 +52,7 @@ class Identifier(TrainedNetwork):
         measured : Frf or path, or sequence of them
             One for each response, of any quantity. For the network it must cover the assembly's frequencies, to which
             it is interpolated; the other methods compare its own lines, as `dovetail.identify` says.
-        method : str
+        method : str or IdentificationMethod, optional
             As of `dovetail.identify`: ``"posterior"``, with intervals, where the trained network's answer is one of the
             starts and stands beside; or ``"network"``, its answer as it is, in milliseconds; and so on.
         **options

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
@@ -21,14 +22,15 @@ from dovetail.frf import Frf
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import MeasuredLines, one_per_response
 from dovetail.identification.fitting.random_error import Weights, weighted_variance
-from dovetail.identification.methods import DEFAULT_METHOD, METHODS
+from dovetail.identification.methods import DEFAULT_METHOD, METHODS, by_plugin
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.parameters import dataframe
 from dovetail.identification.result import Identification, caveats_of
-from dovetail.interfaces import Progress, logged, progress_reporter
+from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.measurement import read_frf
 from dovetail.parallel import cores, side_by_side
 from dovetail.plain_text import html_table
+from dovetail.registry import Registry, installed_components
 
 __all__ = ["Batch", "Measurement", "identify", "identify_many", "method_options"]
 
@@ -46,7 +48,7 @@ _DELAYS = 201
 def identify(
     assembly: AssemblySource,
     measured: Measurement,
-    method: str = DEFAULT_METHOD,
+    method: str | IdentificationMethod | None = None,
     *,
     model: TrainedNetwork | None = None,
     weights: Weights | Sequence[Weights] | None = None,
@@ -64,10 +66,11 @@ def identify(
         One for each response of the description, in its order; of any quantity, without the accelerometer. The lines
         within the description's band count, each measurement on its own: the model is computed there, and measured
         values are never interpolated, but for the features of a network.
-    method : str
-        ``"posterior"``: the refined fit, with intervals and verdicts for each parameter. ``"refined"``: a
+    method : str or IdentificationMethod, optional
+        ``"posterior"``, the default: the refined fit, with intervals and verdicts for each parameter. ``"refined"``: a
         least-squares fit alone, down to the measurement's random error. ``"multistart"``: many local searches from all
-        over the ranges. ``"network"``: the answer of `model` as it is, which is the method of the publication.
+        over the ranges. ``"network"``: the answer of `model` as it is, which is the method of the publication. Or
+        a method of a plugin, which is the default where the description names one.
     model : TrainedNetwork, optional
         A trained network of this assembly: its answer is one more start of the refined fit, and stands beside it in
         the result (`Identification.network`).
@@ -82,7 +85,8 @@ def identify(
         Of the method: ``seed`` for all but the network; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or
         ``"weighted"``) for ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
         ``samples`` and ``model_error`` for ``"posterior"``; ``cause_seconds``, the time after which no further cause
-        of a misfit is tried (20 by default, none with 0), for all but the network.
+        of a misfit is tried (20 by default, none with 0), for all but the network. For a plugin's method those of its
+        `Config`, in place of the description's, ``seed``, ``model_error`` and ``cause_seconds``.
 
     Returns
     -------
@@ -95,6 +99,8 @@ def identify(
         ``"network"``: some do not cover the band, or the network has no finite answer.
     ParameterError
         The assembly has nothing to identify, or the method has no such option or needs a model.
+    PluginError
+        The code of a plugin's method fails.
     ValueError
         `method` is not a method.
 
@@ -106,21 +112,76 @@ def identify(
     Meanwhile the linear algebra of this process takes one thread: the matrices are small, and more threads wait for
     each other.
     """
-    if method not in METHODS:
-        accepted = ", ".join(METHODS)
-        raise ValueError(f"'{method}' is not a method. {did_you_mean(method, METHODS)} Accepted: {accepted}")
     assembly, measured = as_assembly(assembly), as_frfs(measured)
+    chosen = find_method(method, assembly)
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
-    accepted_options = method_options(method)
+    accepted_options, called = method_options(chosen), chosen if isinstance(chosen, str) else chosen.name
     for name in options:
         if name not in accepted_options:
-            problem = f"the method '{method}' has no option '{name}'."
+            problem = f"the method '{called}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
-    step = logged(__name__, f"{assembly.name} identified from {listing(frf.label for frf in measured)} by {method}")
+    step = logged(__name__, f"{assembly.name} identified from {listing(frf.label for frf in measured)} by {called}")
     with threadpool_limits(1, user_api="blas"), step, progress_reporter(progress) as report:
         lines = MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase))
-        return METHODS[method](_with_signs(lines, report), model, progress=report, **options)
+        lines = _with_signs(lines, report)
+        if isinstance(chosen, str):
+            return METHODS[chosen](lines, model, progress=report, **options)
+        own = {name: options.pop(name) for name in list(options) if name in type(chosen.config).model_fields}
+        return by_plugin(_with_options(chosen, own) if own else chosen, lines, progress=report, **options)
+
+
+def find_method(
+    method: str | IdentificationMethod | None, assembly: Assembly | None, registry: Registry | None = None
+) -> str | IdentificationMethod:
+    """Return the name of one of `METHODS`, or the method of a plugin that is meant.
+
+    Parameters
+    ----------
+    method : str or IdentificationMethod or None
+        None for that of the description, or else the default.
+    assembly : Assembly or None
+        The options of the method that its description names are taken from there.
+    registry : Registry, optional
+        Of what is installed by default.
+
+    Raises
+    ------
+    ValueError
+        There is no such method.
+    PluginError
+        Several plugins offer it.
+    """
+    described = None if assembly is None else assembly.description.identification.method
+    if method is None:
+        return described or DEFAULT_METHOD
+    if isinstance(method, IdentificationMethod) or method in METHODS:
+        return method
+    if described is not None and method.rpartition(":")[2] == described.name:
+        return described
+    registry = registry or installed_components()
+    if "method" not in registry.kinds_of(method):
+        known = (*METHODS, *registry.names("method"))
+        raise ValueError(f"'{method}' is not a method. {did_you_mean(method, known)} Accepted: {', '.join(known)}")
+    made = registry.find("method", method).component()
+    assert isinstance(made, IdentificationMethod)
+    return made
+
+
+def _with_options(method: IdentificationMethod, options: Mapping[str, Any]) -> IdentificationMethod:
+    """Return a plugin's method with other options.
+
+    Raises
+    ------
+    ParameterError
+        Its `Config` refuses them.
+    """
+    try:
+        return type(method)(type(method.config).model_validate({**dict(method.config), **options}))
+    except ValidationError as error:
+        detail = error.errors()[0]
+        where = ".".join(map(str, detail["loc"])) or "options"
+        raise ParameterError(Fault(where, f"the method '{method.name}' refuses it: {detail['msg']}.")) from None
 
 
 def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
@@ -212,10 +273,12 @@ def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
     return 1.0 if not frf.has_phase or alike.max() >= -alike.min() else -1.0
 
 
-def method_options(method: str) -> tuple[str, ...]:
+def method_options(method: str | IdentificationMethod) -> tuple[str, ...]:
     """Return the names of the options that a method takes."""
-    parameters = inspect.signature(METHODS[method]).parameters.values()
-    return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name != "progress")
+    parameters = inspect.signature(METHODS[method] if isinstance(method, str) else by_plugin).parameters.values()
+    own = () if isinstance(method, str) else tuple(type(method.config).model_fields)
+    common = (p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name != "progress")
+    return (*own, *common)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +328,7 @@ class Batch:
 def identify_many(
     assembly: AssemblySource,
     measurements: Sequence[Measurement],
-    method: str = DEFAULT_METHOD,
+    method: str | IdentificationMethod | None = None,
     *,
     model: TrainedNetwork | None = None,
     processes: int | None = None,
@@ -280,7 +343,7 @@ def identify_many(
         Or its description.
     measurements : sequence
         An FRF or its file each; or for several responses a sequence of them each, as `identify` takes it.
-    method : str
+    method : str or IdentificationMethod, optional
         As of `identify`.
     model : TrainedNetwork, optional
         As of `identify`; with it, one measurement follows the other.

@@ -6,6 +6,7 @@ name.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -14,26 +15,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
+from dovetail.assembly import Assembly
+from dovetail.errors import Fault, MeasurementError, ParameterError, PluginError, did_you_mean, listing
 from dovetail.identification.adequacy import CAUSE_SECONDS, Adequacy, assess
-from dovetail.identification.fitting import Objective, multistart, refine
-from dovetail.identification.fitting.observations import MeasuredLines
+from dovetail.identification.fitting import Objective, fit_at, multistart, refine
+from dovetail.identification.fitting.observations import MeasuredLines, Observations
+from dovetail.identification.fitting.residuals import ModelFrfs
+from dovetail.identification.network.network import check_contract, component_label
 from dovetail.identification.network.preprocessing import accelerance_amplitudes
 from dovetail.identification.network.trained_network import TrainedNetwork
+from dovetail.identification.parameters import ROUNDING
 from dovetail.identification.posterior import (
     TYPICAL,
     Form,
     ModelError,
+    Posterior,
     laplace_posterior,
     sample_posterior,
     typical_model_error,
 )
-from dovetail.identification.provenance import provenance
+from dovetail.identification.provenance import provenance, source_of
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
-from dovetail.interfaces import Progress, silent
+from dovetail.interfaces import (
+    Estimate,
+    IdentificationMethod,
+    IdentificationProblem,
+    Progress,
+    plugin_errors,
+    silent,
+)
 
-__all__ = ["DEFAULT_METHOD", "METHODS"]
+__all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin"]
 
 _CANNOT_TELL = (
     "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
@@ -258,6 +271,90 @@ def _allowed(adequacy: Adequacy | None) -> ModelError:
     if adequacy is not None and adequacy.allowed is not None:
         return typical_model_error(adequacy.allowed)
     return TYPICAL if adequacy is None or adequacy.size is None else adequacy.size.at_least(TYPICAL)
+
+
+def by_plugin(
+    method: IdentificationMethod,
+    measured: MeasuredLines,
+    *,
+    model_error: float | None = None,
+    cause_seconds: float = CAUSE_SECONDS,
+    seed: int | None = None,
+    progress: Progress = silent,
+) -> Identification:
+    """Identify the joint by a method that a plugin offers, and judge its estimate like those of the other methods.
+
+    Parameters
+    ----------
+    method : IdentificationMethod
+    measured : MeasuredLines
+    model_error, cause_seconds : float, optional
+        As of `by_multistart`.
+    seed : int, optional
+        The description's by default.
+    progress : Progress
+
+    Raises
+    ------
+    PluginError
+        The method fails, or gives no vectors of finite parameters within their ranges.
+    """
+    _check(model_error, cause_seconds)
+    assembly, frfs = measured.assembly, measured.frfs
+    model, target = ModelFrfs.of(assembly), Observations.of(assembly, frfs)
+    problem = IdentificationProblem(assembly.parameters, target.frfs, target.variance(), model.frf, model.frf_jacobian)
+    label, began = component_label(method), time.monotonic()
+    with plugin_errors(method, label):
+        estimate = method.identify(
+            problem,
+            seed=assembly.description.identification.seed if seed is None else seed,
+            progress=progress,
+        )
+    check_contract(estimate, method, Estimate, "identify")
+    seconds = time.monotonic() - began
+    (fraction,) = _fractions(assembly, np.asarray(estimate.theta)[np.newaxis], label)
+    fit = fit_at(assembly, target, fraction, starts=1, agreeing=1, steps=0, seconds=seconds)
+    adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
+    origin = provenance(measured.described, measured.whole, None)
+    origin["components"][f"method {method.name}"] = source_of(method)
+    origin["method_options"] = method.config.model_dump(mode="json")
+    result = _result(measured, fit.theta, method=method.name, provenance=origin, fit=fit, adequacy=adequacy)
+    if estimate.samples is None:
+        return result
+    samples = _fractions(assembly, np.asarray(estimate.samples), label)
+    posterior = Posterior.from_fractions(
+        assembly,
+        samples,
+        np.full(len(samples), 1.0 / len(samples)),
+        model_error=ModelError(0.0),
+        searches=len(samples),
+        lines=sum(target.counts),
+        seconds=seconds,
+    )
+    return replace(result, posterior=posterior, warnings=(*result.warnings, *posterior.warnings))
+
+
+def _fractions(assembly: Assembly, theta: NDArray[Any], label: str) -> NDArray[np.float64]:
+    """Return parameters (n, n_params) that a plugin gave, in fractions of their ranges.
+
+    Raises
+    ------
+    PluginError
+        They are not finite, of another shape, or outside the ranges.
+    """
+    count = len(assembly.parameters)
+    if theta.ndim != 2 or theta.shape[1] != count or not len(theta) or theta.dtype.kind not in "fiu":
+        accepted = f"{count} numbers in each row"
+        raise PluginError(Fault(label, f"it gave parameters of the shape {theta.shape}, {theta.dtype}.", accepted))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fraction = assembly.to_unit(np.asarray(theta, dtype=np.float64))
+    outside = ~(np.abs(fraction - 0.5) <= 0.5 + ROUNDING)
+    if outside.any():
+        row, column = np.argwhere(outside)[0]
+        parameter = assembly.parameters[column]
+        problem = f"it gave {parameter.name} = {theta[row, column]:g} {parameter.unit}."
+        raise PluginError(Fault(label, problem, f"{parameter.lower:g} to {parameter.upper:g}"))
+    return np.asarray(np.clip(fraction, 0.0, 1.0))
 
 
 METHODS: Mapping[str, Callable[..., Identification]] = {

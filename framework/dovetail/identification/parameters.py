@@ -16,6 +16,7 @@ from dovetail.identification.posterior.posterior import NOT_BELIEVED, Posterior
 from dovetail.interfaces import Parameter, Prior, Scale
 
 __all__ = [
+    "ROUNDING",
     "IdentifiedParameter",
     "TableRow",
     "dataframe",
@@ -25,7 +26,7 @@ __all__ = [
     "place_on_range",
 ]
 
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """Part of its range by which a value may lie outside."""
 
 
@@ -37,7 +38,7 @@ def place_on_range(value: float, lower: float, upper: float, scale: Scale) -> fl
 
 def is_in_range(value: float, lower: float, upper: float, scale: Scale) -> bool:
     """Return whether a value lies in a range; one at an end does, whatever rounding makes of it."""
-    return -_ROUNDING <= place_on_range(value, lower, upper, scale) <= 1.0 + _ROUNDING
+    return -ROUNDING <= place_on_range(value, lower, upper, scale) <= 1.0 + ROUNDING
 
 
 @dataclass(frozen=True)

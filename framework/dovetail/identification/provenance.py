@@ -49,7 +49,7 @@ def component_sources(assembly: Assembly) -> dict[str, str]:
         description.identification.reducer,
         description.identification.regressor,
     ]
-    return {f"{component.kind} {component.name}": _source(component) for component in components}
+    return {f"{component.kind} {component.name}": source_of(component) for component in components}
 
 
 def provenance(assembly: Assembly, measured: Sequence[Frf], evaluation: Evaluation | None) -> dict[str, Any]:
@@ -71,8 +71,6 @@ def provenance(assembly: Assembly, measured: Sequence[Frf], evaluation: Evaluati
     }
 
 
-def _source(component: Component) -> str:
-    for offer in installed_components().offers(component.kind):
-        if offer.component is type(component):
-            return offer.source
-    return Path(inspect.getfile(type(component))).name
+def source_of(component: Component) -> str:
+    """Return who offers a component: a distribution with its version, or the name of its file."""
+    return installed_components().source_of(type(component)) or Path(inspect.getfile(type(component))).name

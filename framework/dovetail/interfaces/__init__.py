@@ -9,12 +9,15 @@ from dovetail.interfaces.component import (
     plugin_errors,
     source_file,
 )
+from dovetail.interfaces.context import FeatureContext, fit_in_context
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.joint import JointModel, Parameter, Port, Prior, Scale
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
+from dovetail.interfaces.method import Estimate, IdentificationMethod, IdentificationProblem
 from dovetail.interfaces.option_schema import option_schema
 from dovetail.interfaces.progress import Progress, logged, progress_reporter, silent
+from dovetail.interfaces.reader import FrfReader, RecordedFrf
 from dovetail.interfaces.reducer import FittedReducer, Reducer
 from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor
 from dovetail.interfaces.sparse_matrices import SparseMatrices
@@ -28,9 +31,14 @@ __all__ = [
     "Component",
     "ComponentConfig",
     "Epoch",
+    "Estimate",
+    "FeatureContext",
     "FileName",
     "FittedReducer",
     "FittedRegressor",
+    "FrfReader",
+    "IdentificationMethod",
+    "IdentificationProblem",
     "JointModel",
     "Kind",
     "Node",
@@ -38,6 +46,7 @@ __all__ = [
     "Port",
     "Prior",
     "Progress",
+    "RecordedFrf",
     "Reducer",
     "Regressor",
     "Scale",
@@ -45,6 +54,7 @@ __all__ = [
     "State",
     "StructuralMatrices",
     "SubstructureModel",
+    "fit_in_context",
     "joint_faults",
     "logged",
     "node_faults",

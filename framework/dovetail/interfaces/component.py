@@ -24,8 +24,8 @@ __all__ = [
     "source_file",
 ]
 
-Kind = Literal["substructure", "joint", "reducer", "regressor"]
-KINDS: tuple[Kind, ...] = ("substructure", "joint", "reducer", "regressor")
+Kind = Literal["substructure", "joint", "reducer", "regressor", "reader", "method"]
+KINDS: tuple[Kind, ...] = ("substructure", "joint", "reducer", "regressor", "reader", "method")
 INTERFACE_VERSION = 1
 """Version of the plugin interface; it rises with each change that can break a component."""
 
@@ -72,7 +72,7 @@ class Component(ABC):
     kind : str
         The contract that it fulfils; set by the base class of the contract.
     name : str
-        The word after ``model:`` in a description.
+        The word after ``model:`` in a description, or after ``--reader`` or ``--method``.
     summary : str
         One line for ``dovetail plugins``.
     references : tuple of str

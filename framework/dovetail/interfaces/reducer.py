@@ -44,7 +44,11 @@ class Reducer(Component):
 
     @abstractmethod
     def fit(self, features: NDArray[np.float32], *, seed: int) -> FittedReducer:
-        """Fit to training features (n_samples, n_features); the same seed gives the same result."""
+        """Fit to training features (n_samples, n_features); the same seed gives the same result.
+
+        A reducer that must know what they are of takes a further argument, ``context: FeatureContext | None = None``,
+        by its name.
+        """
 
     @abstractmethod
     def restore(self, state: State) -> FittedReducer:

@@ -57,7 +57,11 @@ class Regressor(Component):
         seed: int,
         progress: Progress = silent,
     ) -> FittedRegressor:
-        """Fit to standardised features (n_samples, n_features) and scaled targets (n_samples, n_targets)."""
+        """Fit to standardised features (n_samples, n_features) and scaled targets (n_samples, n_targets).
+
+        A regressor that must know what they are of takes a further argument, ``context: FeatureContext | None = None``,
+        by its name; so may `fit_epochs`.
+        """
 
     def fit_epochs(self, epoch: Epoch, *, seed: int, progress: Progress = silent) -> FittedRegressor:
         """Fit to samples whose features change from epoch to epoch, for robust training.

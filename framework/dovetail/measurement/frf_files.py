@@ -12,10 +12,11 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.interfaces import logged
 from dovetail.measurement.accelerometer import remove_accelerometer_mass
-from dovetail.measurement.formats import cutpro, guarded, lvm, npz, tables, uff_reader, uff_writer
+from dovetail.measurement.formats import cutpro, from_plugin, guarded, lvm, npz, tables, uff_reader, uff_writer
 from dovetail.measurement.recording import FrfToWrite, ReadOptions, Recording, parse_quantity, prepare_for_writing
+from dovetail.registry import PluginPaths, Registry, components
 
-__all__ = ["FRF_SUFFIXES", "read_frf", "write_frf"]
+__all__ = ["frf_suffixes", "read_frf", "write_frf"]
 
 
 class Format(NamedTuple):
@@ -43,8 +44,6 @@ _FORMATS = {
     ".frf": Format(cutpro.decode),
     ".lvm": Format(lvm.decode, has_columns=True),
 }
-FRF_SUFFIXES = tuple(_FORMATS)
-"""Of the files that `read_frf` reads."""
 
 
 def read_frf(
@@ -59,6 +58,8 @@ def read_frf(
     names: Mapping[str, str] | None = None,
     columns: Sequence[str] = (),
     dofs: tuple[str, str] | None = None,
+    reader: str | None = None,
+    plugins: PluginPaths = (),
 ) -> Frf:
     """Read one measured FRF.
 
@@ -96,6 +97,11 @@ def read_frf(
     dofs : (str, str), optional
         DOFs of the response and of the force where the file does not state them: ``("3+x", "1-x")``. If their senses
         are opposite, the sign is turned, so that the FRF is along positive axes.
+    reader : str, optional
+        The plugin's reader that is to read the file. Without it the one that knows the file's suffix and format does,
+        and else that of Dovetail.
+    plugins : path or iterable of paths
+        Plugin files with further readers.
 
     Returns
     -------
@@ -111,21 +117,33 @@ def read_frf(
         lists what a file with several FRFs or unknown names holds.
     DovetailError
         HDF5 and MATLAB 7.3 need h5py, LabVIEW files lvm_read, which is not installed.
+    PluginError
+        There is no such reader, a plugin file cannot be loaded, or the code of a reader fails.
     """
-    source = Path(path)
-    file_format = _format_of(source)
+    source, registry = Path(path), components(plugins)
+    if reader is None and source.suffix.lower() not in from_plugin.reader_suffixes(registry):
+        _format_of(source, registry)
     if quantity is not None:
         parse_quantity(quantity, "the argument quantity")
-    if columns and not file_format.has_columns:
-        problem = f"columns={','.join(columns)} is for tables, not for {source.suffix} files."
-        raise MeasurementError(Fault(str(source), problem))
     options = ReadOptions(index, response, force, dict(names or {}), tuple(columns))
     with logged(__name__, f"measurement {source} read"):
-        recording = file_format.decode(source, read_bounded(source), options)
+        content = read_bounded(source)
+        chosen = from_plugin.find_reader(source, content, registry, reader)
+        if chosen is not None:
+            recording = from_plugin.decode(source, content, chosen, options)
+        else:
+            recording = _decode(source, content, _format_of(source, registry), options)
     frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
     if accelerometer_mass:
         _check_drive_point(frf)
     return remove_accelerometer_mass(frf, accelerometer_mass)
+
+
+def _decode(source: Path, content: bytes, file_format: Format, options: ReadOptions) -> Recording:
+    if options.columns and not file_format.has_columns:
+        problem = f"columns={','.join(options.columns)} is for tables, not for {source.suffix} files."
+        raise MeasurementError(Fault(str(source), problem))
+    return file_format.decode(source, content, options)
 
 
 def _check_drive_point(frf: Frf) -> None:
@@ -180,11 +198,21 @@ def write_frf(
     write_whole(target, file_format.encode(content, target, binary), overwrite=overwrite)
 
 
-def _format_of(path: Path) -> Format:
+def frf_suffixes(plugins: PluginPaths = ()) -> tuple[str, ...]:
+    """Return the suffixes of the files that `read_frf` reads, with those of plugins."""
+    return _suffixes(components(plugins))
+
+
+def _suffixes(registry: Registry) -> tuple[str, ...]:
+    return tuple(dict.fromkeys((*_FORMATS, *from_plugin.reader_suffixes(registry))))
+
+
+def _format_of(path: Path, registry: Registry | None = None) -> Format:
     if os.path.isdir(path):
         raise MeasurementError(Fault(str(path), "this is a directory.", "one measured file"))
     suffix = path.suffix.lower()
     if suffix not in _FORMATS:
         shown = f"'{path.suffix}' is not the suffix of a known format" if suffix else "the name has no suffix"
-        raise MeasurementError(Fault(str(path), f"{shown}.", ", ".join(_FORMATS)))
+        known = _FORMATS if registry is None else _suffixes(registry)
+        raise MeasurementError(Fault(str(path), f"{shown}.", ", ".join(known)))
     return _FORMATS[suffix]

@@ -1,6 +1,24 @@
 """Discovery of components by one hook, from installed packages and single files."""
 
 from dovetail.registry.hookspec import GROUP, hookimpl
-from dovetail.registry.registry import HOW_TO_OFFER, LoadFailure, Offer, Registry, installed_components
+from dovetail.registry.registry import (
+    HOW_TO_OFFER,
+    LoadFailure,
+    Offer,
+    PluginPaths,
+    Registry,
+    components,
+    installed_components,
+)
 
-__all__ = ["GROUP", "HOW_TO_OFFER", "LoadFailure", "Offer", "Registry", "hookimpl", "installed_components"]
+__all__ = [
+    "GROUP",
+    "HOW_TO_OFFER",
+    "LoadFailure",
+    "Offer",
+    "PluginPaths",
+    "Registry",
+    "components",
+    "hookimpl",
+    "installed_components",
+]

@@ -1,6 +1,9 @@
-"""The hook by which a plugin offers its components."""
+"""The hooks by which a plugin offers its components, and gives defaults."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import pluggy
 
@@ -24,3 +27,15 @@ class HookSpecification:
     @_hookspec
     def dovetail_components() -> list[type[Component]]:  # type: ignore[empty-body]
         """Return the component classes that the plugin offers."""
+
+    @staticmethod
+    @_hookspec
+    def dovetail_defaults() -> Mapping[str, Any]:  # type: ignore[empty-body]
+        """Return what stands where a user says nothing; the plugins that ship with Dovetail give all.
+
+        Returns
+        -------
+        mapping
+            Plain values. ``identification``: sections of a description, of which those that it lacks are taken.
+            ``robustness`` and ``compare``: the methods that these commands try.
+        """

@@ -5,16 +5,17 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import inspect
+import os
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from types import ModuleType
-from typing import Any, cast
+from types import MappingProxyType, ModuleType
+from typing import Any, TypeAlias, cast
 
 import pluggy
 
@@ -24,6 +25,8 @@ from dovetail.interfaces import (
     KINDS,
     Component,
     ComponentConfig,
+    FrfReader,
+    IdentificationMethod,
     JointModel,
     Kind,
     Reducer,
@@ -32,11 +35,13 @@ from dovetail.interfaces import (
 )
 from dovetail.registry.hookspec import GROUP, HookSpecification
 
-__all__ = ["HOW_TO_OFFER", "LoadFailure", "Offer", "Registry", "installed_components"]
+__all__ = ["HOW_TO_OFFER", "LoadFailure", "Offer", "PluginPaths", "Registry", "components", "installed_components"]
 
-_CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor)
-_HOOK = "dovetail_components"
-_CLASH_REMEDY = "Uninstall one of the packages, leave out one of the plugin files, or give one model another name."
+PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+"""One plugin file, or several."""
+
+_CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod)
+_HOOK, _DEFAULTS = "dovetail_components", "dovetail_defaults"
 _SLOW = 2.0
 """Seconds; an import that takes longer is listed."""
 HOW_TO_OFFER = "A model of your own needs '--plugin FILE.py', or 'plugins=' in Python."
@@ -48,6 +53,12 @@ class Offer:
 
     component: type[Component]
     source: str
+
+    @property
+    def qualified_name(self) -> str:
+        """The name with that of the package or file before it, which tells it from another of the same name."""
+        package = Path(self.source).stem if self.source.endswith(".py") else self.source.partition(" ")[0]
+        return f"{package}:{self.component.name}"
 
 
 @dataclass(frozen=True)
@@ -63,16 +74,22 @@ class Registry:
 
     Notes
     -----
-    A plugin that fails to load is listed in `failures` and affects no other, whatever it raises, Ctrl-C apart. A name
-    that two plugins offer for one kind cannot be used; the error names both. `slow` has the seconds of imports that
-    keep every command waiting.
+    A plugin that fails to load is listed in `failures` and affects no other, whatever it raises, Ctrl-C apart. Of a
+    name that two plugins offer for one kind, each is used as ``package:name``. `slow` has the seconds of imports that
+    keep every command waiting. Of each default the first plugin that gives it counts.
     """
 
     def __init__(self) -> None:
         self._offers: dict[tuple[Kind, str], list[Offer]] = {}
         self._failures: list[LoadFailure] = []
         self._files: set[Path] = set()
+        self._defaults: dict[str, Any] = {}
         self.slow: dict[str, float] = {}
+
+    @property
+    def defaults(self) -> Mapping[str, Any]:
+        """What stands where a user says nothing, as plain values, by key."""
+        return MappingProxyType(self._defaults)
 
     @property
     def failures(self) -> tuple[LoadFailure, ...]:
@@ -89,6 +106,10 @@ class Registry:
         usable = [offers[0] for key, offers in self._offers.items() if key[0] == kind and len(offers) == 1]
         return tuple(sorted(usable, key=lambda offer: offer.component.name))
 
+    def every(self, kind: Kind) -> tuple[Offer, ...]:
+        """Return all offers of one kind, also those of one name."""
+        return tuple(offer for key, offers in self._offers.items() if key[0] == kind for offer in offers)
+
     def names(self, kind: Kind) -> tuple[str, ...]:
         """Return the usable names of one kind."""
         return tuple(offer.component.name for offer in self.offers(kind))
@@ -101,13 +122,24 @@ class Registry:
         PluginError
             No plugin offers it, or more than one.
         """
-        offers = self._offers.get((kind, name), [])
+        offers = self._of_name(kind, name)
         if len(offers) == 1:
             return offers[0]
         if offers:
-            sources = " and ".join(offer.source for offer in offers)
-            raise PluginError(Fault("", f"the {kind} model '{name}' is offered by {sources}.", remedy=_CLASH_REMEDY))
+            problem = f"the {kind} model '{name}' is offered by {' and '.join(offer.source for offer in offers)}."
+            remedy = f"Say which: {listing([offer.qualified_name for offer in offers])}."
+            raise PluginError(Fault("", problem, remedy=remedy))
         raise PluginError(self.unknown(kind, name))
+
+    def _of_name(self, kind: Kind, name: str) -> list[Offer]:
+        """Return the offers of a name, or of one with its package before it."""
+        offers = self._offers.get((kind, name.rpartition(":")[2]), [])
+        return [offer for offer in offers if name in (offer.component.name, offer.qualified_name)]
+
+    def source_of(self, component: type[Component]) -> str:
+        """Return who offers a component class; an empty text if nobody does."""
+        offers = self._offers.get((component.kind, component.name), [])
+        return next((offer.source for offer in offers if offer.component is component), "")
 
     def unknown(self, kind: Kind, name: str) -> Fault:
         """Return the fault of an unknown model name."""
@@ -118,8 +150,18 @@ class Registry:
         return Fault("", f"'{name}' is not a {kind} model.", listing(self.names(kind), 30), remedy)
 
     def named(self, name: str) -> tuple[Offer, ...]:
-        """Return the offers of this name of any kind."""
-        return tuple(offer for kind in KINDS for offer in self.offers(kind) if offer.component.name == name)
+        """Return the offers of this name of any kind.
+
+        Raises
+        ------
+        PluginError
+            It is offered more than once for a kind.
+        """
+        return tuple(self.find(kind, name) for kind in self.kinds_of(name))
+
+    def kinds_of(self, name: str) -> tuple[Kind, ...]:
+        """Return the kinds of which there is a model of this name."""
+        return tuple(kind for kind in KINDS if self._of_name(kind, name))
 
     def load_entry_points(self) -> None:
         """Load every installed plugin; a broken one is added to `failures`."""
@@ -187,7 +229,10 @@ class Registry:
         PluginError
             The hook is missing, misspelt, fails, or does not return component classes.
         """
-        for component in _components_of(plugin, source):
+        offered, defaults = _answers_of(plugin, source)
+        for key, value in defaults.items():
+            self._defaults.setdefault(key, value)
+        for component in offered:
             reason = _reason_against(component)
             if reason and strict:
                 raise PluginError(Fault(source, reason))
@@ -226,7 +271,8 @@ def _reason(error: BaseException) -> str:
     return f"{fault.where}: {fault.problem}{accepted}".removeprefix(": ")
 
 
-def _components_of(plugin: ModuleType | object, source: str) -> list[type[Component]]:
+def _answers_of(plugin: ModuleType | object, source: str) -> tuple[list[type[Component]], Mapping[str, Any]]:
+    """Return the components and the defaults that a plugin's hooks give."""
     manager = pluggy.PluginManager(GROUP)
     manager.add_hookspecs(HookSpecification)
     hint = f"a function '{_HOOK}()' marked with @dovetail.hookimpl that returns a list of component classes"
@@ -235,9 +281,9 @@ def _components_of(plugin: ModuleType | object, source: str) -> list[type[Compon
             manager.register(plugin)
             manager.check_pending()
     except pluggy.PluginValidationError as error:
-        misspelt = ", ".join(n for n in dir(plugin) if _is_marked(plugin, n) and n != _HOOK)
+        misspelt = ", ".join(n for n in dir(plugin) if _is_marked(plugin, n) and n not in (_HOOK, _DEFAULTS))
         problem = f"'{misspelt}' is not a hook of dovetail." if misspelt else str(error)
-        raise PluginError(Fault(source, problem, hint, did_you_mean(misspelt, [_HOOK]))) from error
+        raise PluginError(Fault(source, problem, hint, did_you_mean(misspelt, [_HOOK, _DEFAULTS]))) from error
     if not manager.hook.dovetail_components.get_hookimpls():
         raise PluginError(Fault(source, f"it has no hook '{_HOOK}' marked with @dovetail.hookimpl.", hint))
     with _contained(source, f"its hook '{_HOOK}' raised "):
@@ -245,7 +291,11 @@ def _components_of(plugin: ModuleType | object, source: str) -> list[type[Compon
         offered = list(returned) if isinstance(returned, Iterable) else returned
     if isinstance(returned, (str, bytes)) or not isinstance(returned, Iterable):
         raise PluginError(Fault(source, f"its hook '{_HOOK}' returned {returned!r}, not a list of classes.", hint))
-    return cast("list[type[Component]]", offered)
+    with _contained(source, f"its hook '{_DEFAULTS}' raised "):
+        defaults: object = next(iter(manager.hook.dovetail_defaults()), {})
+    if not isinstance(defaults, Mapping):
+        raise PluginError(Fault(source, f"its hook '{_DEFAULTS}' returned {defaults!r:.60}.", "a dict"))
+    return cast("list[type[Component]]", offered), defaults
 
 
 def _is_marked(plugin: ModuleType | object, name: str) -> bool:
@@ -279,9 +329,19 @@ def _unfitness(component: Any) -> str:
     if not isinstance(component.Config, type) or not issubclass(component.Config, ComponentConfig):
         return f"{label}.Config does not derive from dovetail.ComponentConfig."
     contract = next(contract for contract in _CONTRACTS if issubclass(component, contract))
+    if issubclass(component, FrfReader) and not _are_suffixes(getattr(component, "suffixes", None)):
+        return f"{label} has no 'suffixes' such as ('.abc',), in small letters."
     if component.kind != contract.kind:
         return f"{label} has the kind {component.kind!r}; leave it as {contract.__name__} has it, '{contract.kind}'."
     return ""
+
+
+def _are_suffixes(suffixes: object) -> bool:
+    return (
+        isinstance(suffixes, tuple)
+        and bool(suffixes)
+        and all(isinstance(one, str) and one.startswith(".") and one == one.lower() for one in suffixes)
+    )
 
 
 def _version_problem(versions: Any) -> str:
@@ -312,4 +372,16 @@ def installed_components() -> Registry:
     """Return the registry of all installed components, which is made once."""
     registry = Registry()
     registry.load_entry_points()
+    return registry
+
+
+def components(plugins: PluginPaths = ()) -> Registry:
+    """Return the installed components and those of plugin files."""
+    files = [Path(file) for file in ([plugins] if isinstance(plugins, (str, os.PathLike)) else plugins)]
+    if not files:
+        return installed_components()
+    registry = Registry()
+    registry.load_entry_points()
+    for file in files:
+        registry.load_file(file)
     return registry

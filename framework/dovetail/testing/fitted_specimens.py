@@ -18,7 +18,7 @@ from dovetail.interfaces import Component, Reducer, Regressor
 from dovetail.testing.fresh_process import FreshAnswers, ask_a_fresh_process
 from dovetail.testing.specimen import SEED, Specimen
 from dovetail.testing.surroundings import Observation, observe
-from dovetail.testing.training_sets import TrainingSet, frf_samples, regression_samples
+from dovetail.testing.training_sets import TrainingSet, fit, frf_samples, regression_samples
 
 __all__ = ["FittedSpecimen", "ReducerSpecimen", "RegressorSpecimen", "with_other_options"]
 
@@ -190,7 +190,7 @@ class ReducerSpecimen(FittedSpecimen):
     def fit(self, samples: TrainingSet | None = None, *, component: Any = None, seed: int = SEED) -> Any:
         """Fit to the features of samples."""
         samples = samples or self.training.copy()
-        return (component or self.component).fit(samples.features, seed=seed)
+        return fit(component or self.component, samples, seed)
 
     def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
         """Reduce features."""
@@ -210,7 +210,7 @@ class RegressorSpecimen(FittedSpecimen):
     def fit(self, samples: TrainingSet | None = None, *, component: Any = None, seed: int = SEED) -> Any:
         """Fit to samples."""
         samples = samples or self.training.copy()
-        return (component or self.component).fit(samples.features, samples.targets, seed=seed)
+        return fit(component or self.component, samples, seed)
 
     def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
         """Predict targets."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dovetail.interfaces import Component, State
 from dovetail.testing.outcomes import Nonconformity
-from dovetail.testing.training_sets import TrainingSet
+from dovetail.testing.training_sets import TrainingSet, fit
 
 __all__ = [
     "WORK",
@@ -176,12 +176,7 @@ def main() -> None:
     _note(folder / "restored", lambda: _answer(component, component.restore(state), samples.copy()))
     refusing.clear()
     fresh = model(component.config)
-    _note(folder / "fitted", lambda: _answer(fresh, _fit(fresh, samples.copy(), request["seed"]), samples))
-
-
-def _fit(component: Any, samples: TrainingSet, seed: int) -> Any:
-    targets = () if component.kind == "reducer" else (samples.targets,)
-    return component.fit(samples.features, *targets, seed=seed)
+    _note(folder / "fitted", lambda: _answer(fresh, fit(fresh, samples.copy(), request["seed"]), samples))
 
 
 def _answer(component: Any, fitted: Any, samples: TrainingSet) -> Any:

@@ -27,6 +27,8 @@ from dovetail.testing import (
     joint_derivative_checks,
     joint_law_checks,
     joint_range_checks,
+    method_checks,
+    reader_checks,
     reducer_checks,
     regressor_checks,
     substructure_checks,
@@ -61,6 +63,8 @@ _MODULES: Mapping[Kind, tuple[ModuleType, ...]] = {
         training_checks,
         general_checks,
     ),
+    "reader": (reader_checks, general_checks),
+    "method": (method_checks, general_checks),
 }
 
 _MAKING = "examples_make_components"
@@ -79,6 +83,9 @@ _PREREQUISITES = frozenset(
         "answers_have_a_row_for_each_sample",
         "answers_are_finite",
         "state_is_arrays_and_plain_values",
+        "sample_files_have_a_suffix_of_it",
+        "sample_files_are_read",
+        "the_estimate_is_within_the_ranges",
     }
 )
 """Checks without which those behind them mean nothing."""

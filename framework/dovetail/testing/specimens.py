@@ -19,6 +19,8 @@ from dovetail.interfaces import (
     SubstructureModel,
 )
 from dovetail.testing.fitted_specimens import ReducerSpecimen, RegressorSpecimen
+from dovetail.testing.method_checks import MethodSpecimen
+from dovetail.testing.reader_checks import ReaderSpecimen
 from dovetail.testing.specimen import SEED, Specimen
 
 __all__ = [
@@ -179,6 +181,8 @@ def specimen_of(model: type[Component], options: Mapping[str, Any]) -> Specimen:
         "substructure": SubstructureSpecimen,
         "reducer": ReducerSpecimen,
         "regressor": RegressorSpecimen,
+        "reader": ReaderSpecimen,
+        "method": MethodSpecimen,
     }
     specimen: Specimen = kinds[model.kind](model, options, component)
     return specimen

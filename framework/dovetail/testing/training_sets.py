@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["TrainingSet", "frf_samples", "regression_samples"]
+from dovetail.interfaces import FeatureContext, fit_in_context
+
+__all__ = ["TrainingSet", "fit", "frf_samples", "regression_samples"]
+
+_FIRST_LINE, _LAST_LINE = 50.0, 1000.0
+"""Hz."""
+_LINES = 120
+"""That a regressor is told of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +52,19 @@ def frf_samples(samples: int, *, lines: int, seed: int) -> TrainingSet:
     """
     unknown = np.random.default_rng(seed).random((samples, 2))
     natural, damping = 300.0 + 400.0 * unknown[:, :1], 0.01 + 0.05 * unknown[:, 1:]
-    ratio = np.linspace(50.0, 1000.0, lines)[None, :] / natural
+    ratio = np.linspace(_FIRST_LINE, _LAST_LINE, lines)[None, :] / natural
     accelerance = ratio**2 / np.hypot(1.0 - ratio**2, 2.0 * damping * ratio)
     return TrainingSet(np.asarray(np.log10(accelerance + 1.0), dtype=np.float32), _scaled(unknown))
+
+
+def fit(component: Any, samples: TrainingSet, seed: int) -> Any:
+    """Fit a reducer or a regressor, which is told what the samples are of if it asks."""
+    is_reducer = component.kind == "reducer"
+    lines = samples.features.shape[1] if is_reducer else _LINES
+    names = tuple(f"unknown{number}" for number in range(samples.targets.shape[1]))
+    context = FeatureContext(np.linspace(_FIRST_LINE, _LAST_LINE, lines), ("response",), names)
+    arrays = (samples.features,) if is_reducer else (samples.features, samples.targets)
+    return fit_in_context(component.fit, *arrays, context=context, seed=seed)
 
 
 def regression_samples(samples: int, *, features: int, targets: int, seed: int) -> TrainingSet:

@@ -19,7 +19,7 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["Objective", "multistart"]
+__all__ = ["Objective", "fit_at", "multistart"]
 
 Objective: TypeAlias = Literal["frf", "weighted"]
 """Residuals that are minimised: differences of the FRFs as they are, or over their random error."""
@@ -82,13 +82,46 @@ def multistart(
         if time.monotonic() > deadline:
             break
     costs = np.array([minimum.cost[0] for minimum in minima])
-    best = minima[int(np.argmin(costs))].position[0]
-    at_best = FrfResiduals(assembly, target.weighted(variance, used)).linearise(best[np.newaxis])
-    freedom = max(1, target.residual_count(used) - len(best))
+    return fit_at(
+        assembly,
+        target,
+        minima[int(np.argmin(costs))].position[0],
+        starts=len(costs),
+        agreeing=count_agreeing(costs),
+        steps=sum(int(minimum.steps[0]) for minimum in minima),
+        seconds=time.monotonic() - began,
+    )
+
+
+def fit_at(
+    assembly: Assembly,
+    target: Observations,
+    fraction: NDArray[np.float64],
+    *,
+    starts: int,
+    agreeing: int,
+    steps: int,
+    seconds: float,
+) -> Fit:
+    """Return how good a fit parameters are, whatever found them, over the random error of all lines.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    target : Observations
+    fraction : (n_params,) array
+        The parameters, in fractions of their ranges.
+    starts, agreeing, steps, seconds
+        As in `Fit`.
+    """
+    variance = target.variance()
+    used = np.ones(len(variance), dtype=np.bool_)
+    there = FrfResiduals(assembly, target.weighted(variance, used)).linearise(fraction[np.newaxis])
+    freedom = max(1, target.residual_count(used) - len(fraction))
     return Fit(
-        theta=assembly.from_unit(best),
-        information=at_best.curvature[0],
-        chi_squared=float(at_best.cost[0]) / freedom,
+        theta=assembly.from_unit(fraction),
+        information=there.curvature[0],
+        chi_squared=float(there.cost[0]) / freedom,
         degrees_of_freedom=freedom,
         variance=variance,
         variance_known=target.variance_known,
@@ -96,11 +129,11 @@ def multistart(
         background=0.0,
         ignored=np.empty(0),
         used=used,
-        at_bounds=bounds_reached(assembly, best),
-        starts=len(costs),
-        agreeing=count_agreeing(costs),
-        steps=sum(int(minimum.steps[0]) for minimum in minima),
-        seconds=time.monotonic() - began,
+        at_bounds=bounds_reached(assembly, fraction),
+        starts=starts,
+        agreeing=agreeing,
+        steps=steps,
+        seconds=seconds,
     )
 
 

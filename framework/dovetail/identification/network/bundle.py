@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import FRF_TOLERANCE, Assembly, PluginPaths, largest_frf_difference, load
+from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference, load
 from dovetail.atomic_files import new_folder
 from dovetail.errors import BundleError, DescriptionError, Fault, FileError, PluginError, listing
 from dovetail.identification.network.manifest import (
@@ -38,6 +38,7 @@ from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.provenance import component_sources, package_versions
 from dovetail.interfaces import State
+from dovetail.registry import PluginPaths
 
 __all__ = ["check_replaceable", "read_bundle", "write_bundle"]
 

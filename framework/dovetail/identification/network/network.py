@@ -124,15 +124,15 @@ def check_rows(values: object, label: str, count: int, width: int | None = None)
     return values
 
 
-def check_contract(fitted: object, recipe: Component, contract: type) -> None:
-    """Make sure that `fit` or `restore` returned what its contract says.
+def check_contract(fitted: object, recipe: Component, contract: type, call: str = "fit") -> None:
+    """Make sure that `fit`, `restore` or another call returned what its contract says.
 
     Raises
     ------
     PluginError
     """
     if not isinstance(fitted, contract):
-        problem = f"its fit returned {type(fitted).__name__}."
+        problem = f"its {call} returned {type(fitted).__name__}."
         raise PluginError(Fault(component_label(recipe), problem, f"a {contract.__name__}"))
 
 

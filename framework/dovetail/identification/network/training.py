@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +26,15 @@ from dovetail.identification.network.network import Network, check_contract, com
 from dovetail.identification.network.novelty import learn_novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
 from dovetail.identification.network.trained_network import TrainedNetwork
-from dovetail.interfaces import FittedReducer, Progress, logged, plugin_errors, silent
+from dovetail.interfaces import (
+    FeatureContext,
+    FittedReducer,
+    Progress,
+    fit_in_context,
+    logged,
+    plugin_errors,
+    silent,
+)
 
 __all__ = ["draw_test_samples", "read_frfs", "train_network"]
 
@@ -134,30 +142,53 @@ def _fit_network(
         else:
             for rows in blocks(len(features)):
                 log10p1(features[rows], out=features[rows])
-    reducer = _fit_reducer(settings, features, timer, progress)
+    context = _context(assembly, dataset, is_test, noisy)
+    reducer = _fit_reducer(settings, features, context, timer, progress)
     with timer.stage("reduction"):
         reduced = reduce_features(reducer, settings.reducer.name, features, progress)
     del features  # 700 MB at 40,000 FRFs of 4451 lines
     scaling = feature_scaling, target_scaling = ZScore.fit(reduced), TargetScaling.fit(theta, assembly.parameters)
+    fit: Callable[..., Any] = settings.regressor.fit
+    samples: tuple[Any, ...]
     with timer.stage("regressor"), plugin_errors(settings.regressor, component_label(settings.regressor)):
         if noisy is not None:
             epochs = ReducedEpochs(noisy, settings.reducer.name, reducer, *scaling)
-            regressor = settings.regressor.fit_epochs(epochs, seed=settings.seed, progress=progress)
+            fit, samples = settings.regressor.fit_epochs, (epochs,)
         else:
             standardised, targets = feature_scaling.transform(reduced, out=reduced), target_scaling.transform(theta)
-            regressor = settings.regressor.fit(standardised, targets, seed=settings.seed, progress=progress)
+            samples = standardised, targets
+        regressor = fit_in_context(fit, *samples, context=context, seed=settings.seed, progress=progress)
     recipes = settings.reducer, settings.regressor
     return Network(reducer, feature_scaling, regressor, target_scaling, recipes), test_amplitude
 
 
+def _context(
+    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], noisy: NoisyFeatures | None
+) -> FeatureContext:
+    """Return what the features are of; their FRFs with phases where these are as the dataset keeps them."""
+    return FeatureContext(
+        frequency=assembly.frequency,
+        responses=tuple(response.name for response in assembly.description.responses),
+        parameters=tuple(parameter.name for parameter in assembly.parameters),
+        accelerance=None
+        if noisy is not None or dataset.storage != "complex"
+        else lambda: read_frfs(dataset, is_test, silent, phase=True)[0],
+    )
+
+
 def _fit_reducer(
-    settings: IdentificationSettings, features: NDArray[np.float32], timer: _StageTimer, progress: Progress
+    settings: IdentificationSettings,
+    features: NDArray[np.float32],
+    context: FeatureContext,
+    timer: _StageTimer,
+    progress: Progress,
 ) -> FittedReducer:
     with timer.stage("reducer"):
         progress("reducer", 0, 1, f"{settings.reducer.name} on {len(features)} FRFs")
         with plugin_errors(settings.reducer, component_label(settings.reducer)):
-            reducer = settings.reducer.fit(features, seed=settings.seed)
+            reducer = fit_in_context(settings.reducer.fit, features, context=context, seed=settings.seed)
         check_contract(reducer, settings.reducer, FittedReducer)
+        assert isinstance(reducer, FittedReducer)
         progress("reducer", 1, 1)
     return reducer
 

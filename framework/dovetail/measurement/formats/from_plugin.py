@@ -1,0 +1,163 @@
+"""Files whose readers are plugins: which reader takes a file, and the check of what it returns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.errors import Fault, MeasurementError, PluginError, listing
+from dovetail.interfaces import Component, FrfReader, RecordedFrf, plugin_errors
+from dovetail.measurement.frf_units import meaning_of_unit
+from dovetail.measurement.recording import ReadOptions, Recording
+from dovetail.registry import Offer, Registry
+
+__all__ = ["decode", "find_reader", "reader_suffixes"]
+
+_HEAD = 4096
+"""Bytes by which a reader tells its format."""
+_MOST_LISTED = 20
+
+
+def find_reader(path: Path, content: bytes, registry: Registry, name: str | None) -> FrfReader | None:
+    """Return the reader called `name`, or the one whose suffix and format a file has; None if there is none.
+
+    Raises
+    ------
+    MeasurementError
+        Several readers take the file.
+    PluginError
+        There is no reader of this name, or its code fails.
+    """
+    if name is not None:
+        return _made(registry.find("reader", name).component)
+    offers = [offer for suffix, offer in _by_suffix(registry) if suffix == path.suffix.lower()]
+    takers = [offer for offer in offers if _takes(_made(offer.component), content)]
+    if len(takers) > 1:
+        remedy = "Say which with 'reader', or --reader on the command line."
+        problem = "several readers take this file."
+        raise MeasurementError(Fault(str(path), problem, listing([o.qualified_name for o in takers]), remedy))
+    return _made(takers[0].component) if takers else None
+
+
+def reader_suffixes(registry: Registry) -> list[str]:
+    """Return the suffixes that readers of plugins take."""
+    return sorted({suffix for suffix, _ in _by_suffix(registry)})
+
+
+def _by_suffix(registry: Registry) -> list[tuple[str, Offer]]:
+    offers = [(offer.component, offer) for offer in registry.every("reader")]
+    return [(suffix, o) for model, o in offers if issubclass(model, FrfReader) for suffix in model.suffixes]
+
+
+def _made(component: type[Component]) -> FrfReader:
+    reader = component()
+    assert isinstance(reader, FrfReader)
+    return reader
+
+
+def _takes(reader: FrfReader, content: bytes) -> bool:
+    with plugin_errors(reader, _label(reader)):
+        return bool(reader.sniff(content[:_HEAD]))
+
+
+def _label(reader: FrfReader) -> str:
+    return f"reader '{reader.name}'"
+
+
+def decode(path: Path, content: bytes, reader: FrfReader, options: ReadOptions) -> Recording:
+    """Return the FRF that a plugin reads from a file, or that of several which `options` select.
+
+    Raises
+    ------
+    MeasurementError
+        The reader cannot read the file, or no single FRF of it is meant.
+    PluginError
+        The reader fails, or returns no FRFs.
+    """
+    if options.names or options.columns:
+        problem = f"names and columns are for tables and arrays, not for files of the {_label(reader)}."
+        raise MeasurementError(Fault(str(path), problem))
+    try:
+        with plugin_errors(reader, _label(reader)):
+            recorded = _read(path, content, reader)
+    except PluginError as error:
+        if isinstance(error.__cause__, ValueError):  # how a reader refuses a file
+            raise MeasurementError(Fault(str(path), str(error.__cause__))) from None
+        raise
+    number, frf = _chosen(path, recorded, options)
+    _check_arrays(frf, _label(reader))
+    where = str(path) if len(recorded) == 1 else f"{path}: FRF {number}"
+    meaning = meaning_of_unit(frf.unit, where) if frf.unit else None
+    recording = Recording(
+        where=where,
+        label=path.name,
+        frequency=np.asarray(frf.frequency, dtype=np.float64),
+        values=np.asarray(frf.values),
+        has_phase=np.iscomplexobj(frf.values),
+        quantity=meaning.quantity if meaning else None,
+        is_stated=meaning is not None,
+        coherence=None if frf.coherence is None else np.asarray(frf.coherence, dtype=np.float64),
+        locate=lambda line: f"{where}, line {line + 1} of its data",
+        how_to_state_quantity="a unit, which the reader passes on",
+        note=frf.note,
+        factor=meaning.factor if meaning else 1.0,
+        unit=frf.unit,
+        averages=frf.averages,
+        rotation=meaning is not None and meaning.rotation,
+        taken=(f"read by {reader.name}",),
+    )
+    return recording.with_dofs(frf.response, frf.force) if frf.response and frf.force else recording
+
+
+def _read(path: Path, content: bytes, reader: FrfReader) -> Sequence[RecordedFrf]:
+    recorded = reader.read(path, content)
+    if not isinstance(recorded, (list, tuple)) or not all(isinstance(frf, RecordedFrf) for frf in recorded):
+        problem = f"read returned {recorded!r:.60}."
+        raise PluginError(Fault(_label(reader), problem, "a list of dovetail.RecordedFrf"))
+    if not recorded:
+        raise MeasurementError(Fault(str(path), "the file holds no FRF."))
+    return recorded
+
+
+def _chosen(path: Path, recorded: Sequence[RecordedFrf], options: ReadOptions) -> tuple[int, RecordedFrf]:
+    """Return the FRF that is meant, and its number from 1."""
+    fitting = [
+        (number, frf)
+        for number, frf in enumerate(recorded, start=1)
+        if options.index in (None, number)
+        and _is_meant(frf.response, options.response)
+        and _is_meant(frf.force, options.force)
+    ]
+    if len(fitting) == 1:
+        return fitting[0]
+    listed = "".join(
+        f"\n    {number}: {' '.join(filter(None, (frf.response, 'over', frf.force, frf.note)))[:80]}"
+        for number, frf in (fitting or list(enumerate(recorded, start=1)))[:_MOST_LISTED]
+    )
+    problem = f"the file holds {len(recorded)} FRFs, {len(fitting)} of which are meant, and one is wanted:{listed}"
+    raise MeasurementError(Fault(str(path), problem, remedy="Choose it by its number, for example --index 1."))
+
+
+def _is_meant(stated: str, wanted: str | None) -> bool:
+    return wanted is None or stated.lower().replace("+", "") == wanted.lower().replace("+", "")
+
+
+def _check_arrays(frf: RecordedFrf, label: str) -> None:
+    """Make sure that a plugin's arrays are vectors of numbers of one length.
+
+    Raises
+    ------
+    PluginError
+    """
+    size = np.shape(frf.frequency)
+    for name, array in (("frequency", frf.frequency), ("values", frf.values), ("coherence", frf.coherence)):
+        if array is None and name == "coherence":
+            continue
+        kinds = "fiuc" if name == "values" else "fiu"
+        if not isinstance(array, np.ndarray) or array.dtype.kind not in kinds or array.shape != size or not size[0]:
+            found = f"shape {array.shape}, {array.dtype}" if isinstance(array, np.ndarray) else type(array).__name__
+            raise PluginError(Fault(label, f"its {name} are {found}.", "vectors of numbers of one length"))
+    if any(not isinstance(text, str) for text in (frf.unit, frf.response, frf.force, frf.note)):
+        raise PluginError(Fault(label, "its unit, DOFs and note are not all texts.", "texts, empty where it is silent"))

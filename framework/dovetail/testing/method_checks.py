@@ -1,0 +1,148 @@
+"""Checks of methods of identification, on an oscillator whose FRF is known in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.frf import Frf
+from dovetail.interfaces import Estimate, IdentificationMethod, IdentificationProblem, Parameter, silent
+from dovetail.testing.outcomes import Nonconformity, NotApplicable
+from dovetail.testing.specimen import SEED, Specimen
+from dovetail.testing.surroundings import observe
+
+__all__ = ["MethodSpecimen"]
+
+_MASS = 1.0
+_TRUTH = np.array([2.0e6, 60.0])
+_PARAMETERS = (
+    Parameter("k", "N/m", 1e6, 4e6, "log", "stiffness"),
+    Parameter("c", "N s/m", 20.0, 200.0, "linear", "damping"),
+)
+_NOISE = 0.01
+"""Standard deviation of real and imaginary part, over the magnitude."""
+_CLOSE = 0.05
+"""Relative error of the FRF that an estimate may leave."""
+
+
+def _oscillator(theta: NDArray[np.float64], lines: NDArray[np.float64]) -> NDArray[np.complex128]:
+    omega = 2.0 * np.pi * lines
+    return np.asarray(-(omega**2) / (theta[:, :1] + 1j * omega * theta[:, 1:] - _MASS * omega**2))
+
+
+@dataclass(frozen=True, eq=False)
+class MethodSpecimen(Specimen):
+    """A method, and measurements of an oscillator."""
+
+    component: IdentificationMethod
+
+    def problem(self, responses: int = 1, *, noise: float = _NOISE) -> IdentificationProblem:
+        """Return a problem of one or more measurements of the same oscillator."""
+        random = np.random.default_rng(SEED)
+        axes = [np.linspace(100.0, 400.0, 151 + 20 * number) for number in range(responses)]
+        lines = np.concatenate(axes)
+        measured, variance = [], []
+        for axis in axes:
+            exact = _oscillator(_TRUTH[np.newaxis], axis)[0]
+            error = (
+                noise * np.abs(exact) * (random.standard_normal(axis.shape) + 1j * random.standard_normal(axis.shape))
+            )
+            measured.append(Frf(axis, exact + error, "accelerance", label="oscillator"))
+            variance.append(2.0 * (max(noise, 1e-6) * np.abs(exact)) ** 2)
+
+        def frf(theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+            return _oscillator(np.atleast_2d(theta), lines)
+
+        def frf_jacobian(theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+            values, omega = frf(theta), 2.0 * np.pi * lines
+            slope = values**2 / omega**2
+            return values, np.stack([slope, 1j * omega * slope], axis=-1)
+
+        return IdentificationProblem(_PARAMETERS, tuple(measured), np.concatenate(variance), frf, frf_jacobian)
+
+    def estimate(self, problem: IdentificationProblem | None = None, seed: int = SEED) -> Estimate:
+        """Return what the method finds, which has the form that its contract says."""
+        found = self.component.identify(problem or self.problem(), seed=seed, progress=silent)
+        if not isinstance(found, Estimate):
+            raise Nonconformity(f"identify returned {type(found).__name__}.", "Return a dovetail.Estimate.")
+        return found
+
+    @cached_property
+    def first(self) -> Estimate:
+        """Of the usual problem."""
+        return self.estimate()
+
+
+def check_the_estimate_is_within_the_ranges(specimen: MethodSpecimen) -> None:
+    """`theta` and `samples` are finite vectors, in the order of the parameters and within their ranges."""
+    found = specimen.first
+    arrays = [("theta", np.asarray(found.theta)[np.newaxis])]
+    if found.samples is not None:
+        arrays.append(("samples", np.asarray(found.samples)))
+    for name, array in arrays:
+        if array.ndim != 2 or array.shape[1] != len(_PARAMETERS) or not np.isfinite(array).all():
+            raise Nonconformity(f"{name} has the shape {array.shape} or is not finite.", "Give a number a parameter.")
+        for column, parameter in enumerate(_PARAMETERS):
+            if np.any((array[:, column] < parameter.lower) | (array[:, column] > parameter.upper)):
+                raise Nonconformity(f"{name}: {parameter.name} is outside its range.", "Clip to `lower` and `upper`.")
+
+
+def check_an_oscillator_is_identified(specimen: MethodSpecimen) -> str:
+    """From a measurement with 1 % noise the FRF of an oscillator with two unknowns comes back within 5 %."""
+    error = _misfit(specimen.problem(noise=0.0), specimen.first)
+    if error > _CLOSE:
+        raise Nonconformity(f"the FRF of its estimate is off by {100 * error:.2g} %.", "Search longer.")
+    return f"the FRF is off by {100 * error:.2g} %"
+
+
+def check_several_measurements_are_used(specimen: MethodSpecimen) -> None:
+    """Measurements of two responses on axes of their own are identified too."""
+    problem = specimen.problem(2)
+    error = _misfit(specimen.problem(2, noise=0.0), specimen.estimate(problem))
+    if error > _CLOSE:
+        raise Nonconformity(f"with two responses the FRF is off by {100 * error:.2g} %.", "Use `problem.values`.")
+
+
+def check_the_same_seed_gives_the_same_estimate(specimen: MethodSpecimen) -> None:
+    """The same problem and seed give the same numbers to the last bit."""
+    again = specimen.estimate()
+    if not np.array_equal(again.theta, specimen.first.theta):
+        raise Nonconformity("two runs with the same seed differ.", "Draw all random numbers from default_rng(seed).")
+
+
+def check_samples_agree_with_the_estimate(specimen: MethodSpecimen) -> None:
+    """Where there are samples, the truth is not far outside of them."""
+    if specimen.first.samples is None:
+        raise NotApplicable("it gives no samples.")
+    samples = np.asarray(specimen.first.samples)
+    distance = np.abs(_TRUTH - samples.mean(axis=0)) / np.maximum(samples.std(axis=0), 1e-12 * _TRUTH)
+    if np.any(distance > 6.0):
+        column = int(np.argmax(distance))
+        problem = f"the truth of {_PARAMETERS[column].name} is {distance[column]:.2g} standard deviations away."
+        raise Nonconformity(problem, "Let samples scatter as the measurement's random error says.")
+
+
+def check_inputs_are_left_unchanged(specimen: MethodSpecimen) -> None:
+    """Arrays of the problem belong to the caller."""
+    problem = specimen.problem()
+    kept = problem.values.copy(), problem.variance.copy()
+    specimen.estimate(problem)
+    if not (np.array_equal(problem.values, kept[0]) and np.array_equal(problem.variance, kept[1])):
+        raise Nonconformity("it changed the measurement.", "Compute with copies.")
+
+
+def check_nothing_is_printed_or_changed(specimen: MethodSpecimen) -> None:
+    """Identifying prints nothing, and leaves global settings and random numbers alone."""
+    seen = observe(lambda: specimen.estimate())
+    changed = [*seen.generators, *seen.settings, *(["the standard output"] if seen.printed.strip() else [])]
+    if changed:
+        raise Nonconformity(f"it changes {', '.join(changed)}.", "Leave it as it is; report by `progress`.")
+
+
+def _misfit(exact: IdentificationProblem, found: Estimate) -> float:
+    """Return the relative error of the estimate's FRF, over all lines."""
+    difference = exact.frf(np.asarray(found.theta, dtype=np.float64)[np.newaxis])[0] - exact.values
+    return float(np.linalg.norm(difference) / np.linalg.norm(exact.values))

@@ -1,0 +1,135 @@
+"""Checks of file readers, with the files that they write as samples, whole and damaged."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.errors import MeasurementError, PluginError
+from dovetail.frf import Frf
+from dovetail.interfaces import FrfReader
+from dovetail.measurement.formats.from_plugin import decode
+from dovetail.measurement.recording import ReadOptions
+from dovetail.testing.outcomes import Nonconformity
+from dovetail.testing.specimen import SEED, Specimen
+from dovetail.testing.surroundings import observe
+
+__all__ = ["ReaderSpecimen"]
+
+_HEAD = 4096
+_DAMAGES = 200
+_STRANGERS = (
+    b"",
+    b"\x00" * 512,
+    b"frequency_Hz,real,imag\n10,1e-6,0\n20,1e-6,0\n",
+    b"    -1\n    58\nNONE\n",
+    bytes(np.random.default_rng(SEED).integers(0, 256, _HEAD, dtype=np.uint8)),
+)
+"""Nothing, zeros, a table, UFF, and random bytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReaderSpecimen(Specimen):
+    """A reader, and files of its format."""
+
+    component: FrfReader
+
+    @cached_property
+    def files(self) -> tuple[tuple[Path, bytes], ...]:
+        """Names and contents of the sample files."""
+        with tempfile.TemporaryDirectory(prefix="dovetail-examples-") as folder:
+            files = tuple(Path(file) for file in self.component.samples(Path(folder)))
+            return tuple((Path(file.name), file.read_bytes()) for file in files)
+
+    def frf(self, name: Path, content: bytes, index: int | None = None) -> Frf:
+        """Return an FRF of a file as `dovetail.read_frf` does; an accelerance where the file is silent."""
+        recording = decode(name, content, self.component, ReadOptions(index, None, None, {}, ()))
+        return recording.to_frf(None if recording.is_stated else "accelerance")
+
+
+def check_sample_files_have_a_suffix_of_it(specimen: ReaderSpecimen) -> None:
+    """`samples` writes a file or more, with which the reader is tested."""
+    if not specimen.files:
+        raise Nonconformity("samples wrote no file.", "Override `samples`: it writes small files of the format.")
+    for name, _ in specimen.files:
+        if name.suffix.lower() not in specimen.component.suffixes:
+            raise Nonconformity(f"the sample '{name}' has none of its suffixes.", "Say them in `suffixes`.")
+
+
+def check_sample_files_are_read(specimen: ReaderSpecimen) -> str:
+    """Each sample is taken, and each of its FRFs passes Dovetail's own checks."""
+    count = 0
+    for name, content in specimen.files:
+        if not specimen.component.sniff(content[:_HEAD]):
+            raise Nonconformity(f"sniff does not take its own sample '{name}'.", "Look at the first bytes alone.")
+        for index in range(1, len(specimen.component.read(name, content)) + 1):
+            try:
+                specimen.frf(name, content, index)
+            except MeasurementError as error:
+                raise Nonconformity(f"FRF {index} of '{name}': {error.faults[0].problem}") from None
+            count += 1
+    return f"{count} FRFs"
+
+
+def check_other_files_are_not_taken(specimen: ReaderSpecimen) -> None:
+    """`sniff` refuses an empty file, zeros, a table, a UFF set and random bytes; it looks at bytes, not at luck."""
+    for content in _STRANGERS:
+        if specimen.component.sniff(content):
+            raise Nonconformity(f"sniff takes a file that begins with {content[:20]!r}.", "Look for a signature.")
+
+
+def check_reading_twice_gives_the_same(specimen: ReaderSpecimen) -> None:
+    """The same bytes give the same FRFs, whatever was read between."""
+    first = [specimen.frf(name, content, 1) for name, content in specimen.files]
+    again = [specimen.frf(name, content, 1) for name, content in reversed(specimen.files)][::-1]
+    for one, other in zip(first, again, strict=True):
+        if not np.array_equal(one.values, other.values):
+            raise Nonconformity("a file read twice gave two FRFs.", "Keep nothing of what was read.")
+
+
+def check_damaged_files_are_refused_or_read(specimen: ReaderSpecimen) -> str:
+    """A file that is cut or has wrong bytes is read, or refused by a ValueError that says why."""
+    refused = 0
+    for name, content in specimen.files:
+        for damage in _damaged(content):
+            try:
+                specimen.frf(name, damage, 1)
+            except PluginError as error:
+                remedy = "Raise a ValueError that says what is wrong."
+                raise Nonconformity(f"of a damaged file: {error.faults[0].problem}", remedy) from None
+            except MeasurementError as error:
+                refused += 1
+                if not error.faults[0].problem.strip():
+                    raise Nonconformity("it refuses a damaged file without a word.", "Say what is wrong.") from None
+    return f"{refused} of {_DAMAGES * len(specimen.files)} refused"
+
+
+def check_nothing_is_printed_or_changed(specimen: ReaderSpecimen) -> None:
+    """Reading prints nothing, and leaves global settings and random numbers alone."""
+    name, content = specimen.files[0]
+    seen = observe(lambda: specimen.component.read(name, content))
+    changed = [*seen.generators, *seen.settings, *(["the standard output"] if seen.printed.strip() else [])]
+    if changed:
+        raise Nonconformity(f"reading changes {', '.join(changed)}.", "Leave it as it is.")
+
+
+def _damaged(content: bytes) -> Iterator[bytes]:
+    """Yield a file cut somewhere, with a few bytes changed, or with a piece twice."""
+    random = np.random.default_rng(SEED)
+    for number in range(_DAMAGES):
+        cut, other = sorted(int(place) for place in random.integers(0, len(content) + 1, 2))
+        if number % 3 == 0:
+            yield content[:cut]
+        elif number % 3 == 1:
+            changed = bytearray(content)
+            for place in random.integers(0, max(len(content), 1), 4):
+                if changed:
+                    changed[place] = int(random.integers(0, 256))
+            yield bytes(changed)
+        else:
+            yield content[:other] + content[cut:]

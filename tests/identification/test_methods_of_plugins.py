@@ -1,0 +1,161 @@
+"""Methods of plugins: chosen by name, by the description or as objects; what they give is checked and judged."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail import Estimate, IdentificationMethod, ParameterError, PluginError
+
+TRUTH = {"k": 4e6, "c": 80.0}
+DESCRIPTION = """\
+dovetail: 1
+name: block
+frequency: {start: 200 Hz, stop: 450 Hz, step: 1 Hz}
+substructures:
+  mass: {model: lumped, masses: [{mass: 1 kg}]}
+  base: {model: ground}
+joints:
+  mount:
+    model: spring_damper
+    direction: x
+    connect: {a: {to: mass, at: 0 mm}, b: {to: base, at: 0 mm}}
+    parameters: {k: {range: [1e6 N/m, 1e7 N/m]}, c: {range: [20 N s/m, 200 N s/m]}}
+response: {at: mass, position: 0 mm, direction: x, quantity: accelerance}
+"""
+
+
+class Told(IdentificationMethod):
+    """Gives what it is told, scattered by the random error of the measurement."""
+
+    name = "told"
+    summary = "what it is told"
+
+    class Config(dovetail.ComponentConfig):
+        """What.
+
+        Attributes
+        ----------
+        k, c : float
+        scatter : float
+        """
+
+        k: float = 4e6
+        c: float = 80.0
+        scatter: float = 0.0
+
+    def identify(self, problem, *, seed, progress=dovetail.silent):
+        """Check that the problem's derivatives are those of its FRFs, and give what it was told."""
+        theta = np.array([[self.config.k, self.config.c]])
+        frf, jacobian = problem.frf_jacobian(theta)
+        step = theta[0, 0] * 1e-6
+        ahead = np.array([[step, 0.0]])
+        difference = problem.frf(theta + ahead) - problem.frf(theta - ahead)
+        np.testing.assert_allclose(jacobian[0, :, 0], difference[0] / (2 * step), rtol=1e-5)
+        assert frf.shape == (1, problem.variance.size) == (1, problem.values.size)
+        samples = None
+        if self.config.scatter:
+            samples = theta * (1 + self.config.scatter * np.random.default_rng(seed).uniform(-1, 1, (200, 2)))
+        return Estimate(theta[0], samples)
+
+
+class Listing(Told):
+    """Gives a list in place of an estimate."""
+
+    name = "listing"
+
+    def identify(self, problem, *, seed, progress=dovetail.silent):
+        """Return the wrong thing."""
+        return [4e6, 80.0]
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("block") / "block.yaml"
+    path.write_text(DESCRIPTION)
+    return path
+
+
+@pytest.fixture(scope="module")
+def assembly(file):
+    return dovetail.load(file)
+
+
+@pytest.fixture(scope="module")
+def measured(assembly):
+    return dovetail.noisy_frf(assembly.simulate(TRUTH), 0.01, 0)
+
+
+def test_a_right_estimate_is_to_the_noise_and_its_samples_are_the_intervals(assembly, measured):
+    result = dovetail.identify(assembly, measured, Told(Told.Config(scatter=0.02)))
+    assert (result.method, result.adequacy.word) == ("told", "to the noise")
+    low, high = result.interval["k"]
+    assert low == pytest.approx(4e6 * (1 - 0.018), rel=0.005)
+    assert high == pytest.approx(4e6 * (1 + 0.018), rel=0.005)
+    assert [row.verdict for row in result.table] == ["identified", "identified"]
+    assert result.provenance["method_options"]["scatter"] == 0.02
+
+
+def test_a_wrong_estimate_is_not_believed(assembly, measured):
+    result = dovetail.identify(assembly, measured, Told(Told.Config(k=2e6)))
+    assert not result.believable
+    assert result.interval is None
+
+
+def test_options_may_be_given_with_the_call(assembly, measured):
+    result = dovetail.identify(assembly, measured, Told(), c=90.0, seed=3)
+    assert result.parameters["c"].value == 90.0
+    with pytest.raises(ParameterError, match="the method 'told' has no option 'starts'"):
+        dovetail.identify(assembly, measured, Told(), starts=3)
+    with pytest.raises(ParameterError, match="the method 'told' refuses it"):
+        dovetail.identify(assembly, measured, Told(), c="many")
+
+
+@pytest.mark.parametrize(
+    ("method", "problem"),
+    [
+        (Listing(), "its identify returned list."),
+        (Told(Told.Config(k=2e7)), "it gave k = 2e+07 N/m."),
+        (Told(Told.Config(c=1e-9)), "it gave c = 1e-09 N s/m."),
+    ],
+)
+def test_what_is_no_estimate_is_refused(assembly, measured, method, problem):
+    with pytest.raises(PluginError) as error:
+        dovetail.identify(assembly, measured, method)
+    assert error.value.faults[0].problem == problem
+
+
+def test_the_description_names_the_method_and_its_options(tmp_path, measured):
+    plugin = tmp_path / "told.py"
+    plugin.write_text(
+        "import dovetail\n"
+        "class Middle(dovetail.IdentificationMethod):\n"
+        "    '''The middle of the ranges.'''\n"
+        "    name, summary = 'middle', 'the middle'\n"
+        "    class Config(dovetail.ComponentConfig):\n"
+        "        '''Where.\n\n        Attributes\n        ----------\n        part : float\n        '''\n"
+        "        part: float = 0.5\n"
+        "    def identify(self, problem, *, seed, progress=dovetail.silent):\n"
+        "        '''Return it.'''\n"
+        "        import numpy as np\n"
+        "        part = np.array(self.config.part)\n"
+        "        return dovetail.Estimate(np.array([float(p.from_unit(part)) for p in problem.parameters]))\n"
+        "@dovetail.hookimpl\n"
+        "def dovetail_components():\n"
+        "    return [Middle]\n"
+    )
+    path = tmp_path / "block.yaml"
+    path.write_text(f"{DESCRIPTION}identification: {{method: {{model: middle, part: 0.25}}}}\n")
+    described = dovetail.load(path, plugins=plugin)
+    result = dovetail.identify(described, measured)
+    assert (result.method, result.parameters["c"].value) == ("middle", pytest.approx(20.0 * 10**0.25))
+    assert dovetail.identify(described, measured, "refined").method == "refined"
+    path.write_text(f"{DESCRIPTION}identification: {{method: {{model: midle}}}}\n")
+    with pytest.raises(dovetail.DescriptionError, match="'midle' is not a method model"):
+        dovetail.load(path, plugins=plugin)
+
+
+def test_an_unknown_method_is_told_with_those_there_are(assembly, measured):
+    with pytest.raises(ValueError, match=r"'postreior' is not a method\. Did you mean 'posterior'\?"):
+        dovetail.identify(assembly, measured, "postreior")

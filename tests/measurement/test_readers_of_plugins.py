@@ -1,0 +1,133 @@
+"""Readers of plugins: which one takes a file, what Dovetail checks of what it returns, and what is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail import MeasurementError, PluginError
+
+HEAD = """\
+import numpy as np
+import dovetail
+
+class Lab(dovetail.FrfReader):
+    '''Two FRFs.'''
+    name = "lab"
+    summary = "a format of the laboratory"
+    suffixes = (".lab", ".csv")
+
+    def sniff(self, content):
+        return content.startswith(b"LAB")
+
+"""
+TAIL = """
+@dovetail.hookimpl
+def dovetail_components():
+    return [Lab]
+"""
+LINES = "np.array([10.0, 20.0, 30.0])"
+TWO = f"""
+    def read(self, path, content):
+        values = np.array([1.0, 2.0j, 3.0])
+        first = dovetail.RecordedFrf({LINES}, values, "g/N", response="3+x", force="1-x", averages=4)
+        return [first, dovetail.RecordedFrf({LINES}, values, "um/N", response="2+x", force="1+x")]
+"""
+
+
+def plugin(tmp_path, body, name="lab.py"):
+    file = tmp_path / name
+    file.write_text(HEAD + body + TAIL)
+    return file
+
+
+@pytest.fixture
+def measured(tmp_path):
+    file = tmp_path / "block.lab"
+    file.write_bytes(b"LAB 1")
+    return file
+
+
+def test_an_frf_is_chosen_by_its_dof_and_converted_to_si(tmp_path, measured):
+    frf = dovetail.read_frf(measured, response="3+x", plugins=plugin(tmp_path, TWO))
+    assert (frf.quantity, frf.response, frf.averages, frf.label) == ("accelerance", "3+x", 4, "block.lab")
+    np.testing.assert_allclose(frf.values, -9.80665 * np.array([1.0, 2.0j, 3.0]))  # against the force's direction
+    assert dovetail.read_frf(measured, index=2, plugins=plugin(tmp_path, TWO)).quantity == "receptance"
+
+
+def test_one_of_several_has_to_be_chosen(tmp_path, measured):
+    with pytest.raises(MeasurementError) as error:
+        dovetail.read_frf(measured, plugins=plugin(tmp_path, TWO))
+    fault = error.value.faults[0]
+    assert fault.problem == (
+        "the file holds 2 FRFs, 2 of which are meant, and one is wanted:\n    1: 3+x over 1-x\n    2: 2+x over 1+x"
+    )
+
+
+def test_a_file_of_another_format_is_left_to_dovetail(tmp_path):
+    file = tmp_path / "table.csv"
+    file.write_text("frequency_Hz,real,imag\n10,1,0\n20,2,0\n")
+    frf = dovetail.read_frf(file, quantity="mobility", plugins=plugin(tmp_path, TWO))
+    assert frf.values.tolist() == [1.0, 2.0]
+    file.write_text("LAB 1")
+    assert dovetail.read_frf(file, index=1, plugins=plugin(tmp_path, TWO)).averages == 4
+
+
+def test_two_readers_that_take_a_file_are_named_and_one_is_chosen(tmp_path, measured):
+    files = [plugin(tmp_path, TWO), plugin(tmp_path, TWO.replace('"um/N"', '"mm/N"'), "other.py")]
+    with pytest.raises(MeasurementError) as error:
+        dovetail.read_frf(measured, index=2, plugins=files)
+    fault = error.value.faults[0]
+    assert (fault.problem, fault.accepted) == ("several readers take this file.", "lab:lab, other:lab")
+    frf = dovetail.read_frf(measured, index=2, plugins=files, reader="other:lab")
+    np.testing.assert_allclose(frf.values, 1e-3 * np.array([1.0, 2.0j, 3.0]))
+
+
+@pytest.mark.parametrize(
+    ("body", "error", "problem"),
+    [
+        ("raise ValueError('line 3 is cut.')", MeasurementError, "line 3 is cut."),
+        ("raise KeyError('f')", PluginError, "reader 'lab' failed: KeyError: 'f'"),
+        ("return []", MeasurementError, "the file holds no FRF."),
+        ("return [1.0]", PluginError, "read returned [1.0]."),
+        (f"return [dovetail.RecordedFrf({LINES}, [1, 2, 3])]", PluginError, "its values are list."),
+        (
+            f"return [dovetail.RecordedFrf({LINES}, np.ones(2))]",
+            PluginError,
+            "its values are shape (2,), float64.",
+        ),
+        (
+            f"return [dovetail.RecordedFrf({LINES}, np.array([1, np.nan, 1j]), 'um/N')]",
+            MeasurementError,
+            "the value is (nan+0j), which is not finite.",
+        ),
+        (
+            f"return [dovetail.RecordedFrf({LINES}[::-1], np.ones(3), 'um/N')]",
+            MeasurementError,
+            "the frequency 20 Hz comes after 30 Hz.",
+        ),
+        (f"return [dovetail.RecordedFrf({LINES}, np.ones(3), 'um')]", MeasurementError, None),
+    ],
+)
+def test_what_a_reader_returns_is_checked(tmp_path, measured, body, error, problem):
+    read = f"\n    def read(self, path, content):\n        {body}\n"
+    with pytest.raises(error) as raised:
+        dovetail.read_frf(measured, plugins=plugin(tmp_path, read))
+    if problem is not None:
+        assert raised.value.faults[0].problem == problem
+
+
+def test_a_silent_file_asks_for_the_quantity(tmp_path, measured):
+    read = f"\n    def read(self, path, content):\n        return [dovetail.RecordedFrf({LINES}, np.ones(3))]\n"
+    file = plugin(tmp_path, read)
+    with pytest.raises(MeasurementError, match="quantity"):
+        dovetail.read_frf(measured, plugins=file)
+    frf = dovetail.read_frf(measured, quantity="mobility", plugins=file)
+    assert (frf.quantity, frf.has_phase) == ("mobility", False)
+
+
+def test_an_unknown_suffix_lists_those_of_plugins(tmp_path):
+    with pytest.raises(MeasurementError) as error:
+        dovetail.read_frf(tmp_path / "a.xyz", plugins=plugin(tmp_path, TWO))
+    assert error.value.faults[0].accepted.endswith(", .lvm, .lab")
