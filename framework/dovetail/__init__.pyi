@@ -88,7 +88,9 @@ from .interfaces import SparseMatrices as SparseMatrices
 from .interfaces import State as State
 from .interfaces import StructuralMatrices as StructuralMatrices
 from .interfaces import SubstructureModel as SubstructureModel
+from .interfaces import TargetDistribution as TargetDistribution
 from .interfaces import silent as silent
+from .interfaces import spread_normal as spread_normal
 from .measurement import EstimatedFrf as EstimatedFrf
 from .measurement import ModalParameters as ModalParameters
 from .measurement import add_accelerometer_mass as add_accelerometer_mass

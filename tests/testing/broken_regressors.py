@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from broken import also_breaks, breaks, checked
 
-from dovetail import FittedRegressor, Regressor, silent
+from dovetail import FittedRegressor, Regressor, TargetDistribution, silent
 
 
 class FittedLine(FittedRegressor):
@@ -78,3 +78,25 @@ class NoEpochs(SoundRegressor):
     def fit_epochs(self, epoch, *, seed, progress=silent):
         """Fit, and forget to return."""
         super().fit_epochs(epoch, seed=seed, progress=progress)
+
+
+@breaks("a_distribution_belongs_to_its_row")
+class OfTheBatch(SoundRegressor):
+    """Its intervals are those of the whole batch."""
+
+    class Fitted(FittedLine):
+        """Known weights."""
+
+        def predict_distribution(self, features):
+            predicted = self.predict(features)
+            scatter = np.random.default_rng(0).standard_normal((100, predicted.shape[1])) * predicted.std(axis=0)
+            return TargetDistribution(predicted[:, None] + 0.1 * (scatter - scatter.mean(axis=0)))
+
+    def fit(self, features, targets, *, seed, progress=silent):
+        """Solve for the weights."""
+        fitted = super().fit(features, targets, seed=seed, progress=progress)
+        return self.Fitted(fitted.weights, fitted.mean)
+
+    def restore(self, state):
+        """Take the weights back."""
+        return self.Fitted(np.array(state["weights"]), np.array(state["mean"]))

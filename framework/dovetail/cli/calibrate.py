@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts
+from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell
 
@@ -22,7 +22,10 @@ _FILES = ("calibration.json", "calibration.md", "parameters.csv", "cases.csv", "
 
 
 def calibrate(
-    assembly: AssemblyFile,
+    assembly: Annotated[
+        Path,
+        typer.Argument(metavar="MODEL_OR_ASSEMBLY", help="A description (YAML), or a model for --method network."),
+    ],
     cases: Annotated[int, typer.Option(metavar="N", min=1, help="Random joints from the ranges.")] = 100,
     noise: Annotated[
         float, typer.Option(metavar="PART", help="Noise of every line over the FRF's standard deviation.")
@@ -35,6 +38,12 @@ def calibrate(
         int, typer.Option(metavar="N", min=1, help="Measurements come from a mesh so many times finer.")
     ] = 1,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of joints and noise.")] = 0,
+    method: Annotated[
+        str, typer.Option(metavar="METHOD", help="posterior, network (with intervals), or that of a plugin.")
+    ] = "posterior",
+    noise_kind: Annotated[
+        str, typer.Option(metavar="KIND", help="uniform (over all lines), or proportional to each line.")
+    ] = "uniform",
     workers: Annotated[
         int | None,
         typer.Option(metavar="N", min=1, help="Cases at work at once; one a processor.", show_default=False),
@@ -47,15 +56,24 @@ def calibrate(
 ) -> None:
     """Check the posterior where the truth is known.
 
-    Joints are drawn from the ranges, each is measured with noise and identified by 'posterior'. If the posterior is
+    Joints are drawn from the ranges, each is measured with noise and identified. If the posterior is
     right, 90 % of its 90 % intervals hold the truth, and the truth's rank among the samples is uniform. Ctrl-C ends it
     with the cases that are done. Files of an earlier run in the output folder are replaced.
     """
     import dovetail
+    from dovetail.cli.model_cache import trained_model
     from dovetail.cli.result_files import prepare_folder, writing
+    from dovetail.measurement.noise import NOISE_KINDS
 
-    loaded = dovetail.load(assembly, plugins=plugin or ())
-    note_doubts(loaded)
+    kind = next((known for known in NOISE_KINDS if known == noise_kind), None)
+    if kind is None:
+        raise typer.BadParameter(
+            f"'{noise_kind}' is not a kind. Accepted: {', '.join(NOISE_KINDS)}", param_hint="--noise-kind"
+        )
+    loaded, model = assembly_or_model(assembly, plugin)
+    chosen_method(method, plugin, loaded)
+    if method == "network" and model is None:
+        model = trained_model(loaded, plugin or [], retrain=False)
     if output is not None:
         prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:
@@ -67,6 +85,9 @@ def calibrate(
             model_error=model_error,
             finer_mesh=finer_mesh,
             seed=seed,
+            method=method,
+            model=model,
+            noise_kind=kind,
             workers=workers,
             progress=progress,
         )

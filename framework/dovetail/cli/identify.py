@@ -11,7 +11,7 @@ import typer
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.commands import exit_unless_believable
 from dovetail.cli.completion import complete_files, complete_methods
-from dovetail.cli.options import AsJson, PluginFiles, chosen_method, note_doubts, quantity_in
+from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method, quantity_in
 from dovetail.cli.reading import (
     Columns,
     ForceDofs,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from dovetail.assembly import Assembly
     from dovetail.frf import Frf
-    from dovetail.identification import Identification, Identifier
+    from dovetail.identification import Identification
     from dovetail.report.content import ParameterRow
     from dovetail.report.truth import Truth
 
@@ -177,7 +177,7 @@ def identify(
         "cause_seconds": cause_seconds,
     }
     options: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
-    assembly, model = _read(source, plugin or [])
+    assembly, model = assembly_or_model(source, plugin)
     by = chosen_method(method, plugin, assembly, options)
     read = partial(
         read_measured,
@@ -220,18 +220,6 @@ def identify(
         else:
             _print(result, known)
     exit_unless_believable(result)
-
-
-def _read(source: Path, plugins: list[Path]) -> tuple[Assembly, Identifier | None]:
-    """Read a trained model, which is a folder, or a description."""
-    import dovetail
-
-    if not source.is_dir():
-        assembly = dovetail.load(source, plugins=plugins)
-        note_doubts(assembly)
-        return assembly, None
-    model = dovetail.load_model(source, plugins=plugins)
-    return model.assembly, model
 
 
 def _check(

@@ -14,6 +14,7 @@ from dovetail.cli.terminal import note
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
+    from dovetail.identification import Identifier
     from dovetail.interfaces import IdentificationMethod
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "Overwrite",
     "PluginFiles",
     "PointNumber",
+    "assembly_or_model",
     "at_point",
     "check_new_files",
     "chosen_method",
@@ -96,6 +98,18 @@ def note_doubts(assembly: Assembly) -> None:
 
     for doubt in find_doubts(assembly):
         note(f"This looks wrong: {doubt}")
+
+
+def assembly_or_model(source: Path, plugins: Sequence[Path] | None) -> tuple[Assembly, Identifier | None]:
+    """Read a trained model, which is a folder, or a description, of which what looks wrong is told."""
+    import dovetail
+
+    if not source.is_dir():
+        assembly = dovetail.load(source, plugins=plugins or ())
+        note_doubts(assembly)
+        return assembly, None
+    model = dovetail.load_model(source, plugins=plugins or ())
+    return model.assembly, model
 
 
 def part(text: str) -> float:

@@ -16,9 +16,11 @@ from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
 from dovetail.identification import identify
+from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.posterior import LEVEL, PRIOR_PRECISION
 from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import noisy_frf
+from dovetail.measurement.noise import NoiseKind
 from dovetail.parallel import cores, side_by_side
 
 __all__ = ["CalibratedParameter", "Calibration", "Setting", "calibrate"]
@@ -40,6 +42,10 @@ class Setting:
     finer_mesh : int
         How many times finer the mesh of the truth is than the model's.
     seed : int
+    method : str
+        By which joints are identified.
+    noise_kind : {"uniform", "proportional"}
+        The same at every line, or over the magnitude of each.
     """
 
     cases: int = 100
@@ -48,6 +54,8 @@ class Setting:
     model_error: float = 0.0
     finer_mesh: int = 1
     seed: int = 0
+    method: str = "posterior"
+    noise_kind: NoiseKind = "uniform"
 
 
 @dataclass(frozen=True)
@@ -182,6 +190,9 @@ def calibrate(
     model_error: float = 0.0,
     finer_mesh: int = 1,
     seed: int = 0,
+    method: str = "posterior",
+    model: TrainedNetwork | None = None,
+    noise_kind: NoiseKind = "uniform",
     workers: int | None = None,
     progress: Progress | bool | None = None,
 ) -> Calibration:
@@ -194,7 +205,7 @@ def calibrate(
         With parameters to seek.
     cases : int
     noise : float
-        Standard deviation of the complex noise over that of the FRF. It is the same in every line and stated.
+        Standard deviation of the complex noise over that of the FRF. It is stated to methods that ask.
     samples : int
         Of each posterior.
     model_error : float
@@ -203,6 +214,12 @@ def calibrate(
         The measurements come from a mesh so many times finer than the model's.
     seed : int
         Case by case the same whatever their number and that of the workers.
+    method : str
+        ``"posterior"``, or another method that tells intervals: ``"network"`` with a `model` whose regressor does, or
+        that of a plugin. Of the options above it takes `seed` alone, if any.
+    model : TrainedNetwork, optional
+    noise_kind : {"uniform", "proportional"}
+        The same standard deviation at every line, or `noise` times the magnitude of each.
     workers : int, optional
         Cases at work at once, each in a process of its own; one a processor by default.
     progress : bool or callable, optional
@@ -216,7 +233,7 @@ def calibrate(
     Raises
     ------
     ParameterError
-        There is nothing to identify, or an option is out of its range.
+        There is nothing to identify, an option is out of its range, or the method tells no intervals.
     KeyboardInterrupt
         Ctrl-C before any case was done.
 
@@ -226,8 +243,8 @@ def calibrate(
     simulation-based calibration, arXiv:1804.06788 (2018).
     """
     assembly = as_assembly(assembly)
-    setting = Setting(cases, noise, samples, model_error, finer_mesh, seed)
-    study = _Study(assembly, setting)
+    setting = Setting(cases, noise, samples, model_error, finer_mesh, seed, method, noise_kind)
+    study = _Study(assembly, setting, model)
     at_once = min(cases, cores() if workers is None else workers)
     if at_once < 1:
         raise ParameterError(Fault("workers", f"{workers} are none.", "1 or more"))
@@ -262,7 +279,7 @@ class _Case:
 class _Study:
     """What all cases have in common."""
 
-    def __init__(self, assembly: Assembly, setting: Setting) -> None:
+    def __init__(self, assembly: Assembly, setting: Setting, model: TrainedNetwork | None) -> None:
         if not assembly.parameters:
             raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
         if setting.cases < 1:
@@ -270,7 +287,10 @@ class _Study:
         if not (np.isfinite(setting.noise) and setting.noise > 0.0):
             raise ParameterError(Fault("noise", f"{setting.noise:g} is no noise.", "more than 0"))
         self._assembly = assembly
-        self._setting = setting
+        self._setting, self._model = setting, model
+        self._options: dict[str, Any] = {}
+        if setting.method == "posterior":
+            self._options = {"samples": setting.samples, "model_error": setting.model_error}
         self._true = finer(assembly, setting.finer_mesh)
         for response_assembly in (*assembly.each_response, *self._true.each_response):
             response_assembly.frf()  # so that processes that are copies of this one find all engines ready
@@ -281,11 +301,14 @@ class _Study:
         fraction = random.random(len(self._assembly.parameters))
         measured = self._measured(fraction, random)
         began = time.perf_counter()
-        samples, model_error = setting.samples, setting.model_error
-        result = identify(self._assembly, measured, "posterior", samples=samples, model_error=model_error, seed=index)
+        options = self._options if setting.method == "network" else {**self._options, "seed": index}
+        result = identify(self._assembly, measured, setting.method, model=self._model, **options)
         posterior = result.posterior
         seconds = time.perf_counter() - began
-        assert posterior is not None
+        if posterior is None:
+            problem = f"the method '{setting.method}' tells no intervals here."
+            remedy = "A network does with the regressor {model: mlp, uncertainty: gaussian}."
+            raise ParameterError(Fault("method", problem, remedy=remedy))
         rank = posterior.weight @ (posterior.fraction < fraction)
         return _Case(
             fraction,
@@ -305,7 +328,8 @@ class _Study:
             Frf(assembly.frequency, assembly.frf(theta), response.quantity, rotation=response.rotation)
             for assembly, response in zip(self._true.each_response, responses, strict=True)
         ]
-        return [noisy_frf(frf, self._setting.noise, random) for frf in clean]
+        setting = self._setting
+        return [noisy_frf(frf, setting.noise, random, kind=setting.noise_kind) for frf in clean]
 
 
 def _calibration(

@@ -71,8 +71,10 @@ def by_network(
         problem = "the method 'network' needs a trained model."
         raise ParameterError(Fault(assembly.name, problem, remedy="Train one with dovetail.train, or use 'refined'."))
     progress("network", 0, 1)
+    began = time.monotonic()
     resampled = measured.resampled(trained.assembly)
-    theta = trained.predict_parameters(accelerance_amplitudes(resampled))[0]
+    amplitudes = accelerance_amplitudes(resampled)
+    theta = trained.predict_parameters(amplitudes)[0]
     if not np.isfinite(theta).all():
         lost = [p.name for p, value in zip(assembly.parameters, theta, strict=True) if not np.isfinite(value)]
         raise MeasurementError(
@@ -84,9 +86,28 @@ def by_network(
         amplitude = trained.assembly.accelerance_amplitude(theta).astype(np.float64)
         verdict = trained.novelty.check(resampled[0], amplitude)
     origin = provenance(assembly, measured.whole, trained.evaluation)
+    samples = trained.predict_samples(amplitudes[0])
+    posterior = None if samples is None else _posterior_of(measured, samples, time.monotonic() - began)
+    theta = theta if posterior is None else posterior.estimate
     result = _result(measured, theta, method="network", provenance=origin, adequacy=verdict)
     unsure = () if verdict is not None else (_CANNOT_TELL,)
-    return replace(result, warnings=(*result.warnings, *measured.warnings_of_features, *unsure))
+    warnings = (*result.warnings, *measured.warnings_of_features, *unsure)
+    return replace(result, posterior=posterior, warnings=warnings)
+
+
+def _posterior_of(measured: MeasuredLines, theta: NDArray[np.float64], seconds: float) -> Posterior:
+    """Return samples (n, n_params) [SI] of equal weight, whatever drew them, as a posterior within the ranges."""
+    assembly = measured.described
+    lower, upper = np.transpose([(parameter.lower, parameter.upper) for parameter in assembly.parameters])
+    return Posterior.from_fractions(
+        assembly,
+        np.clip(assembly.to_unit(np.clip(theta, lower, upper)), 0.0, 1.0),
+        np.full(len(theta), 1.0 / len(theta)),
+        model_error=ModelError(0.0),
+        searches=len(theta),
+        lines=sum(len(frf.frequency) for frf in measured.frfs),
+        seconds=seconds,
+    )
 
 
 def by_refined_fit(
@@ -321,16 +342,8 @@ def by_plugin(
     result = _result(measured, fit.theta, method=method.name, provenance=origin, fit=fit, adequacy=adequacy)
     if estimate.samples is None:
         return result
-    samples = _fractions(assembly, np.asarray(estimate.samples), label)
-    posterior = Posterior.from_fractions(
-        assembly,
-        samples,
-        np.full(len(samples), 1.0 / len(samples)),
-        model_error=ModelError(0.0),
-        searches=len(samples),
-        lines=sum(target.counts),
-        seconds=seconds,
-    )
+    samples = assembly.from_unit(_fractions(assembly, np.asarray(estimate.samples), label))
+    posterior = _posterior_of(measured, samples, seconds)
     return replace(result, posterior=posterior, warnings=(*result.warnings, *posterior.warnings))
 
 

@@ -19,7 +19,7 @@ from dovetail.interfaces.option_schema import option_schema
 from dovetail.interfaces.progress import Progress, logged, progress_reporter, silent
 from dovetail.interfaces.reader import FrfReader, RecordedFrf
 from dovetail.interfaces.reducer import FittedReducer, Reducer
-from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor
+from dovetail.interfaces.regressor import Epoch, FittedRegressor, Regressor, TargetDistribution, spread_normal
 from dovetail.interfaces.sparse_matrices import SparseMatrices
 from dovetail.interfaces.state import State
 from dovetail.interfaces.substructure import Node, SubstructureModel
@@ -54,6 +54,7 @@ __all__ = [
     "State",
     "StructuralMatrices",
     "SubstructureModel",
+    "TargetDistribution",
     "fit_in_context",
     "joint_faults",
     "logged",
@@ -65,4 +66,5 @@ __all__ = [
     "progress_reporter",
     "silent",
     "source_file",
+    "spread_normal",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -13,12 +14,45 @@ from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.progress import Progress, silent
 from dovetail.interfaces.state import State
 
-__all__ = ["Epoch", "FittedRegressor", "Regressor"]
+__all__ = ["Epoch", "FittedRegressor", "Regressor", "TargetDistribution", "spread_normal"]
 
 Epoch = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float64]]]
 """From the number of an epoch, from 0, to its features (n_samples, n_features) and targets (n_samples, n_targets)."""
 
 _EPOCHS_AT_ONCE = 4
+
+
+@dataclass(frozen=True, eq=False)
+class TargetDistribution:
+    """What a regressor knows of the targets of each row.
+
+    Parameters
+    ----------
+    samples : (n_samples, n_draws, n_targets) array
+        Draws of equal weight; 200 or more hold the ends of a 90 % interval.
+    """
+
+    samples: NDArray[np.float64]
+
+    @staticmethod
+    def gaussian(mean: NDArray[np.float64], covariance: NDArray[np.float64], draws: int = 1000) -> TargetDistribution:
+        """Return evenly spread draws of Gaussians.
+
+        Parameters
+        ----------
+        mean : (n_samples, n_targets) array
+        covariance : (n_samples, n_targets, n_targets) array
+        draws : int
+        """
+        normal = spread_normal(draws, mean.shape[1])
+        return TargetDistribution(mean[:, None] + normal @ np.swapaxes(np.linalg.cholesky(covariance), 1, 2))
+
+
+def spread_normal(draws: int, dimensions: int) -> NDArray[np.float64]:
+    """Return standard normal draws (draws, dimensions), spread evenly and always the same."""
+    from scipy.stats import norm, qmc
+
+    return np.asarray(norm.ppf(qmc.Halton(dimensions, rng=np.random.default_rng(0)).random(draws)))
 
 
 class FittedRegressor(ABC):
@@ -37,6 +71,20 @@ class FittedRegressor(ABC):
         (n_samples, n_targets) array
             Each row depends only on the same row of `features`.
         """
+
+    def predict_distribution(self, features: NDArray[np.float32]) -> TargetDistribution | None:  # noqa: ARG002
+        """Tell how far the targets are known; None, as by default, from a regressor that gives values alone.
+
+        Parameters
+        ----------
+        features : (n_samples, n_features) array
+
+        Returns
+        -------
+        TargetDistribution or None
+            Each row depends only on the same row of `features`; `predict` gives its mean.
+        """
+        return None
 
     @abstractmethod
     def state(self) -> State:

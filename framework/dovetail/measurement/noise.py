@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.frf import Frf
 
-__all__ = ["NoiseKind", "complex_noise", "data_noise", "noisy_frf"]
+__all__ = ["NOISE_KINDS", "NoiseKind", "complex_noise", "data_noise", "noisy_frf"]
 
 NoiseKind = Literal["proportional", "uniform"]
+NOISE_KINDS = get_args(NoiseKind)
 
 
 def complex_noise(

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError
+from dovetail.testing.alike import require_alike
 from dovetail.testing.fitted_specimens import RegressorSpecimen
 from dovetail.testing.outcomes import Nonconformity, NotApplicable
 from dovetail.testing.specimen import SEED
 
 __all__: list[str] = []
+
+_FEWEST_DRAWS = 50
 
 _SKILL = 0.6
 """Least R2 of a target on samples that a regressor has not seen: the mean of two targets in place of both reaches 0.5,
@@ -76,3 +81,25 @@ def _require_targets(specimen: RegressorSpecimen, count: int) -> None:
         problem = f"for {count} targets and {len(unseen.features)} samples it predicts {shape}."
         raise Nonconformity(problem, "Return a row for each sample and a column for each target.")
     require_skill(specimen.skill(fitted, unseen))
+
+
+def check_a_distribution_belongs_to_its_row(specimen: RegressorSpecimen) -> str:
+    """A distribution, where one is told, has draws for each row, the same alone; `predict` is their mean."""
+    features = specimen.unseen.features[:20]
+    told = specimen.fitted.predict_distribution(features.copy())
+    if told is None:
+        raise NotApplicable("it predicts values alone.")
+    samples: Any = getattr(told, "samples", None)
+    shape = (len(features), specimen.unseen.targets.shape[1])
+    if not isinstance(samples, np.ndarray) or samples.ndim != 3 or (samples.shape[0], samples.shape[2]) != shape:
+        raise Nonconformity(f"its samples are {np.shape(samples)}.", "Return a dovetail.TargetDistribution.")
+    if samples.shape[1] < _FEWEST_DRAWS or not np.isfinite(samples).all():
+        raise Nonconformity(f"of {samples.shape[1]} draws some are not finite, or they are too few.", "Give 200.")
+    alone = specimen.fitted.predict_distribution(features[3:4].copy()).samples
+    require_alike(alone[0], samples[3], "a row alone has another distribution", "Let each row depend on itself.")
+    deviation = samples.std(axis=1) / np.sqrt(_FEWEST_DRAWS)
+    if np.any(np.abs(samples.mean(axis=1) - specimen.ask(specimen.fitted, features)) > 3.0 * deviation + 1e-3):
+        raise Nonconformity("predict is not the mean of the distribution.", "Return the mean.")
+    low, high = np.quantile(samples, [0.05, 0.95], axis=1)
+    held = np.mean((low < specimen.unseen.targets[:20]) & (specimen.unseen.targets[:20] < high))
+    return f"90 % intervals hold {held:.0%} of {held.size * low.size} targets"

@@ -1,16 +1,19 @@
-"""A multilayer perceptron with two hidden layers."""
+"""A multilayer perceptron, whose answer is a value or, with `uncertainty: gaussian`, a distribution."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
+from scipy.special import ndtr
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_array
@@ -26,19 +29,27 @@ Layers = list[tuple[NDArray[Any], NDArray[Any]]]
 """Weight (n_in, n_out) and bias (n_out,) of each layer."""
 
 _OWNER = "regressor 'mlp'"
-_LAYERS = 3
+_GAUSSIAN = "gaussian"
+_MARGIN = 1e-3
+"""How near to the ends of the targets' range, 0 and 1, normal quantiles are taken: three standard deviations."""
+_DRAWS = 500
+_LAYERS_BEFORE = 3
+"""Of a network that an earlier version stored without their number."""
 _FEWEST = 3
 _LARGE = 500_000
 _BLOCK = 4096
 
 
 class FittedMLP(dovetail.FittedRegressor):
-    """Two hidden layers of rectified linear units and a linear output.
+    """Hidden layers of rectified linear units and a linear output.
 
     Parameters
     ----------
-    weights : sequence of three (n_in, n_out) arrays
-    biases : sequence of three (n_out,) arrays
+    weights : sequence of (n_in, n_out) arrays
+    biases : sequence of (n_out,) arrays
+    is_gaussian : bool
+        Whether the output is a Gaussian of the normal quantiles of the targets: means, then the lower triangle of the
+        precision's Cholesky factor, row by row, with logarithms on its diagonal.
 
     Notes
     -----
@@ -46,21 +57,38 @@ class FittedMLP(dovetail.FittedRegressor):
     depend on the other rows.
     """
 
-    def __init__(self, weights: list[NDArray[Any]], biases: list[NDArray[Any]]) -> None:
+    def __init__(self, weights: list[NDArray[Any]], biases: list[NDArray[Any]], is_gaussian: bool = False) -> None:
+        self._is_gaussian = is_gaussian
         self._weights = [np.ascontiguousarray(weight, dtype=np.float64) for weight in weights]
         self._biases = [np.asarray(bias, dtype=np.float64) for bias in biases]
 
     def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         """Predict targets (n_samples, n_targets) from features (n_samples, n_features)."""
+        output = self._output(features)
+        if not self._is_gaussian:
+            return output
+        mean, inverse = _gaussians(output)
+        variance = np.sum(inverse**2, axis=1)  # the mean of a normal quantile's probability has a closed form
+        return np.asarray(ndtr(mean / np.sqrt(1.0 + variance)))
+
+    def predict_distribution(self, features: NDArray[np.float32]) -> dovetail.TargetDistribution | None:
+        """Return draws of the targets of each row, or None without `uncertainty`."""
+        if not self._is_gaussian:
+            return None
+        mean, inverse = _gaussians(self._output(features))
+        normal = dovetail.spread_normal(_DRAWS, mean.shape[1])
+        return dovetail.TargetDistribution(ndtr(mean[:, np.newaxis] + normal @ inverse))
+
+    def _output(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         rows = checked_rows(features, _OWNER, width=self._weights[0].shape[0])
         blocks = [self._forward(rows[start : start + _BLOCK]) for start in range(0, len(rows), _BLOCK)]
         return np.concatenate(blocks)
 
     def state(self) -> dovetail.State:
-        """Return the weights and biases of the three layers."""
+        """Return the weights and biases of all layers, and what the output is."""
         weights = {f"weight{i}": weight.astype(np.float32) for i, weight in enumerate(self._weights)}
         biases = {f"bias{i}": bias.astype(np.float32) for i, bias in enumerate(self._biases)}
-        return weights | biases
+        return {**weights, **biases, "layers": len(weights), "gaussian": self._is_gaussian}
 
     def _forward(self, rows: NDArray[Any]) -> NDArray[np.float64]:
         activation = rows.astype(np.float64)
@@ -71,25 +99,34 @@ class FittedMLP(dovetail.FittedRegressor):
 
 
 class MLP(dovetail.Regressor):
-    """A multilayer perceptron: two hidden ReLU layers, linear output, mean squared error, Adam.
+    """A multilayer perceptron: hidden ReLU layers, linear output, mean squared error or likelihood, Adam.
 
     Notes
     -----
+    With `uncertainty: gaussian` the output is a Gaussian with its own mean and full covariance for each FRF, of the
+    normal quantiles of the targets (so that what an FRF does not tell keeps its even distribution over the range), and
+    the loss is its negative log-likelihood.
+
     Against overfitting: L2 regularisation of the weights, dropout after each hidden layer, and early stopping on a
     part of the training samples that is held back, with the best weights kept.
     """
 
     name = "mlp"
-    summary = "multilayer perceptron with two hidden layers (torch)"
-    references = ("Kingma and Ba, Adam: a method for stochastic optimization, ICLR 2015",)
+    summary = "multilayer perceptron (torch), with intervals on request"
+    references = (
+        "Kingma and Ba, Adam: a method for stochastic optimization, ICLR 2015",
+        "Dorta, Vicente, Agapito, Campbell and Simpson, Structured uncertainty prediction networks, CVPR 2018",
+    )
 
     class Config(dovetail.ComponentConfig):
         """Options of the network and its training.
 
         Attributes
         ----------
-        hidden : two int
-            Units of the first and second hidden layer.
+        hidden : one to eight int
+            Units of each hidden layer.
+        uncertainty : {"none", "gaussian"}
+            What is predicted: values alone, or a Gaussian with a full covariance.
         dropout : float
             Share of hidden units left out at random in each training step.
         weight_decay : float
@@ -106,7 +143,8 @@ class MLP(dovetail.Regressor):
             Share of the training samples held back for the validation loss.
         """
 
-        hidden: tuple[PositiveInt, PositiveInt] = (512, 256)
+        hidden: Annotated[tuple[PositiveInt, ...], Field(min_length=1, max_length=8)] = (512, 256)
+        uncertainty: Literal["none", "gaussian"] = "none"
         dropout: float = Field(default=0.1, ge=0.0, lt=1.0)
         weight_decay: float = Field(default=1e-5, ge=0.0)
         learning_rate: float = Field(default=1e-3, gt=0.0)
@@ -150,30 +188,33 @@ class MLP(dovetail.Regressor):
     def _fit(self, epoch: Callable[[int], Tensors], seed: int, progress: dovetail.Progress) -> FittedMLP:
         with _own_torch(seed):
             layers = self._train(epoch, progress)
-        return FittedMLP([weight for weight, _ in layers], [bias for _, bias in layers])
+        is_gaussian = self.config.uncertainty == _GAUSSIAN
+        return FittedMLP([weight for weight, _ in layers], [bias for _, bias in layers], is_gaussian)
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return the default, and a small network with intervals."""
+        return {}, {"uncertainty": _GAUSSIAN, "hidden": [64, 32], "max_epochs": 60, "learning_rate": 3e-3}
 
     def restore(self, state: dovetail.State) -> FittedMLP:
         """Rebuild the network from its weights and biases."""
         weights: list[NDArray[Any]] = []
-        for i in range(_LAYERS):
+        for i in range(int(state.get("layers", _LAYERS_BEFORE))):
             rows = weights[-1].shape[1] if weights else None
             weights.append(state_array(state, f"weight{i}", _OWNER, (rows, None)))
         biases = [state_array(state, f"bias{i}", _OWNER, (weight.shape[1],)) for i, weight in enumerate(weights)]
-        return FittedMLP(weights, biases)
+        return FittedMLP(weights, biases, bool(state.get("gaussian", False)))
 
     def _network(self, n_features: int, n_targets: int) -> torch.nn.Sequential:
         from torch import nn
 
-        first, second = self.config.hidden
-        return nn.Sequential(
-            nn.Linear(n_features, first),
-            nn.ReLU(),
-            nn.Dropout(self.config.dropout),
-            nn.Linear(first, second),
-            nn.ReLU(),
-            nn.Dropout(self.config.dropout),
-            nn.Linear(second, n_targets),
-        )
+        layers: list[nn.Module] = []
+        for width in self.config.hidden:
+            layers += [nn.Linear(n_features, width), nn.ReLU(), nn.Dropout(self.config.dropout)]
+            n_features = width
+        is_gaussian = self.config.uncertainty == _GAUSSIAN
+        outputs = n_targets + n_targets * (n_targets + 1) // 2 if is_gaussian else n_targets
+        return nn.Sequential(*layers, nn.Linear(n_features, outputs))
 
     def _train(self, samples: Callable[[int], Tensors], progress: dovetail.Progress) -> Layers:
         """Return the layers at the epoch of the lowest validation loss."""
@@ -181,7 +222,9 @@ class MLP(dovetail.Regressor):
 
         config = self.config
         inputs, outputs = samples(0)
-        _choose_threads(config.hidden[0] * (inputs.shape[1] + config.hidden[1]))
+        widths = (inputs.shape[1], *config.hidden)
+        _choose_threads(sum(one * other for one, other in itertools.pairwise(widths)))
+        loss_of = _negative_log_likelihood if config.uncertainty == _GAUSSIAN else torch.nn.functional.mse_loss
         order = torch.randperm(len(inputs))
         held_back = min(max(round(config.validation_fraction * len(inputs)), 1), len(inputs) - 1)
         validation, training = order[:held_back], order[held_back:]
@@ -198,12 +241,12 @@ class MLP(dovetail.Regressor):
             network.train()
             for batch in torch.split(training[torch.randperm(len(training))], config.batch_size):
                 optimizer.zero_grad()
-                loss = torch.nn.functional.mse_loss(network(inputs[batch]), outputs[batch])
+                loss = loss_of(network(inputs[batch]), outputs[batch])
                 torch.autograd.backward(loss)
                 optimizer.step()
             network.eval()
             with torch.no_grad():
-                current = float(torch.nn.functional.mse_loss(network(validation_inputs), validation_outputs))
+                current = float(loss_of(network(validation_inputs), validation_outputs))
             if not math.isfinite(current):
                 raise dovetail.DovetailError(_diverged(epoch, config.learning_rate))
             schedule.step(current)
@@ -213,6 +256,31 @@ class MLP(dovetail.Regressor):
             if epoch - best_epoch >= config.patience:
                 break
         return best
+
+
+def _negative_log_likelihood(output: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
+    """Return the mean negative log-likelihood of the normal quantiles of targets (n, t), but for a constant."""
+    import torch
+
+    count = targets.shape[1]
+    quantiles = torch.special.ndtri(targets.clamp(_MARGIN, 1.0 - _MARGIN))
+    rows, columns = torch.tril_indices(count, count)
+    factor = output.new_zeros(len(output), count, count)
+    factor[:, rows, columns] = output[:, count:]
+    logarithms = torch.diagonal(factor, dim1=1, dim2=2)
+    factor = factor.tril(-1) + torch.diag_embed(torch.exp(logarithms))
+    white = torch.einsum("nij,ni->nj", factor, quantiles - output[:, :count])
+    return (0.5 * white.square().sum(dim=1) - logarithms.sum(dim=1)).mean()
+
+
+def _gaussians(output: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return means (n, t) of normal quantiles, and the inverse (n, t, t) of the precision's Cholesky factor."""
+    count = round((math.sqrt(9.0 + 8.0 * output.shape[1]) - 3.0) / 2.0)
+    factor = np.zeros((len(output), count, count))
+    factor[:, *np.tril_indices(count)] = output[:, count:]
+    diagonal = np.arange(count)
+    factor[:, diagonal, diagonal] = np.exp(factor[:, diagonal, diagonal])
+    return output[:, :count], np.asarray(np.linalg.inv(factor), dtype=np.float64)
 
 
 def _tensors(features: NDArray[np.float32], targets: NDArray[np.float64]) -> Tensors:

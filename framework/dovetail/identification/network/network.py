@@ -20,11 +20,15 @@ from dovetail.interfaces import (
     Progress,
     Reducer,
     Regressor,
+    TargetDistribution,
     plugin_errors,
     silent,
 )
 
 __all__ = ["Network", "check_contract", "check_rows", "component_label", "reduce_features"]
+
+_FEWEST_DRAWS = 50
+"""Of a distribution, for an interval to have ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +81,51 @@ class Network:
         return np.concatenate([self._predict(amplitude[rows]) for rows in blocks(len(amplitude))])
 
     def _predict(self, amplitude: NDArray[np.floating]) -> NDArray[np.float64]:
-        count, (reducer, regressor) = len(amplitude), self.recipes
-        with plugin_errors(self.reducer, component_label(reducer)):
-            reduced = self.reducer.transform(log10p1(amplitude))
-        features = check_rows(reduced, component_label(reducer), count, len(self.feature_scaling.mean))
-        with plugin_errors(self.regressor, component_label(regressor)):
-            predicted = self.regressor.predict(self.feature_scaling.transform(features))
-        targets = check_rows(predicted, component_label(regressor), count, len(self.target_scaling.lower))
+        label, features = component_label(self.recipes[1]), self._features(amplitude)
+        with plugin_errors(self.regressor, label):
+            predicted = self.regressor.predict(features)
+        targets = check_rows(predicted, label, len(amplitude), len(self.target_scaling.lower))
         return self.target_scaling.inverse(targets)
+
+    def predict_samples(self, amplitude: NDArray[np.floating]) -> NDArray[np.float64] | None:
+        """Predict how far parameters are known, where the regressor tells it.
+
+        Parameters
+        ----------
+        amplitude : (n_responses n_freq,) array
+            m/(N s^2); of one FRF, all responses side by side.
+
+        Returns
+        -------
+        (n_draws, n_params) array or None
+            SI values of equal weight.
+
+        Raises
+        ------
+        PluginError
+            The regressor fails, or returns anything else than finite draws.
+        """
+        label, features = component_label(self.recipes[1]), self._features(amplitude[np.newaxis])
+        with plugin_errors(self.regressor, label):
+            told = self.regressor.predict_distribution(features)
+        if told is None:
+            return None
+        check_contract(told, self.recipes[1], TargetDistribution, "predict_distribution")
+        samples = np.asarray(told.samples)
+        if samples.ndim != 3 or len(samples) != 1 or samples.shape[1] < _FEWEST_DRAWS:
+            accepted = f"(1, {_FEWEST_DRAWS} or more, {len(self.target_scaling.lower)})"
+            raise PluginError(Fault(label, f"its distribution has the shape {samples.shape}.", accepted))
+        draws = check_rows(samples[0], label, samples.shape[1], len(self.target_scaling.lower))
+        if not np.isfinite(draws).all():
+            raise PluginError(Fault(label, "its distribution is not finite.", "finite numbers"))
+        return self.target_scaling.inverse(draws)
+
+    def _features(self, amplitude: NDArray[np.floating]) -> NDArray[np.float32]:
+        label = component_label(self.recipes[0])
+        with plugin_errors(self.reducer, label):
+            reduced = self.reducer.transform(log10p1(amplitude))
+        features = check_rows(reduced, label, len(amplitude), len(self.feature_scaling.mean))
+        return self.feature_scaling.transform(features)
 
 
 def component_label(component: Component) -> str:

@@ -53,6 +53,29 @@ class TrainedNetwork:
         MeasurementError
             The shape is another, or values are negative or not finite.
         """
+        return self.network.predict(self._checked(amplitude))
+
+    def predict_samples(self, amplitude: ArrayLike) -> NDArray[np.float64] | None:
+        """Predict how far parameters are known from the amplitude of one FRF's accelerance.
+
+        Parameters
+        ----------
+        amplitude : (n_responses n_freq,) array
+            m/(N s^2), as a row of those that `predict_parameters` takes.
+
+        Returns
+        -------
+        (n_draws, n_params) array or None
+            SI values of equal weight; None where the regressor gives values alone.
+
+        Raises
+        ------
+        MeasurementError
+            As of `predict_parameters`.
+        """
+        return self.network.predict_samples(self._checked(np.asarray(amplitude)[np.newaxis])[0])
+
+    def _checked(self, amplitude: ArrayLike) -> NDArray[np.float32]:
         rows = np.asarray(amplitude, dtype=np.float32)
         lines = len(self.assembly.description.responses) * len(self.assembly.frequency)
         if rows.ndim != 2 or rows.shape[0] == 0 or rows.shape[1] != lines:
@@ -61,4 +84,4 @@ class TrainedNetwork:
             )
         if not (np.isfinite(rows).all() and np.all(rows >= 0)):
             raise MeasurementError("an amplitude is negative or not finite.")
-        return self.network.predict(rows)
+        return rows

@@ -1,0 +1,83 @@
+"""A network whose regressor tells a distribution: the same table as the posterior's, calibrated, in a file and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dovetail
+from dovetail.errors import ParameterError
+
+DESCRIPTION = {
+    "dovetail": 1,
+    "name": "block",
+    "frequency": {"start": 150, "stop": 600, "step": 2},
+    "substructures": {
+        "mass": {"model": "lumped", "masses": [{"mass": 1.0}]},
+        "base": {"model": "ground"},
+    },
+    "joints": {
+        "mount": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "mass", "at": 0}, "b": {"to": "base", "at": 0}},
+            "parameters": {"k": {"range": [1e6, 1e7]}, "c": {"range": [20, 200]}},
+        }
+    },
+    "response": {"at": "mass", "position": 0, "quantity": "accelerance"},
+    "identification": {
+        "samples": 2500,
+        "reducer": {"model": "pca", "n_components": 30},
+        "regressor": {
+            "model": "mlp",
+            "uncertainty": "gaussian",
+            "hidden": [64, 64],
+            "dropout": 0.0,
+            "max_epochs": 40,
+            "learning_rate": 3e-3,
+        },
+        "augmentation": {"additive": 0.0, "multiplicative": 0.1},
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return dovetail.train(dovetail.load(DESCRIPTION))
+
+
+@pytest.fixture(scope="module")
+def result(model):
+    measured = dovetail.noisy_frf(model.assembly.simulate({"k": 4e6, "c": 80.0}), 0.02, 1, kind="proportional")
+    return model.identify(measured, "network")
+
+
+def test_the_network_tells_intervals_and_verdicts_in_the_one_table(result):
+    assert (result.table[0].name, result.table[0].verdict) == ("k", "identified")
+    low, high = result.interval["k"]
+    assert low < 4e6 < high < 1.2 * low
+    assert result.posterior.seconds < 1.0
+    assert result.parameters["k"].value == pytest.approx(result.posterior.estimate[0])
+
+
+def test_the_intervals_are_calibrated_on_what_was_never_trained_on(model):
+    """With noise of the middle of the training's levels: an amplitude has 0.7 of the complex noise."""
+    done = dovetail.calibrate(
+        model.assembly, cases=300, noise=0.07, seed=5, method="network", model=model, noise_kind="proportional"
+    )
+    covered, _ = done.coverage
+    assert 0.84 < covered < 0.96
+    assert all(parameter.r2 > 0.8 for parameter in done.parameters)
+
+
+def test_a_stored_model_tells_the_same(model, result, tmp_path):
+    again = dovetail.load_model(model.save(tmp_path / "model")).identify(result.measured, "network")
+    np.testing.assert_allclose(again.posterior.theta, result.posterior.theta, rtol=1e-6)
+
+
+def test_a_network_of_values_alone_cannot_be_calibrated():
+    identification = {"samples": 200, "reducer": {"model": "pca", "n_components": 5}}
+    identification["regressor"] = {"model": "mlp", "hidden": [8], "max_epochs": 2}
+    plain = dovetail.train(dovetail.load({**DESCRIPTION, "identification": identification}))
+    with pytest.raises(ParameterError, match="the method 'network' tells no intervals here"):
+        dovetail.calibrate(plain.assembly, cases=2, method="network", model=plain)
