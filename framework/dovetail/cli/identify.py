@@ -195,7 +195,7 @@ def identify(
     with progress_bars() as progress:
         watched: dict[str, Any] = {} if method == "network" else {"progress": progress}
         result = dovetail.identify(assembly, frfs, method, model=model, **counted, **options, **watched)
-    with writing(output, lambda folder: write_results(result, folder, known)):
+    with writing(output, lambda folder: write_results(result, folder, known, assembly)):
         if as_json:
             print_json(result.to_dict())
         else:
