@@ -103,12 +103,16 @@ def new_assembly(
     if len(texts) != 2:
         raise typer.BadParameter("a joint connects two parts: give --part twice.", param_hint="--part")
     first, second = (_part(text) for text in texts)
-    answers = {
-        "band": band or _ask("Band", "100 Hz to 5000 Hz"),
-        "position": response or _ask(f"Measured where on '{first.name}'", "0 mm"),
-        "quantity": quantity or _ask("Quantity", "accelerance"),
-    }
-    text = _description(file, *joints[model], (first, second), **answers)
+    made, options = joints[model]
+    text = _description(
+        file,
+        made,
+        options,
+        (first, second),
+        band=band or _ask("Band", "100 Hz to 5000 Hz"),
+        position=response or _ask(f"Measured where on '{first.name}'", "0 mm"),
+        quantity=quantity or _ask("Quantity", "accelerance"),
+    )
     write_whole(file, text.encode(), overwrite=False)
     try:
         dovetail.load(file, plugins=plugin or ())

@@ -127,9 +127,9 @@ def check_method(method: str, options: Iterable[str] = ()) -> None:
         )
     for name in options:
         if name not in method_options(method):
-            raise typer.BadParameter(
-                f"the method '{method}' has no such option.", param_hint=f"--{name.replace('_', '-')}"
-            )
+            others = ", ".join(other for other in METHODS if name in method_options(other))
+            problem = f"the method '{method}' has no such option; it is of {others}."
+            raise typer.BadParameter(problem, param_hint=f"--{name.replace('_', '-')}")
 
 
 def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: bool) -> None:
