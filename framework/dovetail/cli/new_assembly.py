@@ -171,7 +171,7 @@ def _description(
     file: Path,
     joint: JointModel,
     options: dict[str, Any],
-    parts: tuple[_Part, _Part],
+    pair: tuple[_Part, _Part],
     *,
     band: str,
     position: str,
@@ -184,11 +184,11 @@ def _description(
     start, stop = (_si(end, "Hz", "--band") for end in ends.groups())
     gaps = max(port.nodes for port in joint.ports) - 1
     contact = _si(str(options["length"]), "m", "length") if "length" in options else _SPACING * gaps
-    for part in parts:
+    for part in pair:
         if part.length <= contact:
             problem = f"'{part.name}' is not longer than the contact, {_mm(contact)}."
             raise typer.BadParameter(problem, param_hint="--part")
-    first, second = parts
+    first, second = pair
     place, outside = _si(position, "m", "--response"), first.length - contact
     if not 0.0 <= place <= first.length:
         raise typer.BadParameter(f"'{first.name}' is from 0 to {_mm(first.length)}.", param_hint="--response")
@@ -201,7 +201,7 @@ def _description(
         words = {"part": part.name, "sections": "\n".join(sections), "material": part.material, **material}
         described.append(Template(of_part).substitute(words).rstrip())
     connect = []
-    for port, part, offset in zip(joint.ports, parts, (outside, 0.0), strict=True):
+    for port, part, offset in zip(joint.ports, pair, (outside, 0.0), strict=True):
         at = ", ".join(_mm(offset + contact * node / max(port.nodes - 1, 1)) for node in range(port.nodes))
         connect.append(f"      {port.name}: {{to: {part.name}, at: [{at}]}}")
     return Template(whole).substitute(

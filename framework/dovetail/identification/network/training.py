@@ -108,7 +108,7 @@ def _train(assembly: Assembly, dataset: Dataset, timer: _StageTimer, progress: P
             rows = next(blocks(len(dataset)))
             amplitude = np.asarray(dataset.amplitude[rows], dtype=np.float32)[~is_test[rows]]
             with threadpool_limits(1, user_api="blas"):  # many small products, for which threads only wait
-                count = np.count_nonzero(~is_test)
+                count = int(np.count_nonzero(~is_test))
                 novelty = learn_novelty(assembly, network, amplitude, theta[is_test], count, settings.seed)
     evaluation = Evaluation(
         parameters=parameter_metrics(assembly.parameters, theta[is_test], predicted),
