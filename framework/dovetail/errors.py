@@ -108,9 +108,14 @@ class UnitError(DovetailError, ValueError):
     """A quantity without a unit of the required dimension."""
 
 
+_SYNONYMS = {"inertance": "accelerance", "compliance": "receptance", "flexibility": "receptance"}
+"""Other words of the field, which are spelt like a wrong one."""
+
+
 def did_you_mean(word: str, accepted: Iterable[str]) -> str:
     """Return ``"Did you mean 'x'?"`` with the accepted spelling nearest to `word`, or an empty text."""
     word = word[:_LONGEST_WORD].lower()
+    word = _SYNONYMS.get(word, word)
     nearest, highest = "", (_LEAST_ALIKE, 0)
     for candidate in accepted:
         ratio = difflib.SequenceMatcher(None, word, candidate.lower()).ratio()

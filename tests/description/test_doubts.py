@@ -68,7 +68,7 @@ def test_no_shipped_description_has_any(file):
         ),
         (
             {"frequency": {"start": 1.0, "stop": 20.0}},
-            ["the band, 1 to 20 Hz, lies far below all natural frequencies"],
+            ["the band, 1 to 20 Hz, lies below all natural frequencies"],
         ),
         (
             {"frequency": {"start": 5e7, "stop": 6e7}},
@@ -95,6 +95,13 @@ def test_no_shipped_description_has_any(file):
 def test_a_fault_is_named_with_what_was_probably_meant(changes, said):
     text = "\n".join(dovetail.find_doubts(bar(**changes)))
     assert all(words in text for words in said), text
+
+
+def test_a_band_is_doubted_as_soon_as_it_ends_below_the_first_natural_frequency():
+    softest = bar().natural_frequencies({"k": 1e6}, count=1)[0]
+    assert dovetail.find_doubts(bar(frequency={"start": 1.0, "stop": 1.01 * softest})) == ()
+    (doubt,) = dovetail.find_doubts(bar(frequency={"start": 1.0, "stop": 0.99 * softest}))
+    assert f"lies below all natural frequencies that the ranges allow; the nearest is {softest:.4g} Hz." in doubt
 
 
 def test_the_number_of_elements_that_is_advised_suffices():

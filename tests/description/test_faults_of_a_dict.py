@@ -45,10 +45,13 @@ def test_an_empty_dict(faults):
         "<dict>  dovetail\n"
         "  the description does not say which format it has.\n"
         "  Begin it with 'dovetail: 1'.\n"
-        "<dict>  name\n  the description lacks 'name'.\n"
+        "<dict>  name\n  the description lacks 'name'.\n  Add, for example: name: my-assembly\n"
         "<dict>  frequency\n  the description lacks 'frequency'.\n"
+        "  Add, for example: frequency: {start: 100 Hz, stop: 5000 Hz, step: 2 Hz}\n"
         "<dict>  substructures\n  the description lacks 'substructures'.\n"
+        "  Add, for example: substructures: {NAME: {model: MODEL, ...}, NAME: {model: MODEL, ...}}\n"
         "<dict>  response\n  the description lacks 'response'."
+        "\n  Add, for example: response: {at: NAME, position: 0 mm, direction: x, quantity: accelerance}"
     )
 
 

@@ -78,7 +78,8 @@ CASES = {
         {
             "[26 mm, 40 mm]": "[40 mm, 26 mm]",
         },
-        "test.yaml:21:12  joints.collet.parameters.Dc.range\n  the range from '40 mm' to '26 mm' is empty.",
+        "test.yaml:21:12  joints.collet.parameters.Dc.range\n  the range from '40 mm' to '26 mm' is empty.\n"
+        "  The lower end comes first.",
     ),
     "range_of_three": (
         {

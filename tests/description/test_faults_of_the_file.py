@@ -21,7 +21,7 @@ CASES = {
         {
             "name: test\n": "",
         },
-        "test.yaml:1:1  name\n  the description lacks 'name'.",
+        "test.yaml:1:1  name\n  the description lacks 'name'.\n  Add, for example: name: my-assembly",
     ),
     "name_not_a_text": (
         {
@@ -49,7 +49,8 @@ CASES = {
         {
             "response: {at: tool, position: 10 mm}\n": "",
         },
-        "test.yaml:1:1  response\n  the description lacks 'response'.",
+        "test.yaml:1:1  response\n  the description lacks 'response'."
+        "\n  Add, for example: response: {at: NAME, position: 0 mm, direction: x, quantity: accelerance}",
     ),
     "section_is_empty": (
         {

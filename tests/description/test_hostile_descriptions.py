@@ -25,8 +25,14 @@ EXACT = {
         b"# later\n",
         "test.yaml:2:1\n  the file is empty.\n  Accepted: a description, which begins with 'dovetail: 1'",
     ),
-    "list": (b"- 1\n", "test.yaml:1:1\n  the file holds a list.\n  Accepted: a section of keys and values"),
-    "scalar": (b"hello", "test.yaml:1:1\n  the file holds 'hello'.\n  Accepted: a section of keys and values"),
+    "list": (
+        b"- 1\n",
+        "test.yaml:1:1\n  the file holds a list.\n  Accepted: a description; measured files stand behind it",
+    ),
+    "scalar": (
+        b"hello",
+        "test.yaml:1:1\n  the file holds 'hello'.\n  Accepted: a description; measured files stand behind it",
+    ),
     "not_utf8": (
         b"dovetail: 1\nname: caf\xe9\n",
         "test.yaml:2:10\n  the byte 0xe9 is not UTF-8.\n  Save the file as UTF-8.",

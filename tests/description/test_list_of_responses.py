@@ -91,7 +91,11 @@ def test_extending_replaces_one_by_the_other(read, sound, base, over, count):
             "  this is the same point as responses[0].\n"
             "  Average measurements of the same point, or remove one of the two.",
         ),
-        ("", "test.yaml:1:1  response\n  the description lacks 'response'."),
+        (
+            "",
+            "test.yaml:1:1  response\n  the description lacks 'response'."
+            "\n  Add, for example: response: {at: NAME, position: 0 mm, direction: x, quantity: accelerance}",
+        ),
     ],
 )
 def test_exact_message(message, sound, section, expected):

@@ -130,6 +130,33 @@ def test_without_a_dataset_one_is_generated(with_settings: Callable[..., dovetai
     assert list(dict.fromkeys(stages))[5:] == ["evaluation", "novelty"]
 
 
+def test_the_novelty_statistics_take_a_small_part_of_a_training(collet: dovetail.Assembly) -> None:
+    """A ratio, which a slow machine hardly changes; 0.13 when this was written, 0.1 or less from 2000 samples on."""
+    import json
+
+    described = json.loads(collet.description.text)
+    described["identification"] = {
+        "samples": 600,
+        "reducer": {"model": "pca", "n_components": 30},
+        "regressor": {"model": "mlp", "hidden": [128, 64], "max_epochs": 60},
+    }
+    trained = dovetail.train(dovetail.load(described))
+    seconds = trained.evaluation.seconds
+    print(f"novelty: {seconds['novelty'] / sum(seconds.values()):.2f} of {sum(seconds.values()):.1f} s")
+    assert seconds["novelty"] < 0.3 * sum(seconds.values())
+
+
+@pytest.mark.parametrize("count", [40, 400])
+def test_one_value_in_four_hundred_exceeds_a_limit_of_novelty_however_few_it_is_told_from(count: int) -> None:
+    from dovetail.identification.network.novelty import _limit
+
+    generator = np.random.default_rng(3)
+    limits = [_limit(np.exp(0.3 * generator.standard_normal(count))) for _ in range(200)]
+    new = np.exp(0.3 * generator.standard_normal(100_000))
+    exceeding = np.mean([np.mean(new > limit) for limit in limits])
+    assert 0.0005 < exceeding < 0.006
+
+
 def test_amplitudes_that_are_not_finite_are_refused(quick: dovetail.Assembly, dataset: dovetail.Dataset) -> None:
     samples = in_memory(dataset, 100)
     samples.amplitude[41, 7] = np.nan

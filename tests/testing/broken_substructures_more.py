@@ -428,6 +428,20 @@ class ShorterWhenRefined(SoundSubstructure):
         return finer
 
 
+@breaks("outline_is_sections_in_order")
+class OutlineInAnyOrder(Unmeshed):
+    """Its sections are not in the order in which they follow each other."""
+
+    outline = ((0.1, 0.2, 0.02, 0.0), (0.0, 0.1, 0.03, 0.0))
+
+
+@also_breaks("outline_is_sections_in_order")
+class OutlineWithoutBore(Unmeshed):
+    """Three numbers a section, though more than one of them."""
+
+    outline = ((0.0, 0.1, 0.02), (0.1, 0.2, 0.03))
+
+
 @breaks("absent_dofs_and_tolerance_are_in_range")
 class AbsentElsewhere(Unmeshed):
     """It names a DOF that there is not."""

@@ -26,7 +26,7 @@ _MEANT = {
 _DECADES = 1e3
 """Upper over lower end from which a range on a linear scale hardly holds values near its lower end."""
 _FAR = 2.0
-"""Times the nearest natural frequency from which a band is far from it."""
+"""Times the highest natural frequency looked at from which a band is far above it."""
 _MODES, _VECTORS = 60, 8
 """Natural frequencies of so many random parameter vectors that are looked at."""
 
@@ -97,12 +97,13 @@ def _of_range(parameter: Parameter) -> Iterator[str]:
 
 
 def _of_band(assembly: Assembly) -> Iterator[str]:
-    """Yield the doubt about a band that is far from all natural frequencies that the ranges allow."""
+    """Yield the doubt about a band that is below or far above all natural frequencies that the ranges allow."""
     low, high = float(assembly.frequency[0]), float(assembly.frequency[-1])
     if not assembly.parameters:
         return
     first, last = np.inf, 0.0
-    for fraction in np.random.default_rng(0).random((_VECTORS, len(assembly.parameters))):
+    count = len(assembly.parameters)
+    for fraction in np.concatenate([np.zeros((1, count)), np.random.default_rng(0).random((_VECTORS, count))]):
         try:
             natural = assembly.natural_frequencies(assembly.from_unit(fraction), _MODES)
         except PluginError:
@@ -110,11 +111,11 @@ def _of_band(assembly: Assembly) -> Iterator[str]:
         except (DovetailError, np.linalg.LinAlgError):
             return
         first, last = np.nanmin(natural, initial=first), np.nanmax(natural, initial=last)
-        if _FAR * high >= first and low <= _FAR * last:
+        if high >= first and low <= _FAR * last:
             return  # which spares the other vectors of all but odd descriptions
-    side, nearest = ("below", first) if _FAR * high < first else ("above", last)
+    side, nearest = ("below", first) if high < first else ("far above", last)
     if last:
         yield (
-            f"frequency: the band, {low:g} to {high:g} Hz, lies far {side} all natural frequencies that the ranges "
+            f"frequency: the band, {low:g} to {high:g} Hz, lies {side} all natural frequencies that the ranges "
             f"allow; the nearest is {nearest:.4g} Hz. Frequencies are in Hz, and numbers without a unit in SI."
         )

@@ -178,6 +178,8 @@ def find_node(
         faults.add(path, f"{text} of substructure '{name}' could be any of its nodes {labels}.")
     else:
         remedy = _nearest(nodes, position)
+        if any(is_at(node.position, scale * position) for node in nodes if position for scale in (1e-3, 1e3)):
+            remedy = f"{remedy} A number without a unit is in metres."
         faults.add(path, f"substructure '{name}' has no node at {text}.", _node_positions(nodes), remedy)
     return None
 

@@ -209,7 +209,7 @@ def _with_range(path: Path, parameter: Parameter, section: ParameterSection, fau
         lower, upper = ends[0], ends[1]
     if lower >= upper:
         ends_as_text = " to ".join(format_value(end) for end in section.range)
-        faults.add(key, f"the range from {ends_as_text} is empty.")
+        faults.add(key, f"the range from {ends_as_text} is empty.", remedy="The lower end comes first.")
         return parameter
     scale = section.scale or parameter.scale
     if scale == "log" and lower <= 0:

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, RootModel
 
@@ -287,6 +288,13 @@ class DescriptionSection(_Section):
     identification : section
         How the network is trained.
     """
+
+    lines_to_add: ClassVar[Mapping[str, str]] = {
+        "name": "name: my-assembly",
+        "frequency": "frequency: {start: 100 Hz, stop: 5000 Hz, step: 2 Hz}",
+        "substructures": "substructures: {NAME: {model: MODEL, ...}, NAME: {model: MODEL, ...}}",
+        "response": "response: {at: NAME, position: 0 mm, direction: x, quantity: accelerance}",
+    }
 
     dovetail: Any = None
     name: Annotated[str, AfterValidator(_title)]

@@ -24,6 +24,7 @@ from dovetail.cli.convert import convert
 from dovetail.cli.frf import frf
 from dovetail.cli.generate import generate
 from dovetail.cli.identify import identify
+from dovetail.cli.new_assembly import new_assembly
 from dovetail.cli.new_plugin import new_plugin
 from dovetail.cli.options import PluginFiles
 from dovetail.cli.plan import plan
@@ -86,7 +87,7 @@ def dovetail(
 
 
 COMMANDS = {
-    "Describe an assembly": (check, describe, simulate, schema),
+    "Describe an assembly": (new_assembly, check, describe, simulate, schema),
     "Measure": (plot, convert, frf, spindle),
     "Identify a joint": (identify, train, generate),
     "Use the result": (predict, validate),

@@ -68,7 +68,7 @@ def identify_batch(
     with progress_bars() as progress:
         done = identify_many(assembly, frfs, method, model=model, progress=progress, **options)
     batch = Batch(done.results, {**unread, **done.failures})
-    with writing(output, lambda folder: _write(batch, folder), _SUMMARY):
+    with writing(output, lambda folder: _write(batch, assembly, folder), _SUMMARY):
         if as_json:
             print_json({"results": _summary(batch), "parameters": batch.table, "failures": dict(batch.failures)})
         else:
@@ -144,7 +144,7 @@ def _text(estimate: str, interval: str) -> str:
     return f"{estimate} ({interval})" if interval else estimate
 
 
-def _write(batch: Batch, folder: Path) -> None:
+def _write(batch: Batch, assembly: Assembly, folder: Path) -> None:
     from dovetail.cli.result_files import csv_text, write_texts
     from dovetail.report.report import write_report
 
@@ -153,7 +153,7 @@ def _write(batch: Batch, folder: Path) -> None:
         texts[name] = csv_text(list(rows[0]), [row.values() for row in rows]) if rows else ""
     for stem, result in zip(_stems(list(batch.results)), batch.results.values(), strict=True):
         texts[f"{stem}.json"] = _json(result)
-        write_report(result, folder / f"{stem}.html")
+        write_report(result, folder / f"{stem}.html", assembly=assembly)
     write_texts(folder, texts)
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from math import isnan
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles
-from dovetail.cli.terminal import heading, print_json, range_text, say, table, title
+from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, check_new_files
+from dovetail.cli.plot import write_figure
+from dovetail.cli.terminal import heading, note, print_json, range_text, say, table, title
 from dovetail.errors import listing
 
 if TYPE_CHECKING:
@@ -18,20 +22,40 @@ if TYPE_CHECKING:
 __all__ = ["check"]
 
 
-def check(assembly: AssemblyFile, plugin: PluginFiles = None, as_json: AsJson = False) -> None:
+def check(
+    assembly: AssemblyFile,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Drawing: .png, .svg or .html. May be repeated."),
+    ] = None,
+    overwrite: Overwrite = False,
+    plugin: PluginFiles = None,
+    as_json: AsJson = False,
+) -> None:
     """Check a description; show DOFs, nodes, modes.
 
     Shows the degrees of freedom, the nodes, the parameters with their ranges, and the natural frequencies in the
-    middle of the ranges. All faults of a description are reported at once.
+    middle of the ranges. All faults of a description are reported at once. A drawing shows the parts to scale, the
+    nodes, the joints, and where force and response are.
     """
     import dovetail
 
+    if output:
+        from dovetail.report.svg import FIGURE_SUFFIXES
+
+        check_new_files(output, FIGURE_SUFFIXES, overwrite)
     loaded = dovetail.load(assembly, plugins=plugin or ())
     summary = _summary(loaded)
     if as_json:
         print_json(summary)
     else:
         _print(loaded, summary)
+    if output:
+        from dovetail.report.drawing import drawing_text
+
+        write_figure(dovetail.plot_assembly(loaded), output, drawing_text(loaded), overwrite=overwrite)
+        for file in output:
+            note(f"Written: {file}")
 
 
 _NORMAL = {"linear": "normal", "log": "log-normal"}

@@ -214,7 +214,7 @@ def identify(
     known = None if truth is None else read_truth(truth, assembly.parameters)
     with progress_bars() as progress:
         result = dovetail.identify(assembly, frfs, by, model=model, progress=progress, **counted, **options)
-    with writing(output, lambda folder: write_results(result, folder, known)):
+    with writing(output, lambda folder: write_results(result, folder, known, assembly)):
         if as_json:
             print_json(result.to_dict())
         else:

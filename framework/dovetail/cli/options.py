@@ -134,6 +134,7 @@ def chosen_method(
     typer.BadParameter
     """
     from dovetail.identification.identify import find_method, method_options
+    from dovetail.identification.methods import METHODS
     from dovetail.registry import components
 
     try:
@@ -143,9 +144,9 @@ def chosen_method(
     for name in options:
         if name not in method_options(chosen):
             called = chosen if isinstance(chosen, str) else chosen.name
-            raise typer.BadParameter(
-                f"the method '{called}' has no such option.", param_hint=f"--{name.replace('_', '-')}"
-            )
+            others = ", ".join(other for other in METHODS if name in method_options(other))
+            problem = f"the method '{called}' has no such option; it is of {others}."
+            raise typer.BadParameter(problem, param_hint=f"--{name.replace('_', '-')}")
     return chosen
 
 

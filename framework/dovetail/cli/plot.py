@@ -25,9 +25,11 @@ from dovetail.cli.reading import (
 from dovetail.cli.terminal import note, print_json, table
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from dovetail.frf import Frf
 
-__all__ = ["plot", "write_figures"]
+__all__ = ["plot", "write_figure", "write_figures"]
 
 _PEAKS = 6
 """Resonances of an FRF that are listed."""
@@ -115,13 +117,17 @@ def _row(summary: dict[str, Any]) -> list[str]:
 
 def write_figures(frfs: list[Frf], files: list[Path], *, overwrite: bool) -> None:
     """Draw FRFs over each other, and write the figure in the format that each file's suffix names."""
-    if not files:
-        return
+    if files:
+        from dovetail.report.figures import measured_figure
+
+        write_figure(measured_figure(frfs), files, overwrite=overwrite)
+
+
+def write_figure(figure: Figure, files: list[Path], title: str = "", *, overwrite: bool) -> None:
+    """Write a figure in the format that each file's suffix names; a screen reader reads its title."""
     from dovetail.atomic_files import write_whole
-    from dovetail.report.figures import measured_figure
     from dovetail.report.svg import figure_bytes
 
-    figure = measured_figure(frfs)
     for file in files:
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(file, figure_bytes(figure, file.suffix.lower()), overwrite=overwrite)
+        write_whole(file, figure_bytes(figure, file.suffix.lower(), title), overwrite=overwrite)

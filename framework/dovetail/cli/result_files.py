@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from dovetail.plain_text import csv_cell, csv_comment
 
 if TYPE_CHECKING:
+    from dovetail.assembly import Assembly
     from dovetail.identification import AtPoint, Identification
     from dovetail.report.truth import Truth
 
@@ -107,7 +108,7 @@ def _digest(file: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def write_results(result: Identification, folder: Path, truth: Truth | None) -> None:
+def write_results(result: Identification, folder: Path, truth: Truth | None, assembly: Assembly | None = None) -> None:
     """Write a report, the result as JSON, parameters and FRFs as CSV, and a figure of each FRF.
 
     Parameters
@@ -116,6 +117,8 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
     folder : Path
     truth : Truth or None
         Shown beside what was identified.
+    assembly : Assembly, optional
+        Drawn in the report.
     """
     from dovetail.report.figures import save_png
     from dovetail.report.plots import plot_frf
@@ -130,7 +133,7 @@ def write_results(result: Identification, folder: Path, truth: Truth | None) -> 
     write_texts(folder, texts)
     for index, (_, figure) in enumerate(names):
         save_png(plot_frf(result, index), folder / figure)
-    write_report(result, folder / "report.html", truth=truth)
+    write_report(result, folder / "report.html", truth=truth, assembly=assembly)
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> None:

@@ -148,7 +148,9 @@ class _Translation:
         unit = keys.get(str(path[-1]), "")
         section = self._title(path[:-1])
         accepted = f"a quantity in {unit}" if unit else ""
-        self._faults.add((*self._path, *path), f"{section} lacks '{path[-1]}'.", accepted, key=True)
+        line = getattr(self._model, "lines_to_add", {}).get(path[-1], "") if len(path) == 1 else ""
+        remedy = f"Add, for example: {line}" if line else ""
+        self._faults.add((*self._path, *path), f"{section} lacks '{path[-1]}'.", accepted, remedy, key=True)
 
     def _unknown(self, path: Path) -> str:
         """Report an unknown key, and return the key that the author probably meant, or an empty text."""

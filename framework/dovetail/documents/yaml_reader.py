@@ -170,7 +170,7 @@ class _Composer:
         root, _ = self._node(next(self._events), (), 1)
         if not root.is_mapping:
             held = "no description" if self._rank else format_value(root.value)  # of another file no line is printed
-            raise self._fatal(root.mark, f"the file holds {held}.", "a section of keys and values")
+            raise self._fatal(root.mark, f"the file holds {held}.", "a description; measured files stand behind it")
         next(self._events)
         if not isinstance(next(self._events), yaml.StreamEndEvent):
             raise self._fatal(self._last, "a second document begins here.", "one document in a file")

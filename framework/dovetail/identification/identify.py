@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -192,7 +192,9 @@ def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
     MeasurementError
         Something is neither, or a file cannot be read.
     """
-    each = [measured] if isinstance(measured, (Frf, str, Path)) else list(measured)
+    each = (
+        list(measured) if isinstance(measured, Iterable) and not isinstance(measured, (Frf, str, Path)) else [measured]
+    )
     for one in each:
         if not isinstance(one, (Frf, str, Path)):
             problem = f"this is an object of the type {type(one).__name__}."

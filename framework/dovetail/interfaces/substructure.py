@@ -61,6 +61,11 @@ class SubstructureModel(Component):
         return ()
 
     @property
+    def outline(self) -> Sequence[tuple[float, float, float, float]]:
+        """The sections to draw, one behind the other: start, stop, outer and inner diameter [m]; none by default."""
+        return ()
+
+    @property
     def absent_dofs(self) -> frozenset[int]:
         """DOFs of the nodes at which a part known by its FRFs has no receptance; none by default.
 

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dovetail.assembly import Assembly
 from dovetail.atomic_files import write_whole
 from dovetail.identification import Identification
 from dovetail.plain_text import terminal_text
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
 __all__ = ["environment", "write_report"]
 
 
-def write_report(result: Identification, path: str | Path, *, truth: Truth | None = None) -> Path:
+def write_report(
+    result: Identification, path: str | Path, *, truth: Truth | None = None, assembly: Assembly | None = None
+) -> Path:
     """Write an identification as one self-contained HTML file: no script, nothing loaded from anywhere.
 
     Parameters
@@ -34,6 +37,8 @@ def write_report(result: Identification, path: str | Path, *, truth: Truth | Non
         A file that is there is replaced; it is written whole or not at all.
     truth : Truth, optional
         Shown beside what was identified, with the errors.
+    assembly : Assembly, optional
+        Of which the parameters were identified; it is drawn.
 
     Returns
     -------
@@ -44,7 +49,8 @@ def write_report(result: Identification, path: str | Path, *, truth: Truth | Non
     DovetailError
         The file cannot be written.
     """
-    page = environment().get_template("report.html.jinja").render(_context(result, truth))
+    drawing = None if assembly is None else _drawing(assembly)
+    page = environment().get_template("report.html.jinja").render(_context(result, truth), drawing=drawing)
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
 
@@ -125,6 +131,15 @@ def _figures(result: Identification) -> list[tuple[str, Any, bool]]:
         svg = inline_svg(plot_frf(result, index), name, f"Measured and reconstructed FRF and their coherence{which}")
         figures.append((response.point if result.further else "", Markup(svg), response.measured.has_phase))
     return figures
+
+
+def _drawing(assembly: Assembly) -> Any:
+    """Return the drawing of an assembly as markup, its text for those who cannot see it."""
+    from markupsafe import Markup
+
+    from dovetail.report.drawing import assembly_figure, drawing_text
+
+    return Markup(inline_svg(assembly_figure(assembly), "assembly", drawing_text(assembly)))
 
 
 def _pretty(description: object) -> str | None:

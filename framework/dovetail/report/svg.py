@@ -54,9 +54,9 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
     return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text)
 
 
-def figure_bytes(figure: Figure, suffix: str) -> bytes:
+def figure_bytes(figure: Figure, suffix: str, title: str = "") -> bytes:
     """Return the file of a figure in one of `FIGURE_SUFFIXES`; a page holds it as a drawing, with no script."""
-    title = figure.get_suptitle() or "FRF"
+    title = title or figure.get_suptitle() or "FRF"
     if suffix == ".png":
         return png_bytes(figure, title)
     drawing = inline_svg(figure, "frf", title)

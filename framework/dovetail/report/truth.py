@@ -15,6 +15,7 @@ from dovetail.units import to_si
 
 __all__ = ["Truth", "read_truth"]
 
+_FORM = '{"parameters": {"k": "3 MN/m"}}, each by its name, with a unit'
 _KEYS = ("synthetic", "note", "parameters", "natural_frequencies_Hz")
 
 
@@ -95,7 +96,7 @@ def _object(file: Path) -> dict[str, Any]:
     try:
         entries = json.loads(content, object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
-        raise MeasurementError(Fault(str(file), f"this is not JSON: {error}.")) from None
+        raise MeasurementError(Fault(str(file), f"this is not JSON: {error}.", _FORM)) from None
     if not isinstance(entries, dict):
         raise MeasurementError(
             Fault(str(file), f"a truth file holds one object, not {entries!r:.40}.", listing(_KEYS), "Write {...}.")

@@ -85,6 +85,21 @@ def check_absent_dofs_and_tolerance_are_in_range(specimen: SubstructureSpecimen)
         raise Nonconformity(problem, f"Return a relative error from 0 to {_TOLERANCE:g}.")
 
 
+def check_outline_is_sections_in_order(specimen: SubstructureSpecimen) -> None:
+    """`outline` is start, stop, outer and inner diameter of sections, one behind the other; or nothing."""
+    outline = specimen.component.outline
+    try:
+        start, stop, outer, inner = np.reshape(np.asarray(outline, dtype=np.float64), (-1, 4)).T
+    except (TypeError, ValueError):
+        raise Nonconformity(
+            f"outline is {outline!r:.60}.", "Return (start, stop, outer, inner) of each section."
+        ) from None
+    sound = np.isfinite(outer).all() and (start < stop).all() and (inner >= 0).all() and (inner < outer).all()
+    if not sound or not np.allclose(start[1:], stop[:-1], rtol=0.0, atol=1e-9):
+        problem = "the sections of its outline do not follow each other, or have diameters that cannot be."
+        raise Nonconformity(problem, "Let each begin where the one before ends, with 0 <= inner < outer, in metres.")
+
+
 def check_receptance_has_its_shape(specimen: SubstructureSpecimen) -> str:
     """`receptance` is a finite complex (n_freq, n, n) array for n DOFs."""
     _moving(specimen)

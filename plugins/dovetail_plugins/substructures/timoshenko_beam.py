@@ -61,7 +61,7 @@ class Section(ComponentConfig):
             raise ValueError("the inner diameter must be smaller than the outer one")
         return self
 
-    def _ends(self, outer: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    def _ends(self, outer: Any) -> tuple[tuple[float, float], tuple[float, float]]:
         """Outer and inner diameters at the near and at the far end."""
         end_outer = outer if self.outer_end is None else self.outer_end
         end_inner = self.inner if self.inner_end is None else self.inner_end
@@ -72,10 +72,13 @@ class Section(ComponentConfig):
         if self.width is not None and self.height is not None:
             ones = np.ones(self.elements)
             return rectangle(self.width * ones, self.height * ones, poisson)
-        assert self.outer is not None
+        return circle(*self.diameters(), poisson)
+
+    def diameters(self) -> tuple[Any, Any]:
+        """Return the outer and inner diameters at the middle of the elements; the height in place of an outer one."""
         middle = (np.arange(self.elements) + 0.5) / self.elements
-        (outer, end_outer), (inner, end_inner) = self._ends(self.outer)
-        return circle(outer + middle * (end_outer - outer), inner + middle * (end_inner - inner), poisson)
+        (outer, end_outer), (inner, end_inner) = self._ends(self.height if self.outer is None else self.outer)
+        return outer + middle * (end_outer - outer), inner + middle * (end_inner - inner)
 
 
 class TimoshenkoBeam(SubstructureModel):
@@ -140,6 +143,17 @@ class TimoshenkoBeam(SubstructureModel):
         lengths = [s.length / s.elements for s in self.config.sections for _ in range(s.elements)]
         positions = np.concatenate([[0.0], np.cumsum(lengths)])
         return tuple(Node(f"n{index + 1}", float(position)) for index, position in enumerate(positions))
+
+    @property
+    def outline(self) -> list[tuple[float, float, float, float]]:
+        """The sections, a tapered one as its elements; of a rectangular one the side in the direction of x."""
+        pieces, start = list[tuple[float, float, float, float]](), 0.0
+        for section in self.config.sections:
+            step = section.length / section.elements
+            for outer, inner in zip(*section.diameters(), strict=True):
+                pieces.append((start, start + step, float(outer), float(inner)))
+                start += step
+        return pieces
 
     def matrices(self) -> StructuralMatrices:
         """Return the (d, d) matrices of the free beam, d = 2 (n_elements + 1)."""

@@ -1,7 +1,7 @@
 """How far a measurement lies from the FRFs that a network was trained on.
 
-Three statistics grow with this distance. Their limits are the largest values that they reach with FRFs of other joints,
-on which the network was not trained, at several levels of noise.
+Three statistics grow with this distance. Their limits are values that hardly an FRF of another joint exceeds, on which
+the network was not trained either, at several levels of noise.
 """
 
 from __future__ import annotations
@@ -30,10 +30,16 @@ __all__ = ["Novelty", "PrincipalComponents", "learn_novelty"]
 class NoveltySettings:
     """What the statistics are learned from, and what counts in them."""
 
-    training_frfs: int = 3000
-    """Of which the principal components are taken, at most."""
-    held_out_frfs: int = 400
-    """From which the limits are taken, at most."""
+    training_frfs: int = 600
+    """Of which the principal components are taken, at most: 25 for each component."""
+    samples_per_held_out: int = 40
+    """Training samples for each FRF from which the limits are taken: it costs seven FRFs, and its six answers."""
+    held_out_frfs: tuple[int, int] = (40, 400)
+    """From which the limits are taken, at least and at most."""
+    exceeding: float = 1.0 / 400.0
+    """Part of such FRFs that exceed a limit."""
+    tail: float = 0.2
+    """Upper part of the values that the exponential tail is fitted to."""
     components: int = 24
     """Principal components, at most."""
     noise_levels: tuple[float, ...] = (0.003, 0.01, 0.02, 0.05, 0.1, 0.2)
@@ -124,7 +130,7 @@ class Novelty:
     levels : (n,) array
         Increasing levels of noise, over the standard deviation of the amplitudes.
     limits : (n, 3) array
-        At each, the largest values of the statistics with joints that the network was not trained on.
+        At each, values of the statistics that one in 400 joints exceeds that the network was not trained on.
     """
 
     basis: PrincipalComponents
@@ -214,7 +220,12 @@ def _statistics(
 
 
 def learn_novelty(
-    assembly: Assembly, network: Network, amplitude: NDArray[np.floating], held_out: NDArray[np.float64], seed: int
+    assembly: Assembly,
+    network: Network,
+    amplitude: NDArray[np.floating],
+    held_out: NDArray[np.float64],
+    samples: int,
+    seed: int,
 ) -> Novelty:
     """Learn how large the statistics are for FRFs like the training FRFs.
 
@@ -224,12 +235,15 @@ def learn_novelty(
     network : Network
         Trained.
     amplitude : (n, n_freq) array
-        Training FRFs; the first 3000 are enough.
+        Training FRFs; the first 600 are enough.
     held_out : (m, n_params) array
-        Joints that the network was not trained on, SI; the first 400 are used.
+        Joints that the network was not trained on, SI; the first are used, one for each 40 of `samples`.
+    samples : int
+        Of the training.
     seed : int
     """
-    values = assembly.frf(held_out[: _SETTINGS.held_out_frfs])
+    least, most = _SETTINGS.held_out_frfs
+    values = assembly.frf(held_out[: min(max(samples // _SETTINGS.samples_per_held_out, least), most)])
     quantity = assembly.description.response.quantity
     clean = [Frf(assembly.frequency, frf, quantity).to("accelerance") for frf in values]
     basis = PrincipalComponents.fit(amplitude[: _SETTINGS.training_frfs], np.stack([frf.amplitude for frf in clean]))
@@ -241,5 +255,12 @@ def learn_novelty(
         answers = assembly.accelerance_amplitude(predicted).astype(float)
         compared = [_statistics(basis, frf, answer) for frf, answer in zip(noisy, answers, strict=True)]
         levels.append(float(np.median([noise_level for _, noise_level, _ in compared])))
-        limits.append(np.max([statistics for statistics, _, _ in compared], axis=0))
+        limits.append([_limit(np.array(column)) for column in zip(*(row for row, _, _ in compared), strict=True)])
     return Novelty(basis, np.maximum.accumulate(np.array(levels)), np.array(limits))
+
+
+def _limit(values: NDArray[np.float64]) -> float:
+    """Return what one in 400 exceeds: of an exponential tail, so that few values do, and no less than the largest."""
+    threshold = np.quantile(values, 1.0 - _SETTINGS.tail)
+    excess = float(np.mean(values[values >= threshold] - threshold))
+    return float(max(values.max(), threshold + excess * np.log(_SETTINGS.tail / _SETTINGS.exceeding)))

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, Storage, generate
@@ -116,7 +117,9 @@ def _train(assembly: Assembly, dataset: Dataset, timer: _StageTimer, progress: P
         if len(assembly.description.responses) == 1:
             rows = next(blocks(len(dataset)))
             amplitude = np.asarray(dataset.amplitude[rows], dtype=np.float32)[~is_test[rows]]
-            novelty = learn_novelty(assembly, network, amplitude, theta[is_test], settings.seed)
+            with threadpool_limits(1, user_api="blas"):  # many small products, for which threads only wait
+                count = int(np.count_nonzero(~is_test))
+                novelty = learn_novelty(assembly, network, amplitude, theta[is_test], count, settings.seed)
     evaluation = Evaluation(
         parameters=parameter_metrics(assembly.parameters, theta[is_test], predicted),
         training_samples=int(np.count_nonzero(~is_test)),

@@ -1,0 +1,113 @@
+"""The drawing of an assembly: what is where, to scale, and no text over another."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.patches import StepPatch
+
+import dovetail
+from dovetail.report.drawing import assembly_figure, drawing_text
+
+ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
+UNLIKE = ("h0", "h2_t3", "sf_h2_t1", "spindle", "t1")
+"""Of the campaign; the others differ from these in dimensions."""
+SHIPPED = sorted([*ASSEMBLIES.glob("*.yaml"), *(ASSEMBLIES / "campaign" / f"{name}.yaml" for name in UNLIKE)])
+
+
+def texts(figure):
+    """The labels in the drawing with their boxes on the page."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    written = [text for text in figure.axes[0].texts if text.get_text()]
+    return [(text.get_text(), super(type(text), text).get_window_extent(renderer)) for text in written]
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: str(file.relative_to(ASSEMBLIES)))
+def test_every_shipped_assembly_is_drawn_with_each_name_once_and_no_text_over_another(file):
+    assembly = dovetail.load(file)
+    figure = dovetail.plot_assembly(assembly)
+    labels = texts(figure)
+    names = [*assembly.description.substructures, *assembly.description.joints]
+    responses = [text for text, _ in labels if text not in names]
+    assert sorted(text for text, _ in labels if text in names) == sorted(names)
+    assert len(responses) == 2 * len(assembly.description.responses)
+    page = figure.get_window_extent()
+    below = figure.axes[0].xaxis.label
+    for text, box in [*labels, (below.get_text(), below.get_window_extent())]:
+        assert page.x0 <= box.x0 <= box.x1 <= page.x1, text
+        assert page.y0 <= box.y0 <= box.y1 <= page.y1, text
+    for (one, box), (other, further) in itertools.combinations(labels, 2):
+        assert not box.shrunk(0.97, 0.9).overlaps(further), (one, other)
+    for name in names:
+        assert name in drawing_text(assembly)
+
+
+def shapes(figure):
+    """Ends [mm] along and across the axis of what is drawn of the outlines."""
+    boxes = [patch.get_path().get_extents() for patch in figure.axes[0].patches if isinstance(patch, StepPatch)]
+    return [tuple(np.round([box.x0, box.x1, box.height], 3)) for box in boxes]
+
+
+def test_parts_are_to_scale_and_where_the_joint_puts_them(collet):
+    figure = assembly_figure(collet)
+    tool, upper, lower = shapes(figure)
+    assert tool == (0.0, 100.0, 10.0)
+    assert upper[:2] == lower[:2] == (80.0, 225.4)  # the nose is 20 mm before the end of the tool
+    assert figure.axes[0].get_aspect() == pytest.approx(1.0)
+    assert "True proportions." in figure.get_suptitle()
+
+
+def test_what_would_overlap_is_side_by_side_and_stretching_is_said():
+    figure = dovetail.plot_assembly(ASSEMBLIES / "bolted_lap_beam.yaml")
+    boxes = [patch.get_path().get_extents() for patch in figure.axes[0].patches]
+    left, right = sorted(boxes, key=lambda box: box.x0)
+    assert (left.x1, right.x0) == pytest.approx((190.0, 150.0))
+    assert left.y0 > right.y1
+    assert (
+        "Stretched 3 times across the axis. What would overlap is drawn side by side."
+        in figure.get_suptitle().replace("\n", " ")
+    )
+    assert figure.axes[0].get_aspect() == pytest.approx(3.0)
+
+
+def test_parts_without_an_outline_are_boxes_and_the_ground_is_hatched(sdof):
+    figure = assembly_figure(sdof)
+    mass, ground = figure.axes[0].patches
+    assert (mass.get_hatch(), ground.get_hatch()) == (None, "////")
+    assert "not to scale" in figure.get_suptitle()
+
+
+def test_the_command_writes_the_drawing_with_its_text(tmp_path):
+    from typer.testing import CliRunner
+
+    from dovetail.cli import app
+
+    files = [tmp_path / "a.svg", tmp_path / "a.png"]
+    words = ["check", str(ASSEMBLIES / "sdof.yaml"), *(word for file in files for word in ("-o", str(file)))]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert 'aria-label="Drawing of sdof. Parts: mass (lumped), base (ground)' in files[0].read_text()
+    assert files[1].read_bytes().startswith(b"\x89PNG")
+    again = CliRunner().invoke(app, words)
+    assert again.exit_code == 1
+    assert "there is such a file already" in again.stderr
+
+
+def test_the_report_draws_the_assembly_it_is_given(result, collet, tmp_path):
+    from dovetail.report.report import write_report
+
+    text = write_report(result, tmp_path / "with.html", assembly=collet).read_text(encoding="utf-8")
+    assert 'role="img" aria-label="Drawing of bt40-er32-t0. Parts: tool (timoshenko_beam), holder' in text
+    assert "Drawing of" not in write_report(result, tmp_path / "without.html").read_text(encoding="utf-8")
+
+
+def test_the_outline_of_a_plugin_that_is_wrong_is_its_fault(collet, monkeypatch):
+    part = collet.description.substructures["tool"]
+    monkeypatch.setattr(type(part), "outline", [(0.0, 0.1)])
+    with pytest.raises(dovetail.PluginError, match="timoshenko_beam"):
+        assembly_figure(collet)
