@@ -175,7 +175,8 @@ def validate(
     """
     files = tuple(plugins)
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
-    joints = _Joints(partial(identify, method=method) if isinstance(method, str) else method, files)
+    by_name: Any = partial(identify, method=method)
+    joints = _Joints(by_name if isinstance(method, str) else method, files)
     validated = []
     for index, (case, assembly) in enumerate(zip(cases.cases, loaded, strict=True)):
         progress("cases", index, len(loaded))

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,12 @@ from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import MeasuredLines, one_per_response
 from dovetail.identification.fitting.random_error import Weights, weighted_variance
 from dovetail.identification.methods import DEFAULT_METHOD, METHODS
+from dovetail.identification.modal_fit import identify_from_modes
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.parameters import dataframe
-from dovetail.identification.result import Identification, caveats_of
+from dovetail.identification.result import Identification, ModalIdentification, caveats_of
 from dovetail.interfaces import Progress, silent
-from dovetail.measurement import read_frf
+from dovetail.measurement import ModalParameters, is_modal_table, read_frf
 from dovetail.parallel import cores, side_by_side
 
 __all__ = ["Batch", "Measurement", "identify", "identify_many", "method_options"]
@@ -41,26 +42,35 @@ _DELAYS = 201
 """Delays over their range with which a sign is told; enough for 25 turns of the phase."""
 
 
+@overload
+def identify(assembly: AssemblySource, measured: Measurement, method: str = ..., **options: Any) -> Identification: ...
+@overload
+def identify(
+    assembly: AssemblySource, measured: ModalParameters, method: str = ..., **options: Any
+) -> ModalIdentification: ...
+
+
 def identify(
     assembly: AssemblySource,
-    measured: Measurement,
+    measured: Measurement | ModalParameters,
     method: str = DEFAULT_METHOD,
     *,
     model: TrainedNetwork | None = None,
     weights: Weights | Sequence[Weights] | None = None,
     phase: bool = True,
     **options: Any,
-) -> Identification:
+) -> Identification | ModalIdentification:
     """Identify the joint of an assembly from the measured FRF of its response point, or of each of its response points.
 
     Parameters
     ----------
     assembly : Assembly or path
         Or its description.
-    measured : Frf or path, or sequence of them
+    measured : Frf or path, or sequence of them; or ModalParameters
         One for each response of the description, in its order; of any quantity, without the accelerometer. The lines
         within the description's band count, each measurement on its own: the model is computed there, and measured
-        values are never interpolated, but for the features of a network.
+        values are never interpolated, but for the features of a network. From natural frequencies and damping ratios
+        the method is ``"posterior"``, with the same options.
     method : str
         ``"posterior"``: the refined fit, with intervals and verdicts for each parameter. ``"refined"``: a
         least-squares fit alone, down to the measurement's random error. ``"multistart"``: many local searches from all
@@ -81,6 +91,7 @@ def identify(
     Returns
     -------
     Identification
+        Or a `ModalIdentification`, with the same table.
 
     Raises
     ------
@@ -103,15 +114,22 @@ def identify(
     if method not in METHODS:
         accepted = ", ".join(METHODS)
         raise ValueError(f"'{method}' is not a method. {did_you_mean(method, METHODS)} Accepted: {accepted}")
-    assembly, measured = as_assembly(assembly), as_frfs(measured)
+    assembly = as_assembly(assembly)
+    measured = measured if isinstance(measured, ModalParameters) else as_frfs(measured)
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
+    of_modes = isinstance(measured, ModalParameters)
+    if of_modes and (method != DEFAULT_METHOD or model is not None or weights is not None or not phase):
+        problem = "modal parameters are no FRF: they take no other method, no network, no weights and no phase."
+        raise ParameterError(Fault("identify", problem, f"the method '{DEFAULT_METHOD}' and its options"))
     accepted_options = method_options(method)
     for name in options:
         if name not in accepted_options:
             problem = f"the method '{method}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
     with threadpool_limits(1, user_api="blas"):
+        if isinstance(measured, ModalParameters):
+            return identify_from_modes(assembly, measured, **options)
         lines = _with_signs(MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase)))
         return METHODS[method](lines, model, **options)
 
@@ -125,10 +143,13 @@ def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
         Something is neither, or a file cannot be read.
     """
     each = [measured] if isinstance(measured, (Frf, str, Path)) else list(measured)
-    for one in each:
-        if not isinstance(one, (Frf, str, Path)):
-            problem = f"this is an object of the type {type(one).__name__}."
+    for source in each:
+        if not isinstance(source, (Frf, str, Path)):
+            problem = f"this is an object of the type {type(source).__name__}."
             raise MeasurementError(Fault("measured", problem, "an Frf, or the path of its file"))
+        if not isinstance(source, Frf) and is_modal_table(source):
+            remedy = "Read it with dovetail.read_modal_parameters, and hand over what that returns."
+            raise MeasurementError(Fault(str(source), "this is a table of modal parameters, no FRF.", remedy=remedy))
     return tuple(one if isinstance(one, Frf) else read_frf(one) for one in each)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dovetail.atomic_files import write_whole
+from dovetail.errors import DovetailError, Fault
 from dovetail.identification import Identification
 from dovetail.plain_text import terminal_text
 from dovetail.report import content
@@ -42,8 +43,11 @@ def write_report(result: Identification, path: str | Path, *, truth: Truth | Non
     Raises
     ------
     DovetailError
-        The file cannot be written.
+        The file cannot be written, or the result is one from modal parameters.
     """
+    if not isinstance(result, Identification):
+        problem = "a result from modal parameters has no FRF, and no report."
+        raise DovetailError(Fault(type(result).__name__, problem, remedy="Show its 'table' and its 'modes'."))
     page = environment().get_template("report.html.jinja").render(_context(result, truth))
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
