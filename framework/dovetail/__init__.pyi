@@ -51,6 +51,8 @@ from .identification import Fit as Fit
 from .identification import Identification as Identification
 from .identification import IdentifiedParameter as IdentifiedParameter
 from .identification import Identifier as Identifier
+from .identification import MatchedMode as MatchedMode
+from .identification import ModalIdentification as ModalIdentification
 from .identification import Mode as Mode
 from .identification import ModelError as ModelError
 from .identification import ParameterMetrics as ParameterMetrics

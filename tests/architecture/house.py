@@ -134,7 +134,8 @@ def names_defined_twice(file: Path) -> Iterator[str]:
     seen: set[str] = set()
     for node in ast.parse(file.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            names = [node.name]
+            is_signature = any(getattr(decorator, "id", "") == "overload" for decorator in node.decorator_list)
+            names = [] if is_signature else [node.name]
         else:
             targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
             names = [name.id for target in targets if target for name in ast.walk(target) if isinstance(name, ast.Name)]

@@ -17,7 +17,7 @@ def test_the_commands_of_the_page_run(tmp_path, type_line):
     shutil.copytree(ROOT / "assemblies", tmp_path / "assemblies")
     text = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
     commands = "".join(re.findall(r"^```bash\n(.*?)^```", text, flags=re.S | re.M)).strip().splitlines()
-    assert len(commands) == 12
+    assert len(commands) == 14
     for command in commands:
         type_line(command)
     shipped = dovetail.read_frf(tmp_path / "assemblies/campaign/measurements/t0.uff")
@@ -30,6 +30,7 @@ def test_the_commands_of_the_page_run(tmp_path, type_line):
     assert (turned.response, turned.force) == ("3+x", "1-x")
     np.testing.assert_allclose(turned.values, -bare.values, rtol=1e-11)
     np.testing.assert_allclose(dovetail.read_modal_parameters(tmp_path / "modes.csv").damping_ratio, [0.0031, 0.005])
+    assert (tmp_path / "from_modes" / "modes.csv").read_text().splitlines()[1].endswith(",212.1,0.0031")
     estimated = dovetail.read_frf(tmp_path / "from_signals.uff")
     kept = np.isin(estimated.frequency, shipped.frequency)
     np.testing.assert_allclose(estimated.values[kept], shipped.values, rtol=1e-4)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dovetail.identification.metrics import Evaluation, parameter_metrics
+from dovetail.identification.provenance import Evaluation, parameter_metrics
 from dovetail.interfaces import Parameter
 
 LINEAR = Parameter("mass", "kg", 0.0, 2.0)

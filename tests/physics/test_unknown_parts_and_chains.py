@@ -114,6 +114,28 @@ def test_a_part_without_a_batch_of_matrices_is_made_anew_for_each_value(monkeypa
     assert difference(assembly.frf(theta), with_batch) < 1e-12
 
 
+def test_one_frf_and_its_derivatives_ask_the_part_for_its_matrices_once(monkeypatch):
+    sought = with_option(PLAIN, "substructures.arm.material.young", {"range": [190e9, 220e9]})
+    assembly = dovetail.load(sought)
+    part, asked = type(assembly.description.substructures["arm"]), []
+    first, other = np.array([195e9]), np.array([214e9])
+    expected = [assembly.frf_jacobian(theta) for theta in (first, other)]
+    batched = part.batched_matrices
+
+    def counted(self: dovetail.SubstructureModel, options: Any) -> Any:
+        asked.append(options)
+        return batched(self, options)
+
+    monkeypatch.setattr(part, "batched_matrices", counted)
+    for theta, (values, jacobian) in zip((first, other), expected, strict=True):
+        asked.clear()
+        assembly.frf_jacobian(theta)
+        again = assembly.frf_jacobian(theta)
+        assert len(asked) == 1
+        assert np.array_equal(again[0], values)
+        assert np.array_equal(again[1], jacobian)
+
+
 def test_a_tie_is_the_same_as_one_parameter_in_both_places():
     tied = copy.deepcopy(PLAIN)
     tied["substructures"]["arm"]["material"]["young"] = {"range": [190e9, 220e9]}

@@ -90,6 +90,7 @@ class UnknownPart(JointModel):
         with plugin_errors(part, f"substructure model '{part.name}'"):
             matrices = substructure_matrices(part)
         self._internal = 0 if matrices is None else matrices.size - 2 * len(part.nodes)
+        self._latest: tuple[NDArray[np.float64], StructuralMatrices] | None = None
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -128,9 +129,21 @@ class UnknownPart(JointModel):
         return (self.made_with(dict(zip(names, values, strict=True))) for values in theta.tolist())
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
-        """Return the part's matrices (n, d, d), by its own batch of matrices where it gives one."""
+        """Return the part's matrices (n, d, d), by its own batch of matrices where it gives one.
+
+        Those of one parameter vector are kept, since an FRF and its derivatives ask for the same ones.
+        """
         if not self._parameters:
             return _for_each(_dense(substructure_matrices(self.part)), len(theta))
+        latest = self._latest
+        if latest is not None and np.array_equal(latest[0], theta):
+            return latest[1]
+        matrices = self._made(theta)
+        if len(theta) == 1:
+            self._latest = theta.copy(), matrices
+        return matrices
+
+    def _made(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         options = {parameter.name: theta[:, column] for column, parameter in enumerate(self._parameters)}
         with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
             batch = self.part.batched_matrices(options)
@@ -353,4 +366,6 @@ def _dense(matrices: StructuralMatrices | SparseMatrices | None) -> StructuralMa
 def _for_each(batch: StructuralMatrices, count: int) -> StructuralMatrices:
     """Return matrices (n, d, d); those that do not depend on the options stand once."""
     shape = (count, batch.size, batch.size)
+    if batch.K.shape == shape:
+        return batch
     return StructuralMatrices(*(np.broadcast_to(getattr(batch, name), shape) for name in "MKCD"))

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from dovetail.assembly import Assembly
     from dovetail.frf import Frf
-    from dovetail.identification import Identification
+    from dovetail.identification import Identification, ModalIdentification
     from dovetail.report.content import ParameterRow
     from dovetail.report.truth import Truth
 
@@ -56,7 +56,8 @@ def identify(
         list[Path],
         typer.Argument(
             metavar="MEASURED...",
-            help="The measured FRF, one for each response; several of one response, or a folder, are a batch.",
+            help="The measured FRF, one for each response; several of one response, or a folder, are a batch. "
+            "Or a table of natural frequencies and damping ratios.",
             autocompletion=complete_files,
         ),
     ],
@@ -154,6 +155,8 @@ def identify(
     or --response and --force, once for each. Several files of an assembly with one response, or a folder of files, are
     identified one by one, side by side, with one table of all of them; what fails is told at the end.
 
+    A table of natural frequencies and damping ratios (CSV) is a measurement too, for the method posterior.
+
     By default the answer is the fit with intervals and verdicts, for which nothing is trained. Where there is a
     trained network (a model in place of the description, or one kept from an earlier run), its answer is one of the
     starts and stands beside. --network trains one if there is none, and --method network is the network's answer
@@ -165,6 +168,7 @@ def identify(
     """
     import dovetail
     from dovetail.cli.result_files import write_results, writing
+    from dovetail.measurement import is_modal_table
     from dovetail.report.truth import read_truth
 
     chosen = {
@@ -179,6 +183,19 @@ def identify(
     options: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
     assembly, model = assembly_or_model(source, plugin)
     by = chosen_method(method, plugin, assembly, options)
+    if len(measured) == 1 and is_modal_table(measured[0]):
+        of_frf = (weights, amplitude_only, quantity, unit, index, response, force, names, columns, reader)
+        if (
+            any(of_frf)
+            or cause_seconds is not None
+            or network
+            or retrain
+            or accelerometer_mass
+            or method not in (None, "posterior")
+        ):
+            raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
+        _identify_from_modes(assembly, measured[0], options, truth, output, as_json=as_json)
+        return
     read = partial(
         read_measured,
         names=names,
@@ -219,6 +236,28 @@ def identify(
             print_json(result.to_dict())
         else:
             _print(result, known)
+    exit_unless_believable(result)
+
+
+def _identify_from_modes(
+    assembly: Assembly, file: Path, options: dict[str, Any], truth: Path | None, output: Path | None, *, as_json: bool
+) -> None:
+    """Identify the joint from a table of modal parameters, print the result and write its files."""
+    import dovetail
+    from dovetail.cli.result_files import MODAL_FILES, prepare_folder, write_modal_results, writing
+    from dovetail.report.truth import read_truth
+
+    modes = dovetail.read_modal_parameters(file)
+    known = None if truth is None else read_truth(truth, assembly.parameters)
+    if output is not None:
+        prepare_folder(output, MODAL_FILES)
+    with progress_bars() as progress:
+        result = dovetail.identify(assembly, modes, progress=progress, **options)
+    with writing(output, lambda folder: write_modal_results(result, folder, known)):
+        if as_json:
+            print_json(result.to_dict())
+        else:
+            _print_of_modes(result, known)
     exit_unless_believable(result)
 
 
@@ -288,7 +327,31 @@ def _print(result: Identification, truth: Truth | None) -> None:
         say(f"Note: {warning}")
 
 
-def _print_parameters(result: Identification, rows: list[ParameterRow], *, with_truth: bool) -> None:
+def _print_of_modes(result: ModalIdentification, truth: Truth | None) -> None:
+    from dovetail.report.content import adequacy_sentences, parameter_rows
+
+    title(f"{result.provenance['assembly']}: joint identified from {result.measured.label}")
+    for sentence in adequacy_sentences(result):
+        say(sentence if result.believable else f"Warning: {sentence}")
+    _print_parameters(result, parameter_rows(result, truth), with_truth=truth is not None)
+    heading("Modes")
+    headers = ["identified [Hz]", "measured [Hz]", "identified damping [%]", "measured damping [%]"]
+    texts = []
+    for mode in result.modes:
+        numbers = [mode.natural_frequency, mode.measured_frequency, mode.damping_ratio, mode.measured_damping]
+        shown = zip(numbers, ("{:.6g}", "{:.6g}", "{:.3%}", "{:.3%}"), strict=True)
+        texts.append(["" if value is None else text.format(value).rstrip("%") for value, text in shown])
+    table(headers, texts, numbers=headers)
+    say()
+    if result.chi_squared is not None:
+        say(f"Chi-squared {result.chi_squared:.3g} per degree of freedom ({result.degrees_of_freedom:.3g}).")
+    for warning in result.warnings:
+        say(f"Note: {warning}")
+
+
+def _print_parameters(
+    result: Identification | ModalIdentification, rows: list[ParameterRow], *, with_truth: bool
+) -> None:
     """Print the one table, what its columns are, and why a parameter is not identified."""
     from dovetail.identification.posterior import NOT_BELIEVED
     from dovetail.report.content import columns_sentence, posterior_sentence, truth_sentence

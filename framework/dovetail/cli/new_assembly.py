@@ -85,9 +85,9 @@ def new_assembly(
     it is; then make it yours. Materials: steel, aluminium, titanium, carbide.
     """
     import dovetail
-    from dovetail.assembly import components
     from dovetail.atomic_files import write_whole
     from dovetail.errors import DovetailError, Fault
+    from dovetail.registry import components
 
     if file.suffix.lower() not in (".yaml", ".yml"):
         raise typer.BadParameter(f"'{file}' does not end in .yaml.", param_hint="NAME.yaml")

@@ -16,14 +16,26 @@ from dovetail.plain_text import csv_cell, csv_comment
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
-    from dovetail.identification import AtPoint, Identification
+    from dovetail.identification import AtPoint, Identification, ModalIdentification
     from dovetail.report.truth import Truth
 
-__all__ = ["MANIFEST", "caveat_comment", "csv_text", "prepare_folder", "write_results", "write_texts", "writing"]
+__all__ = [
+    "MANIFEST",
+    "MODAL_FILES",
+    "caveat_comment",
+    "csv_text",
+    "prepare_folder",
+    "write_modal_results",
+    "write_results",
+    "write_texts",
+    "writing",
+]
 
 MANIFEST = "SHA256SUMS"
 """Names every file of a run with its hash, as ``sha256sum --check`` reads it."""
 _RESULT = "result.json"
+MODAL_FILES = (_RESULT, "parameters.csv", "modes.csv")
+"""Of an identification from modal parameters, which has no FRF and no report."""
 _FILES = ("report.html", _RESULT, "parameters.csv", "frf.csv", "frf.png")
 
 
@@ -136,13 +148,24 @@ def write_results(result: Identification, folder: Path, truth: Truth | None, ass
     write_report(result, folder / "report.html", truth=truth, assembly=assembly)
 
 
+def write_modal_results(result: ModalIdentification, folder: Path, truth: Truth | None) -> None:
+    """Write the result of an identification from modal parameters as JSON, parameters and modes as CSV."""
+    modes = [asdict(mode) for mode in result.modes]
+    texts = (
+        json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _parameters(result, truth),
+        caveat_comment(result.caveat) + csv_text(list(modes[0]) if modes else [], [mode.values() for mode in modes]),
+    )
+    write_texts(folder, dict(zip(MODAL_FILES, texts, strict=True)))
+
+
 def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
     """Write files of these names and contents to a folder, with the same line ends on every system."""
     for name, text in texts.items():
         (folder / name).write_bytes(text.encode("utf-8", "replace"))
 
 
-def _parameters(result: Identification, truth: Truth | None) -> str:
+def _parameters(result: Identification | ModalIdentification, truth: Truth | None) -> str:
     rows = [asdict(row) for row in result.table]
     if truth is not None:
         rows = [{**row, "truth": truth.parameters.get(row["name"])} for row in rows]

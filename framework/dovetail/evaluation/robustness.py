@@ -17,8 +17,8 @@ from dovetail.assembly.reader import read_description
 from dovetail.dataset import Dataset, generate
 from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
-from dovetail.identification.metrics import parameter_metrics
 from dovetail.identification.network.training import draw_test_samples
+from dovetail.identification.provenance import parameter_metrics
 from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import data_noise
 from dovetail.registry import Registry, components

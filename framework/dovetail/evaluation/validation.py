@@ -176,8 +176,8 @@ def validate(
     """
     files = tuple(plugins)
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
-    by_name = partial(identify, method=method) if isinstance(method, (str, IdentificationMethod)) else method
-    joints = _Joints(by_name, files)
+    by_name: Any = partial(identify, method=method)
+    joints = _Joints(by_name if isinstance(method, (str, IdentificationMethod)) else method, files)
     validated = []
     with progress_reporter(progress) as report:
         for index, (case, assembly) in enumerate(zip(cases.cases, loaded, strict=True)):

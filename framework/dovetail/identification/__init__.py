@@ -2,13 +2,13 @@
 
 from dovetail.identification.adequacy import Adequacy, Cause
 from dovetail.identification.fitting import Fit
-from dovetail.identification.identifier import Identifier, load_model, train
-from dovetail.identification.identify import Batch, identify, identify_many
-from dovetail.identification.metrics import Evaluation, ParameterMetrics
+from dovetail.identification.identifier import Batch, Identifier, identify_many, load_model, train
+from dovetail.identification.identify import identify
 from dovetail.identification.parameters import IdentifiedParameter, TableRow
 from dovetail.identification.posterior import ModelError, Posterior, Verdict
 from dovetail.identification.prediction import Band, predict, predict_band
-from dovetail.identification.result import AtPoint, Identification, Mode
+from dovetail.identification.provenance import Evaluation, ParameterMetrics
+from dovetail.identification.result import AtPoint, Identification, MatchedMode, ModalIdentification, Mode
 from dovetail.identification.result_file import load_result
 
 __all__ = [
@@ -22,6 +22,8 @@ __all__ = [
     "Identification",
     "IdentifiedParameter",
     "Identifier",
+    "MatchedMode",
+    "ModalIdentification",
     "Mode",
     "ModelError",
     "ParameterMetrics",

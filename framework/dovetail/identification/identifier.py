@@ -1,23 +1,31 @@
-"""A trained model: it identifies joint parameters from a measured FRF, and is saved and loaded."""
+"""What stands on `identify`: a trained model, which is saved and loaded, and batches of many measurements."""
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self
 
 from dovetail.assembly import AssemblySource, as_assembly
 from dovetail.dataset import Dataset
+from dovetail.errors import DovetailError
+from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, identify
 from dovetail.identification.network.bundle import read_bundle, write_bundle
 from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.network.training import train_network
-from dovetail.identification.result import Identification
+from dovetail.identification.parameters import dataframe
+from dovetail.identification.result import Identification, caveats_of
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
+from dovetail.parallel import cores, side_by_side
 from dovetail.plain_text import html_table, terminal_text
 from dovetail.registry import PluginPaths
 from dovetail.units import format_quantity
 
-__all__ = ["Identifier", "load_model", "train"]
+__all__ = ["Batch", "Identifier", "identify_many", "load_model", "train"]
 
 
 class Identifier(TrainedNetwork):
@@ -155,3 +163,127 @@ def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:
     """
     with logged(__name__, f"model {path} read"):
         return Identifier.of(read_bundle(path, plugins=plugins))
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Identifications from many measurements.
+
+    Parameters
+    ----------
+    results : mapping of str to Identification
+        By the measurement, in the order in which they were given.
+    failures : mapping of str to str
+        Why a measurement has no result.
+    """
+
+    results: Mapping[str, Identification]
+    failures: Mapping[str, str]
+
+    def __repr__(self) -> str:
+        return f"<Batch: {len(self.results)} identifications, {len(self.failures)} failures>"
+
+    def _repr_html_(self) -> str:
+        judged = {name: "" if one.adequacy is None else one.adequacy.word for name, one in self.results.items()}
+        rows = [(name, judged[name], f"{one.mean_coherence:.3f}", one.caveat) for name, one in self.results.items()]
+        rows += [(name, "failed", "", reason) for name, reason in self.failures.items()]
+        return html_table(repr(self), [("measurement", "model", "mean coherence", ""), *rows])
+
+    @property
+    def believable(self) -> bool:
+        """Whether all results may be believed."""
+        return all(result.believable for result in self.results.values())
+
+    @property
+    def caveat(self) -> str:
+        """The caveats of the results, each after the names of those that have it; empty if none has."""
+        return caveats_of(self.results.items())
+
+    @property
+    def table(self) -> list[dict[str, Any]]:
+        """The tables of all results, below each other, as plain values; the first column is the measurement."""
+        return [{"measurement": name, **asdict(row)} for name, result in self.results.items() for row in result.table]
+
+    def to_dataframe(self) -> Any:
+        """Return `table` as a data frame of pandas, with an index of measurement and name."""
+        return dataframe(self.table, ["measurement", "name"])
+
+
+def identify_many(
+    assembly: AssemblySource,
+    measurements: Sequence[Measurement],
+    method: str | IdentificationMethod | None = None,
+    *,
+    model: TrainedNetwork | None = None,
+    processes: int | None = None,
+    progress: Progress | bool | None = None,
+    **options: Any,
+) -> Batch:
+    """Identify the joint of an assembly from each of many measurements.
+
+    Parameters
+    ----------
+    assembly : Assembly or path
+        Or its description.
+    measurements : sequence
+        An FRF or its file each; or for several responses a sequence of them each, as `identify` takes it.
+    method : str or IdentificationMethod, optional
+        As of `identify`.
+    model : TrainedNetwork, optional
+        As of `identify`; with it, one measurement follows the other.
+    processes : int, optional
+        How many work at once; one for each core by default.
+    progress : bool or callable, optional
+        True shows a bar in a terminal or a notebook; a function is called after each measurement.
+    **options
+        As of `identify`.
+
+    Returns
+    -------
+    Batch
+        A measurement that cannot be read or identified is one of its failures, and does not end the others.
+
+    Notes
+    -----
+    The first measurement is identified before the others, so that all processes share the engine that it compiles.
+    """
+    loaded, frfs = as_assembly(assembly), list(measurements)
+    names = _names(frfs)
+
+    def work(index: int) -> Identification | str:
+        try:
+            return identify(loaded, frfs[index], method, model=model, **options)
+        except DovetailError as error:
+            logging.getLogger(__name__).info("%s: failed", names[index])
+            return str(error)
+
+    outcomes: dict[int, Identification | str] = {}
+    workers = 1 if model is not None else processes or cores()
+
+    with progress_reporter(progress) as report:
+
+        def keep(index: int, outcome: Identification | str) -> None:
+            outcomes[index] = outcome
+            report("identifying", len(outcomes), len(frfs))
+
+        report("identifying", 0, len(frfs))
+        if frfs:
+            keep(0, work(0))
+            for index, outcome in side_by_side(lambda index: work(index + 1), len(frfs) - 1, workers):
+                keep(index + 1, outcome)
+    ordered = [(name, outcomes[index]) for index, name in enumerate(names)]
+    return Batch(
+        MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, Identification)}),
+        MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, str)}),
+    )
+
+
+def _names(measurements: Sequence[Measurement]) -> list[str]:
+    """Name each measurement after its FRFs or files; the second of the same name ends in (2)."""
+    names: list[str] = []
+    for measurement in measurements:
+        each = [measurement] if isinstance(measurement, (Frf, str, Path)) else measurement
+        name = ", ".join(dict.fromkeys(one.label if isinstance(one, Frf) else Path(one).name for one in each))
+        count = 1 + sum(other == name or other.startswith(f"{name} (") for other in names)
+        names.append(name if count == 1 else f"{name} ({count})")
+    return names

@@ -1,14 +1,12 @@
-"""Identification of a joint by any method, from one measurement or from each of many."""
+"""Identification of a joint from a measurement by any method."""
 
 from __future__ import annotations
 
 import inspect
-import logging
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
+from typing import Any, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,22 +15,20 @@ from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.assembly.calibration import unknown_signs, with_signs
-from dovetail.errors import DovetailError, Fault, MeasurementError, ParameterError, did_you_mean, listing
+from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import MeasuredLines, one_per_response
 from dovetail.identification.fitting.random_error import Weights, weighted_variance
 from dovetail.identification.methods import DEFAULT_METHOD, METHODS, by_plugin
+from dovetail.identification.modal_fit import identify_from_modes
 from dovetail.identification.network.trained_network import TrainedNetwork
-from dovetail.identification.parameters import dataframe
-from dovetail.identification.result import Identification, caveats_of
+from dovetail.identification.result import Identification, ModalIdentification
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
-from dovetail.measurement import read_frf
-from dovetail.parallel import cores, side_by_side
-from dovetail.plain_text import html_table
+from dovetail.measurement import ModalParameters, is_modal_table, read_frf
 from dovetail.registry import Registry, installed_components
 
-__all__ = ["Batch", "Measurement", "identify", "identify_many", "method_options"]
+__all__ = ["Measurement", "find_method", "identify", "method_options"]
 
 Measurement = Frf | str | Path | Sequence[Frf | str | Path]
 """An FRF or its file; one for each response, if there are several."""
@@ -45,9 +41,19 @@ _DELAYS = 201
 """Delays over their range with which a sign is told; enough for 25 turns of the phase."""
 
 
+@overload
+def identify(
+    assembly: AssemblySource, measured: Measurement, method: str | IdentificationMethod | None = ..., **options: Any
+) -> Identification: ...
+@overload
+def identify(
+    assembly: AssemblySource, measured: ModalParameters, method: str | None = ..., **options: Any
+) -> ModalIdentification: ...
+
+
 def identify(
     assembly: AssemblySource,
-    measured: Measurement,
+    measured: Measurement | ModalParameters,
     method: str | IdentificationMethod | None = None,
     *,
     model: TrainedNetwork | None = None,
@@ -55,17 +61,18 @@ def identify(
     phase: bool = True,
     progress: Progress | bool | None = None,
     **options: Any,
-) -> Identification:
+) -> Identification | ModalIdentification:
     """Identify the joint of an assembly from the measured FRF of its response point, or of each of its response points.
 
     Parameters
     ----------
     assembly : Assembly or path
         Or its description.
-    measured : Frf or path, or sequence of them
+    measured : Frf or path, or sequence of them; or ModalParameters
         One for each response of the description, in its order; of any quantity, without the accelerometer. The lines
         within the description's band count, each measurement on its own: the model is computed there, and measured
-        values are never interpolated, but for the features of a network.
+        values are never interpolated, but for the features of a network. From natural frequencies and damping ratios
+        the method is ``"posterior"``, with the same options.
     method : str or IdentificationMethod, optional
         ``"posterior"``, the default: the refined fit, with intervals and verdicts for each parameter. ``"refined"``: a
         least-squares fit alone, down to the measurement's random error. ``"multistart"``: many local searches from all
@@ -91,6 +98,7 @@ def identify(
     Returns
     -------
     Identification
+        Or a `ModalIdentification`, with the same table.
 
     Raises
     ------
@@ -112,17 +120,26 @@ def identify(
     Meanwhile the linear algebra of this process takes one thread: the matrices are small, and more threads wait for
     each other.
     """
-    assembly, measured = as_assembly(assembly), as_frfs(measured)
-    chosen = find_method(method, assembly)
+    assembly = as_assembly(assembly)
+    measured = measured if isinstance(measured, ModalParameters) else as_frfs(measured)
+    of_modes = isinstance(measured, ModalParameters)
+    chosen = find_method(method, None if of_modes else assembly)
     if not assembly.parameters:
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
-    accepted_options, called = method_options(chosen), chosen if isinstance(chosen, str) else chosen.name
+    if of_modes and (chosen != DEFAULT_METHOD or model is not None or weights is not None or not phase):
+        problem = "modal parameters are no FRF: they take no other method, no network, no weights and no phase."
+        raise ParameterError(Fault("identify", problem, f"the method '{DEFAULT_METHOD}' and its options"))
+    called = chosen if isinstance(chosen, str) else chosen.name
+    accepted_options = _keywords(identify_from_modes) if of_modes else method_options(chosen)
     for name in options:
         if name not in accepted_options:
             problem = f"the method '{called}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
-    step = logged(__name__, f"{assembly.name} identified from {listing(frf.label for frf in measured)} by {called}")
+    labels = measured.label if isinstance(measured, ModalParameters) else listing(frf.label for frf in measured)
+    step = logged(__name__, f"{assembly.name} identified from {labels} by {called}")
     with threadpool_limits(1, user_api="blas"), step, progress_reporter(progress) as report:
+        if isinstance(measured, ModalParameters):
+            return identify_from_modes(assembly, measured, progress=report, **options)
         lines = MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase))
         lines = _with_signs(lines, report)
         if isinstance(chosen, str):
@@ -192,13 +209,15 @@ def as_frfs(measured: Measurement) -> tuple[Frf, ...]:
     MeasurementError
         Something is neither, or a file cannot be read.
     """
-    each = (
-        list(measured) if isinstance(measured, Iterable) and not isinstance(measured, (Frf, str, Path)) else [measured]
-    )
-    for one in each:
-        if not isinstance(one, (Frf, str, Path)):
-            problem = f"this is an object of the type {type(one).__name__}."
+    several = isinstance(measured, Iterable) and not isinstance(measured, (Frf, str, Path))
+    each: list[Any] = list(cast("Iterable[Any]", measured)) if several else [measured]
+    for source in each:
+        if not isinstance(source, (Frf, str, Path)):
+            problem = f"this is an object of the type {type(source).__name__}."
             raise MeasurementError(Fault("measured", problem, "an Frf, or the path of its file"))
+        if not isinstance(source, Frf) and is_modal_table(source):
+            remedy = "Read it with dovetail.read_modal_parameters, and hand over what that returns."
+            raise MeasurementError(Fault(str(source), "this is a table of modal parameters, no FRF.", remedy=remedy))
     return tuple(one if isinstance(one, Frf) else read_frf(one) for one in each)
 
 
@@ -277,131 +296,10 @@ def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
 
 def method_options(method: str | IdentificationMethod) -> tuple[str, ...]:
     """Return the names of the options that a method takes."""
-    parameters = inspect.signature(METHODS[method] if isinstance(method, str) else by_plugin).parameters.values()
     own = () if isinstance(method, str) else tuple(type(method.config).model_fields)
-    common = (p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name != "progress")
-    return (*own, *common)
+    return (*own, *_keywords(METHODS[method] if isinstance(method, str) else by_plugin))
 
 
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Identifications from many measurements.
-
-    Parameters
-    ----------
-    results : mapping of str to Identification
-        By the measurement, in the order in which they were given.
-    failures : mapping of str to str
-        Why a measurement has no result.
-    """
-
-    results: Mapping[str, Identification]
-    failures: Mapping[str, str]
-
-    def __repr__(self) -> str:
-        return f"<Batch: {len(self.results)} identifications, {len(self.failures)} failures>"
-
-    def _repr_html_(self) -> str:
-        judged = {name: "" if one.adequacy is None else one.adequacy.word for name, one in self.results.items()}
-        rows = [(name, judged[name], f"{one.mean_coherence:.3f}", one.caveat) for name, one in self.results.items()]
-        rows += [(name, "failed", "", reason) for name, reason in self.failures.items()]
-        return html_table(repr(self), [("measurement", "model", "mean coherence", ""), *rows])
-
-    @property
-    def believable(self) -> bool:
-        """Whether all results may be believed."""
-        return all(result.believable for result in self.results.values())
-
-    @property
-    def caveat(self) -> str:
-        """The caveats of the results, each after the names of those that have it; empty if none has."""
-        return caveats_of(self.results.items())
-
-    @property
-    def table(self) -> list[dict[str, Any]]:
-        """The tables of all results, below each other, as plain values; the first column is the measurement."""
-        return [{"measurement": name, **asdict(row)} for name, result in self.results.items() for row in result.table]
-
-    def to_dataframe(self) -> Any:
-        """Return `table` as a data frame of pandas, with an index of measurement and name."""
-        return dataframe(self.table, ["measurement", "name"])
-
-
-def identify_many(
-    assembly: AssemblySource,
-    measurements: Sequence[Measurement],
-    method: str | IdentificationMethod | None = None,
-    *,
-    model: TrainedNetwork | None = None,
-    processes: int | None = None,
-    progress: Progress | bool | None = None,
-    **options: Any,
-) -> Batch:
-    """Identify the joint of an assembly from each of many measurements.
-
-    Parameters
-    ----------
-    assembly : Assembly or path
-        Or its description.
-    measurements : sequence
-        An FRF or its file each; or for several responses a sequence of them each, as `identify` takes it.
-    method : str or IdentificationMethod, optional
-        As of `identify`.
-    model : TrainedNetwork, optional
-        As of `identify`; with it, one measurement follows the other.
-    processes : int, optional
-        How many work at once; one for each core by default.
-    progress : bool or callable, optional
-        True shows a bar in a terminal or a notebook; a function is called after each measurement.
-    **options
-        As of `identify`.
-
-    Returns
-    -------
-    Batch
-        A measurement that cannot be read or identified is one of its failures, and does not end the others.
-
-    Notes
-    -----
-    The first measurement is identified before the others, so that all processes share the engine that it compiles.
-    """
-    loaded, frfs = as_assembly(assembly), list(measurements)
-    names = _names(frfs)
-
-    def work(index: int) -> Identification | str:
-        try:
-            return identify(loaded, frfs[index], method, model=model, **options)
-        except DovetailError as error:
-            logging.getLogger(__name__).info("%s: failed", names[index])
-            return str(error)
-
-    outcomes: dict[int, Identification | str] = {}
-    workers = 1 if model is not None else processes or cores()
-
-    with progress_reporter(progress) as report:
-
-        def keep(index: int, outcome: Identification | str) -> None:
-            outcomes[index] = outcome
-            report("identifying", len(outcomes), len(frfs))
-
-        report("identifying", 0, len(frfs))
-        if frfs:
-            keep(0, work(0))
-            for index, outcome in side_by_side(lambda index: work(index + 1), len(frfs) - 1, workers):
-                keep(index + 1, outcome)
-    ordered = [(name, outcomes[index]) for index, name in enumerate(names)]
-    return Batch(
-        MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, Identification)}),
-        MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, str)}),
-    )
-
-
-def _names(measurements: Sequence[Measurement]) -> list[str]:
-    """Name each measurement after its FRFs or files; the second of the same name ends in (2)."""
-    names: list[str] = []
-    for measurement in measurements:
-        each = [measurement] if isinstance(measurement, (Frf, str, Path)) else measurement
-        name = ", ".join(dict.fromkeys(one.label if isinstance(one, Frf) else Path(one).name for one in each))
-        count = 1 + sum(other == name or other.startswith(f"{name} (") for other in names)
-        names.append(name if count == 1 else f"{name} ({count})")
-    return names
+def _keywords(function: Callable[..., Any]) -> tuple[str, ...]:
+    parameters = inspect.signature(function).parameters.values()
+    return tuple(p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY and p.name != "progress")

@@ -1,25 +1,134 @@
-"""The provenance of a result: versions, description, components, seed."""
+"""The provenance of a result: versions, description, components, seed, and how well a network predicts.
+
+That is R2, RMSE and MAE of each parameter.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import inspect
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.identification.metrics import Evaluation
-from dovetail.interfaces import Component
+from dovetail.interfaces import Component, Parameter
+from dovetail.measurement import ModalParameters
 from dovetail.registry import installed_components
 
-__all__ = ["component_sources", "description_hash", "package_versions", "provenance"]
+__all__ = [
+    "Evaluation",
+    "ParameterMetrics",
+    "component_sources",
+    "description_hash",
+    "package_versions",
+    "parameter_metrics",
+    "provenance",
+]
 
 _PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "torch")
+
+
+@dataclass(frozen=True)
+class ParameterMetrics:
+    """Errors of one parameter over the test part.
+
+    Parameters
+    ----------
+    r2 : float or None
+        Coefficient of determination on the scale on which the parameter is sampled (linear or logarithmic); None
+        where the test values do not vary.
+    rmse, mae : float
+        Root-mean-square and mean absolute error on that scale, as a fraction of the parameter's range.
+    rmse_si, mae_si : float
+        The same errors of the value itself, in `unit`.
+    unit : str
+    """
+
+    r2: float | None
+    rmse: float
+    mae: float
+    rmse_si: float
+    mae_si: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The errors of a trained network on samples that it was not trained on, and the cost of its training.
+
+    Parameters
+    ----------
+    parameters : mapping of str to ParameterMetrics
+    training_samples, test_samples : int
+    seed : int
+    seconds : mapping of str to float
+        Wall-clock time of each stage of training [s].
+    """
+
+    parameters: Mapping[str, ParameterMetrics]
+    training_samples: int
+    test_samples: int
+    seed: int
+    seconds: Mapping[str, float]
+
+    @property
+    def mean_r2(self) -> float:
+        """Mean of the R2 that are defined, each on its parameter's sampling scale; NaN if none is."""
+        defined = [metrics.r2 for metrics in self.parameters.values() if metrics.r2 is not None]
+        return float(np.mean(defined)) if defined else float("nan")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, fit for JSON."""
+        return asdict(self)
+
+
+def parameter_metrics(
+    parameters: Sequence[Parameter], truth: NDArray[np.float64], predicted: NDArray[np.float64]
+) -> dict[str, ParameterMetrics]:
+    """Compare predicted with true parameter values.
+
+    Parameters
+    ----------
+    parameters : sequence of n_params Parameter
+    truth, predicted : (n_samples, n_params) arrays
+        SI values.
+
+    Returns
+    -------
+    dict of str to ParameterMetrics
+        By the parameter's name.
+    """
+    return {
+        parameter.name: _metrics(parameter, truth[:, column], predicted[:, column])
+        for column, parameter in enumerate(parameters)
+    }
+
+
+def _metrics(parameter: Parameter, truth: NDArray[np.float64], predicted: NDArray[np.float64]) -> ParameterMetrics:
+    true = parameter.to_unit(truth)
+    error, error_si = parameter.to_unit(predicted) - true, predicted - truth
+    total = np.sum((true - true.mean()) ** 2)
+    return ParameterMetrics(
+        r2=float(1.0 - np.sum(error**2) / total) if true.max() > true.min() else None,
+        rmse=_rms(error),
+        mae=float(np.mean(np.abs(error))),
+        rmse_si=_rms(error_si),
+        mae_si=float(np.mean(np.abs(error_si))),
+        unit=parameter.unit,
+    )
+
+
+def _rms(error: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(error**2)))
 
 
 def package_versions() -> dict[str, str]:
@@ -52,7 +161,9 @@ def component_sources(assembly: Assembly) -> dict[str, str]:
     return {f"{component.kind} {component.name}": source_of(component) for component in components}
 
 
-def provenance(assembly: Assembly, measured: Sequence[Frf], evaluation: Evaluation | None) -> dict[str, Any]:
+def provenance(
+    assembly: Assembly, measured: Sequence[Frf | ModalParameters], evaluation: Evaluation | None
+) -> dict[str, Any]:
     """Return what is needed to reproduce a result, as plain values; `evaluation` is None if no network took part."""
     description, first = assembly.description, measured[0]
     further = {"further_measurements": [frf.label for frf in measured[1:]]} if len(measured) > 1 else {}
@@ -60,8 +171,8 @@ def provenance(assembly: Assembly, measured: Sequence[Frf], evaluation: Evaluati
         "assembly": description.name,
         "description_sha256": description_hash(description.text),
         "measurement": first.label,
-        "measurement_note": first.note,
-        "measured_quantity": first.quantity,
+        "measurement_note": first.note if isinstance(first, Frf) else "",
+        "measured_quantity": first.quantity if isinstance(first, Frf) else "modal parameters",
         **further,
         "seed": description.identification.seed if evaluation is None else evaluation.seed,
         "components": component_sources(assembly),

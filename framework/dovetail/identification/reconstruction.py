@@ -20,7 +20,7 @@ from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import AtPoint, Identification, Mode
 from dovetail.units import format_quantity
 
-__all__ = ["reconstruct"]
+__all__ = ["identified_parameters", "known_parameters", "reconstruct"]
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def reconstruct(
     modes, without_modes = _modes(assembly, theta, band, first)
     result = Identification(
         method=method,
-        parameters=MappingProxyType(_parameters(assembly, theta)),
-        known=MappingProxyType(_known(assembly)),
+        parameters=MappingProxyType(identified_parameters(assembly, theta)),
+        known=MappingProxyType(known_parameters(assembly)),
         frf=first.frf,
         measured=first.measured,
         modes=modes,
@@ -109,7 +109,8 @@ def _at_points(
     return tuple(at_points)
 
 
-def _parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
+def identified_parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
+    """Return the assembly's parameters with the values that were identified, (n_params,) SI."""
     pairs = zip(assembly.parameters, theta.tolist(), assembly.description.identified_parameters, strict=True)
     identified = {}
     for parameter, value, (joint, _) in pairs:
@@ -120,7 +121,8 @@ def _parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, Ide
     return identified
 
 
-def _known(assembly: Assembly) -> dict[str, float]:
+def known_parameters(assembly: Assembly) -> dict[str, float]:
+    """Return the parameters that the description fixes."""
     entries = assembly.description.entries.items()
     return {f"{name}.{parameter}": float(value) for name, entry in entries for parameter, value in entry.fixed.items()}
 

@@ -16,10 +16,11 @@ from dovetail.identification.adequacy.adequacy import Adequacy
 from dovetail.identification.fitting.fit import Fit
 from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
 from dovetail.identification.posterior.posterior import Posterior
+from dovetail.measurement import ModalParameters
 from dovetail.plain_text import html_table, terminal_text
 from dovetail.units import format_quantity
 
-__all__ = ["AtPoint", "Identification", "Mode", "caveats_of"]
+__all__ = ["AtPoint", "Identification", "MatchedMode", "ModalIdentification", "Mode", "caveats_of"]
 
 _CAVEAT = "The model does not fit the measurement: do not believe the numbers."
 """At most 80 characters of ASCII, the length of an id line in UFF."""
@@ -88,8 +89,41 @@ class AtPoint:
         }
 
 
+class _Answer:
+    """What a result says of the parameters, whatever it was identified from."""
+
+    parameters: Mapping[str, IdentifiedParameter]
+    posterior: Posterior | None
+    network: Mapping[str, float] | None
+    adequacy: Adequacy | None
+
+    @property
+    def believable(self) -> bool:
+        """Whether the numbers may be believed, as far as the method can tell: False if the model does not fit."""
+        return self.adequacy is None or self.adequacy.fits
+
+    @property
+    def caveat(self) -> str:
+        """What must be said wherever a number of this result is shown, in a sentence; empty if nothing."""
+        return "" if self.believable else _CAVEAT
+
+    @property
+    def table(self) -> tuple[TableRow, ...]:
+        """What is known of each parameter, the same wherever it is shown: a row for each, in their order."""
+        return parameter_table(self.parameters, self.posterior, self.network, self.caveat)
+
+    @property
+    def interval(self) -> Mapping[str, tuple[float, float]] | None:
+        """The 90 % interval of each parameter [SI] by name; None without a posterior."""
+        return None if self.posterior is None else self.posterior.interval()
+
+    def to_dataframe(self) -> Any:
+        """Return `table` as a data frame of pandas (an extra), with the names as index."""
+        return dataframe([asdict(row) for row in self.table], ["name"])
+
+
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(_Answer):
     """The result of identifying a joint from one measured FRF, or from one for each response.
 
     Parameters
@@ -174,16 +208,6 @@ class Identification:
         return f"{self.provenance.get('assembly', '')}, {self.measured.label}, {self.method}".removeprefix(", ")
 
     @property
-    def believable(self) -> bool:
-        """Whether the numbers may be believed, as far as the method can tell: False if the model does not fit."""
-        return self.adequacy is None or self.adequacy.fits
-
-    @property
-    def caveat(self) -> str:
-        """What must be said wherever a number of this result is shown, in a sentence; empty if nothing."""
-        return "" if self.believable else _CAVEAT
-
-    @property
     def responses(self) -> tuple[AtPoint, ...]:
         """The measured and the reconstructed FRF at each response, in the order of the description."""
         return AtPoint(self.point, self.frf, self.measured), *self.further
@@ -194,16 +218,6 @@ class Identification:
         return np.array([parameter.value for parameter in self.parameters.values()])
 
     @property
-    def table(self) -> tuple[TableRow, ...]:
-        """What is known of each parameter, the same wherever it is shown: a row for each, in their order."""
-        return parameter_table(self.parameters, self.posterior, self.network, self.caveat)
-
-    @property
-    def interval(self) -> Mapping[str, tuple[float, float]] | None:
-        """The 90 % interval of each parameter [SI] by name; None without a posterior."""
-        return None if self.posterior is None else self.posterior.interval()
-
-    @property
     def coherence(self) -> NDArray[np.float64]:
         """(n_freq,) coherence of reconstruction and measurement at the first response, as in `AtPoint`."""
         return self.responses[0].coherence
@@ -212,10 +226,6 @@ class Identification:
     def mean_coherence(self) -> float:
         """Mean of `coherence` over the frequencies."""
         return self.responses[0].mean_coherence
-
-    def to_dataframe(self) -> Any:
-        """Return `table` as a data frame of pandas (an extra), with the names as index."""
-        return dataframe([asdict(row) for row in self.table], ["name"])
 
     def to_inferencedata(self, draws: int = 1000, seed: int = 0) -> Any:
         """Return posterior, prior and log-likelihood for ArviZ (an extra).
@@ -279,6 +289,87 @@ class Identification:
             "measured": _plain(self.measured),
             "coherence": self.coherence.tolist(),
             "further_responses": [response.to_dict() for response in self.further],
+        }
+
+
+@dataclass(frozen=True)
+class MatchedMode:
+    """A mode of the identified model, and that of the table that belongs to it.
+
+    Parameters
+    ----------
+    natural_frequency : float
+        Hz: the magnitude of the pole over 2 pi.
+    damping_ratio : float
+        Of the critical damping.
+    measured_frequency, measured_damping : float or None
+        None where the table lacks the mode, or the damping.
+    """
+
+    natural_frequency: float
+    damping_ratio: float
+    measured_frequency: float | None
+    measured_damping: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class ModalIdentification(_Answer):
+    """The result of identifying a joint from modal parameters; there is no FRF in it.
+
+    Parameters
+    ----------
+    parameters : mapping of str to IdentifiedParameter
+        By name, in the order of ``assembly.parameters``, at the most probable place.
+    known : mapping of str to float
+        As in `Identification`.
+    measured : ModalParameters
+    modes : tuple of MatchedMode
+        Of the identified model, up to the last one of the table.
+    chi_squared : float or None
+        Sum of the squared residuals over their variance, per degree of freedom; None where hardly any is left.
+    degrees_of_freedom : float
+        Numbers in the table, less those that the parameters can follow.
+    adequacy : Adequacy
+    posterior : Posterior
+    warnings : tuple of str
+    provenance : mapping
+    """
+
+    parameters: Mapping[str, IdentifiedParameter]
+    known: Mapping[str, float]
+    measured: ModalParameters
+    modes: tuple[MatchedMode, ...]
+    chi_squared: float | None
+    degrees_of_freedom: float
+    adequacy: Adequacy
+    posterior: Posterior
+    warnings: tuple[str, ...]
+    provenance: Mapping[str, Any]
+    network: Mapping[str, float] | None = None
+
+    def __repr__(self) -> str:
+        """Return assembly, table and parameters in one line, the caveat before all numbers."""
+        values = ", ".join(f"{row.name}={format_quantity(row.estimate, row.unit)}" for row in self.table)
+        head = f"{self.provenance['assembly']}, {self.measured.label}"
+        return f"<ModalIdentification: {head}: {f'{self.caveat} ' if self.caveat else ''}{values}>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, fit for JSON; the keys are those of `Identification` but for the FRFs."""
+        return {
+            "method": "modal parameters",
+            "believable": self.believable,
+            "caveat": self.caveat,
+            "adequacy": self.adequacy.to_dict(),
+            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
+            "table": [asdict(row) for row in self.table],
+            "known": dict(self.known),
+            "modes": [asdict(mode) for mode in self.modes],
+            "chi_squared": self.chi_squared,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "warnings": list(self.warnings),
+            "interval": {name: list(ends) for name, ends in self.posterior.interval().items()},
+            "posterior": self.posterior.to_dict(),
+            "provenance": dict(self.provenance),
         }
 
 

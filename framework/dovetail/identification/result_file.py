@@ -133,6 +133,9 @@ def load_result(path: str | Path) -> Identification:
     try:
         stored = _StoredIdentification.model_validate_json(content)
     except ValidationError as error:
+        if b'"method": "modal parameters"' in content:
+            problem = "this is a result from modal parameters, in which there is no FRF."
+            raise DovetailError(Fault(str(file), problem, remedy="Read its 'table' as JSON.")) from None
         raise DovetailError(*_faults(file, error)) from None
     first = _at_point(file, stored.frequency_Hz, stored)
     further = [

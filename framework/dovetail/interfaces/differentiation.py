@@ -207,6 +207,7 @@ class Differentiation:
         self._slopes = {column: slope for column, slope in slopes.items() if slope is not None}
         self._nonlinear = [column for column, slope in slopes.items() if slope is None]
         self._entries = self._entries_of(self._filled)
+        self._at_lower_ends: tuple[_Entries, NDArray[np.float64]] | None = None
         self._constant: tuple[int, dict[int, StructuralMatrices]] = (0, {})
 
     def jacobian(self, theta: NDArray[np.float64]) -> list[StructuralMatrices]:
@@ -259,11 +260,20 @@ class Differentiation:
         for block in self._blocks(len(theta), 2) if linear else ():
             start = theta[block].copy()
             start[:, linear] = self._lower[linear]
-            there, here = self._values(np.concatenate([theta[block], start]), entries).reshape(2, len(start), -1)
+            if self._nonlinear:
+                there, here = self._values(np.concatenate([theta[block], start]), entries).reshape(2, len(start), -1)
+            else:
+                there, here = self._values(theta[block], entries), self._values_at_lower_ends(entries)
             change = (theta[block] - start)[:, linear] @ entries.slopes
             limit = SETTINGS.rounding * np.maximum(np.abs(here), np.abs(there))
             bent[block] = np.any(np.abs(there - here - change) > limit, axis=1)
         return bent
+
+    def _values_at_lower_ends(self, entries: _Entries) -> NDArray[np.float64]:
+        """Return some entries where all parameters are at their lower ends, (1, n_entries); they are kept."""
+        if self._at_lower_ends is None or self._at_lower_ends[0] is not entries:
+            self._at_lower_ends = entries, self._values(self._lower[np.newaxis], entries)
+        return self._at_lower_ends[1]
 
     def _differences(
         self, theta: NDArray[np.float64], columns: Sequence[int], entries: _Entries

@@ -4,7 +4,7 @@ from dovetail.measurement.accelerometer import add_accelerometer_mass, remove_ac
 from dovetail.measurement.frf_files import frf_suffixes, read_frf, write_frf
 from dovetail.measurement.impact_test.frf_estimation import EstimatedFrf, frf_from_signals, without_window_damping
 from dovetail.measurement.lines import check_cover, find_gaps, find_missing_ends, within_band
-from dovetail.measurement.modal_parameters import ModalParameters, read_modal_parameters
+from dovetail.measurement.modal_parameters import ModalParameters, is_modal_table, read_modal_parameters
 from dovetail.measurement.noise import complex_noise, data_noise, noisy_frf
 from dovetail.measurement.resampling import on_grid
 
@@ -19,6 +19,7 @@ __all__ = [
     "find_missing_ends",
     "frf_from_signals",
     "frf_suffixes",
+    "is_modal_table",
     "noisy_frf",
     "on_grid",
     "read_frf",

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.atomic_files import read_bounded
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import DovetailError, Fault, MeasurementError
 from dovetail.measurement.formats.column_names import plain_name
 from dovetail.measurement.formats.tables import HERTZ, names_and_units
 from dovetail.measurement.formats.text_tables import find_table, read_rows, split_lines
 
-__all__ = ["ModalParameters", "read_modal_parameters"]
+__all__ = ["ModalParameters", "is_modal_table", "read_modal_parameters"]
 
 _SUFFIXES = (".csv", ".tsv", ".txt")
 _NAMES = {
@@ -132,6 +132,19 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
     if "frequency_sd" in values and _is_percent(*_split_unit(names, units, columns, "frequency_sd")):
         values["frequency_sd"] = values["frequency_sd"] * values["frequency"]
     return ModalParameters(**values, label=str(source))
+
+
+def is_modal_table(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file is a table whose columns are all modal parameters, right or wrong; so no FRF."""
+    source = Path(path)
+    if source.suffix.lower() not in _SUFFIXES:
+        return False
+    try:
+        header = find_table(str(source), split_lines(source, read_bounded(source)), _is_header, "").header
+    except DovetailError:
+        return False
+    meant = [_parameter(name)[0] for name in names_and_units(header)[0]]
+    return "frequency" in meant and all(meant)
 
 
 def _is_header(cells: Sequence[str]) -> bool:

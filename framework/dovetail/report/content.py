@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.errors import listing
-from dovetail.identification import Fit, Identification, Mode, Posterior, TableRow
+from dovetail.identification import Fit, Identification, ModalIdentification, Mode, Posterior, TableRow
 from dovetail.identification.parameters import place_on_range
 from dovetail.report.truth import Truth
 from dovetail.report.wording import ABSENT, display_unit, fixed, number, readable
@@ -124,7 +124,7 @@ def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
     return warnings
 
 
-def adequacy_sentences(result: Identification) -> list[str]:
+def adequacy_sentences(result: Identification | ModalIdentification) -> list[str]:
     """Return how well the model explains the measurement, what that means, and what would explain the rest."""
     adequacy = result.adequacy
     if adequacy is None:
@@ -137,7 +137,7 @@ def adequacy_sentences(result: Identification) -> list[str]:
     return [readable(sentence) for sentence in sentences if sentence]
 
 
-def parameter_rows(result: Identification, truth: Truth | None) -> list[ParameterRow]:
+def parameter_rows(result: Identification | ModalIdentification, truth: Truth | None) -> list[ParameterRow]:
     """Return the table of parameters, in the assembly's order."""
     true_values = truth.parameters if truth is not None else {}
     withheld = result.posterior is not None and not result.believable
@@ -183,7 +183,7 @@ def evaluation_rows(result: Identification) -> list[EvaluationRow]:
     return rows
 
 
-def columns_sentence(result: Identification) -> str:
+def columns_sentence(result: Identification | ModalIdentification) -> str:
     """Say what the columns of the table are."""
     sentences = []
     if result.posterior is not None:

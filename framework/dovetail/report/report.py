@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from dovetail.assembly import Assembly
 from dovetail.atomic_files import write_whole
+from dovetail.errors import DovetailError, Fault
 from dovetail.identification import Identification
 from dovetail.plain_text import terminal_text
 from dovetail.report import content
@@ -47,8 +48,11 @@ def write_report(
     Raises
     ------
     DovetailError
-        The file cannot be written.
+        The file cannot be written, or the result is one from modal parameters.
     """
+    if not isinstance(result, Identification):
+        problem = "a result from modal parameters has no FRF, and no report."
+        raise DovetailError(Fault(type(result).__name__, problem, remedy="Show its 'table' and its 'modes'."))
     drawing = None if assembly is None else _drawing(assembly)
     page = environment().get_template("report.html.jinja").render(_context(result, truth), drawing=drawing)
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)

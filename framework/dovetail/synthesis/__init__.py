@@ -4,12 +4,13 @@ from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Attachment, Connection, Graph
 from dovetail.synthesis.interpolation import InterpolatedEngine
-from dovetail.synthesis.natural_frequencies import elastic_frequencies
+from dovetail.synthesis.natural_frequencies import DampedModes, elastic_frequencies
 from dovetail.synthesis.reference import LiteralSynthesis, assembly_matrices, direct_receptance
 
 __all__ = [
     "Attachment",
     "Connection",
+    "DampedModes",
     "Engine",
     "Graph",
     "InterpolatedEngine",

@@ -1,20 +1,23 @@
-"""Natural frequencies of the undamped assembly, from dense or from sparse matrices."""
+"""Natural frequencies of the undamped assembly, from dense or from sparse matrices, and poles of the damped one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import eig, eigh
 from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices, StructuralMatrices
+from dovetail.synthesis.graph import Graph
+from dovetail.synthesis.joint_evaluation import joint_jacobian, joint_matrices
+from dovetail.synthesis.reference import assembly_matrices
 
-__all__ = ["elastic_frequencies"]
+__all__ = ["DampedModes", "elastic_frequencies"]
 
 _RIGID_BODY_MODES = 6
 _STRAIN_FLOOR = 1e-13
@@ -23,6 +26,15 @@ leaves a hundredth of it; a beam of 2500 elements in its first bending mode has 
 _SHIFT_FLOOR = 1e-14
 """A square of a frequency [1/s^2] below this part of the shift is rounding. The motion of a mass that nothing holds has
 no strain but the rounding of its shape, which is in that of its amplitudes as any elastic mode's is."""
+_MOST_DOFS = 1500
+"""Of an assembly whose poles are computed, with full matrices."""
+_SAME_POLE = 1e-6
+"""Relative difference of two poles that are one and the same."""
+_LEAST_TURN = 0.5
+"""Imaginary part of a pole over its magnitude below which it is overdamped: a damping ratio above 0.87."""
+_CONVERGED = 1e-6
+"""Relative change of a pole in the last step, after which the next would change it by the cube of that."""
+_MOST_ITERATIONS = 12
 
 
 def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: int) -> NDArray[np.float64]:
@@ -53,11 +65,16 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
         raise DovetailError("there are no natural frequencies: with these parameters a mass is negative.")
     if isinstance(matrices, SparseMatrices):
         return _sparse_elastic_frequencies(matrices, count)
-    active = _dofs_with_inertia((matrices.K != 0) | (matrices.M != 0), np.diag(matrices.M))
-    K, M = matrices.K[np.ix_(active, active)], matrices.M[np.ix_(active, active)]
+    return np.array([frequency for frequency, _ in islice(_dense_modes(matrices.K, matrices.M), count)])
+
+
+def _dense_modes(K: NDArray[np.float64], M: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:
+    """Yield frequency [Hz] and shape of each elastic mode of dense matrices."""
+    size, active = len(K), _dofs_with_inertia((K != 0) | (M != 0), np.diag(M))
+    K, M = K[np.ix_(active, active)], M[np.ix_(active, active)]
     inertia = np.diag(M) > 0
     if not inertia.any():
-        return np.empty(0)
+        return
     shift = 1e-3 * float(np.median(np.diag(K)[inertia] / np.diag(M)[inertia])) or 1.0
     try:
         mu, shapes = eigh(M, K + shift * M)
@@ -66,8 +83,10 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
             "there are no natural frequencies: with these parameters a stiffness or a mass is negative."
         ) from None
     finite = mu > mu[-1] * 1e-14
-    shapes = shapes[:, finite][:, ::-1]
-    return np.array(list(islice(_elastic_modes(K, M, shapes, _SHIFT_FLOOR * shift), count)))
+    for frequency, shape in _elastic_modes(K, M, shapes[:, finite][:, ::-1], _SHIFT_FLOOR * shift):
+        whole = np.zeros(size)
+        whole[active] = shape
+        yield frequency, whole
 
 
 def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray[np.float64]:
@@ -89,7 +108,8 @@ def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray
         if values.min() < -1e-6 * stiffest:
             raise DovetailError("there are no natural frequencies: with these parameters a stiffness is negative.")
         least = _SHIFT_FLOOR * 1e-6 * stiffest
-        modes = list(islice(_elastic_modes(K, M, shapes[:, np.argsort(values)], least), count))
+        ordered = _elastic_modes(K, M, shapes[:, np.argsort(values)], least)
+        modes = [frequency for frequency, _ in islice(ordered, count)]
         if len(modes) == count or wanted == most:
             return np.array(modes)
         wanted = min(2 * wanted, most)
@@ -102,10 +122,133 @@ def _dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np
     return np.flatnonzero(np.isin(group, group[inertia > 0]))
 
 
-def _elastic_modes(K: Any, M: Any, shapes: NDArray[np.float64], least: float) -> Iterator[float]:
-    """Yield the frequencies [Hz] of those shapes that deform the structure, with squares [1/s^2] above the least."""
+def _elastic_modes(
+    K: Any, M: Any, shapes: NDArray[np.float64], least: float
+) -> Iterator[tuple[float, NDArray[np.float64]]]:
+    """Yield those shapes that deform the structure, with frequencies [Hz] whose squares [1/s^2] are above the least."""
     stiffness = abs(K)
     for shape in shapes.T:
         strain, mass = shape @ K @ shape, shape @ M @ shape
         if strain > least * mass and strain > _STRAIN_FLOOR * (abs(shape) @ stiffness @ abs(shape)):
-            yield np.sqrt(strain / mass) / (2.0 * np.pi)
+            yield np.sqrt(strain / mass) / (2.0 * np.pi), shape
+
+
+class DampedModes:
+    """Poles of a damped assembly, and their derivatives.
+
+    Parameters
+    ----------
+    graph : Graph
+
+    Raises
+    ------
+    DovetailError
+        The assembly is large, a substructure is known by its FRFs only, or a joint depends on frequency otherwise than
+        through matrices.
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        fixed = assembly_matrices(graph, None)
+        size = fixed.M.shape[0]
+        if size > _MOST_DOFS:
+            problem = f"the assembly has {size:,} DOFs; damped modes are computed for {_MOST_DOFS:,} or fewer."
+            raise DovetailError(problem)
+        every = [getattr(fixed, name) for name in "MKCD"]
+        self._fixed = [matrix.toarray() if isinstance(fixed, SparseMatrices) else matrix for matrix in every]
+        self._joints = [
+            (name, connection.model, (graph.joint_dofs(name)[:, None] == np.arange(size)).astype(np.float64))
+            for name, connection in graph.connections.items()
+        ]
+
+    def at(
+        self,
+        theta: Mapping[str, NDArray[np.float64]],
+        count: int,
+        *,
+        highest: float = np.inf,
+        differentiate: bool = True,
+    ) -> tuple[NDArray[np.complex128], dict[str, NDArray[np.complex128]]]:
+        """Return the poles of the lowest elastic modes, and their derivatives.
+
+        Parameters
+        ----------
+        theta : mapping of str to (n_params,) array
+            All parameters of each joint, by the joint's name.
+        count : int
+        highest : float
+            Hz; of modes beyond it, all but the first are left out.
+        differentiate : bool
+            Without derivatives where False.
+
+        Returns
+        -------
+        poles : (<= count,) array
+            1/s, with positive imaginary parts, by increasing magnitude; without overdamped modes.
+        derivatives : dict of str to (<= count, n_params) array
+            By all parameters of each joint.
+
+        Notes
+        -----
+        Rayleigh quotient iteration for (s^2 M + s C + K + iD) x = 0 from each mode of the undamped assembly; where it
+        fails or leads to the same pole twice, all poles by the QZ algorithm. Derivatives are -x^T (dZ/dp) x / x^T
+        (dZ/ds) x.
+        """
+        matrices = [matrix.copy() for matrix in self._fixed]
+        for name, model, L in self._joints:
+            of_joint = joint_matrices(name, model, theta[name][None])
+            for matrix, kind in zip(matrices, "MKCD", strict=True):
+                matrix += L.T @ getattr(of_joint, kind)[0] @ L
+        M, K, C, D = matrices
+        active = _dofs_with_inertia((K != 0) | (M != 0), np.diag(M))
+        M, C, A = (matrix[np.ix_(active, active)] for matrix in (M, C, K + 1j * D))
+        undamped = list(islice(_dense_modes(A.real, M), count))
+        undamped = undamped[: 1 + sum(frequency <= highest for frequency, _ in undamped)]
+        poles, X = _poles(A, C, M, undamped)
+        slopes = np.array([x @ (C + 2.0 * s * M) @ x for s, x in zip(poles, X, strict=True)])
+        derivatives = {}
+        for name, model, L in self._joints if differentiate else ():
+            x, columns = X @ L[:, active].T, []
+            for d in joint_jacobian(name, model, theta[name][None]):
+                m, k, c, eta = (np.einsum("ni,ij,nj->n", x, getattr(d, kind)[0], x) for kind in "MKCD")
+                columns.append(-(k + 1j * eta + poles * (c + poles * m)) / slopes)
+            derivatives[name] = np.stack(columns, axis=-1) if columns else np.empty((len(poles), 0), np.complex128)
+        return poles, derivatives
+
+
+def _poles(A: Any, C: Any, M: Any, undamped: list[tuple[float, NDArray[np.float64]]]) -> tuple[Any, Any]:
+    """Return poles and shapes (n,), (n, d) of A + s C + s^2 M from the frequencies [Hz] and shapes without damping."""
+    starts = np.array([2j * np.pi * frequency for frequency, _ in undamped], dtype=np.complex128)
+    shapes = np.array([shape for _, shape in undamped], dtype=np.complex128).reshape(len(undamped), len(M))
+    poles, shapes = _refined(A, C, M, starts, shapes)
+    apart = np.abs(poles[:, None] - poles) + np.abs(poles) * np.eye(len(poles))
+    if not ((poles.imag > _LEAST_TURN * np.abs(poles)).all() and (apart > _SAME_POLE * np.abs(poles)).all()):
+        one, zero = np.eye(len(M)), np.zeros_like(M)
+        values, vectors = eig(np.block([[zero, one], [-A, -C]]), np.block([[one, zero], [zero, M]]))
+        turning = np.isfinite(values) & (values.imag > _LEAST_TURN * np.abs(values))
+        kept = turning & (np.abs(values) > np.abs(starts[0]) / 2.0)  # rigid-body modes have poles at or near zero
+        poles, shapes = _refined(A, C, M, values[kept], vectors[: len(M), kept].T)
+        poles, shapes = poles[np.isfinite(poles)], shapes[np.isfinite(poles)]
+    order = np.argsort(np.abs(poles))[: len(undamped)]
+    return poles[order], shapes[order]
+
+
+def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
+    """Return the poles and shapes to which Rayleigh quotient iteration leads; NaN where it does not converge."""
+    s, X, going = s.copy(), X.copy(), np.arange(len(s))
+    for _ in range(_MOST_ITERATIONS):
+        at, x = s[going, None], X[going]
+        Ax, Cx, Mx = x @ A, x @ C, x @ M
+        turned = Cx + 2.0 * at * Mx
+        change = np.sum(x * (Ax + at * (Cx + at * Mx)), axis=1) / np.sum(x * turned, axis=1)
+        s[going] -= change
+        left = np.abs(change) > _CONVERGED * np.abs(s[going])
+        going, turned = going[left], turned[left]
+        try:
+            solved = [np.linalg.solve(A + z * (C + z * M), b) for z, b in zip(s[going], turned, strict=True)]
+        except np.linalg.LinAlgError:  # exactly at a pole, or no pole at all
+            break
+        if not solved:
+            break
+        X[going] = np.array(solved) / np.linalg.norm(solved, axis=1, keepdims=True)
+    s[going] = np.nan
+    return s, X

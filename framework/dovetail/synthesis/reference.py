@@ -25,14 +25,16 @@ _Component = tuple[StructuralMatrices | SparseMatrices, NDArray[np.intp]]
 """Matrices and the global number of each of their DOFs; `HELD` where it does not move."""
 
 
-def assembly_matrices(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices | SparseMatrices:
+def assembly_matrices(
+    graph: Graph, theta: Mapping[str, NDArray[np.float64]] | None
+) -> StructuralMatrices | SparseMatrices:
     """Assemble all matrices over the global DOFs, the inner DOFs of substructures after those of the graph.
 
     Parameters
     ----------
     graph : Graph
-    theta : mapping of str to (n_params,) array
-        All parameters of each joint, by the joint's name.
+    theta : mapping of str to (n_params,) array, or None
+        All parameters of each joint, by the joint's name. None leaves the joints out.
 
     Returns
     -------
@@ -48,6 +50,8 @@ def assembly_matrices(graph: Graph, theta: Mapping[str, NDArray[np.float64]]) ->
     for name, connection in graph.connections.items():
         if depends_on_frequency(connection.model):
             raise DovetailError(f"joint '{name}' depends on frequency, so the assembly has no matrices.")
+        if theta is None:
+            continue
         batch = joint_matrices(name, connection.model, theta[name][None, :])
         single = StructuralMatrices(batch.M[0], batch.K[0], batch.C[0], batch.D[0])
         components.append((single, graph.joint_dofs(name)))

@@ -172,5 +172,7 @@ class TimoshenkoBeam(SubstructureModel):
 
 def _joined(matrices: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Join the elements (..., n_elements, 4, 4) of sections, of which some are a batch."""
+    if len(matrices) == 1:
+        return matrices[0]
     batch = np.broadcast_shapes(*(matrix.shape[:-3] for matrix in matrices))
     return np.concatenate([np.broadcast_to(matrix, (*batch, *matrix.shape[-3:])) for matrix in matrices], axis=-3)

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from dovetail.errors import BundleError, Fault
-from dovetail.identification.metrics import Evaluation
+from dovetail.identification.provenance import Evaluation
 
 __all__ = [
     "FORMAT",

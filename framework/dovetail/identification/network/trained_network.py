@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError
-from dovetail.identification.metrics import Evaluation
 from dovetail.identification.network.network import Network
 from dovetail.identification.network.novelty import Novelty
+from dovetail.identification.provenance import Evaluation
 
 __all__ = ["TrainedNetwork"]
 

@@ -21,12 +21,12 @@ from threadpoolctl import threadpool_limits
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, Storage, generate
 from dovetail.errors import DatasetError, Fault, PluginError
-from dovetail.identification.metrics import Evaluation, parameter_metrics
 from dovetail.identification.network.augmentation import NoisyFeatures, ReducedEpochs
 from dovetail.identification.network.network import Network, check_contract, component_label, reduce_features
 from dovetail.identification.network.novelty import learn_novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
 from dovetail.identification.network.trained_network import TrainedNetwork
+from dovetail.identification.provenance import Evaluation, parameter_metrics
 from dovetail.interfaces import (
     FeatureContext,
     FittedReducer,

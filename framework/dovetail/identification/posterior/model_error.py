@@ -108,9 +108,10 @@ class ModelError:
         words = [
             f"natural frequencies are off by {100.0 * self.natural_frequency:.2g} %",
             f"damping by {_percent_or_factor(self.damping)}",
-            f"amplitudes by {_percent_or_factor(self.magnitude)}",
-            f"phases by {np.degrees(self.phase):.2g} degrees",
         ]
+        if self.magnitude > 0.0 or self.phase > 0.0:  # nothing is known of them where there is no FRF
+            words.append(f"amplitudes by {_percent_or_factor(self.magnitude)}")
+            words.append(f"phases by {np.degrees(self.phase):.2g} degrees")
         if self.other > 0.0:
             words.append(f"and what none of these explains is {_percent_or_factor(self.other)} of the FRF")
         return ", ".join(words)

@@ -257,7 +257,7 @@ class Posterior:
         row[index] = 0.0
         partners = [int(other) for other in np.argsort(-np.abs(row))[:2] if abs(row[other]) >= _SETTINGS.trading]
         if not partners:
-            return "the FRF hardly depends on it" if word == "not identifiable" else "the FRF tells little of it"
+            return f"the measurement {'hardly depends on it' if word == 'not identifiable' else 'tells little of it'}"
         named = " and ".join(f"{self.names[other]} (correlation {row[other]:+.2f})" for other in partners)
         return f"it trades with {named}"
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
+from dovetail.identification.posterior.laplace import LaplaceApproximation
 from dovetail.identification.posterior.likelihood import (
     PRIOR_PRECISION,
     Likelihood,
@@ -28,11 +29,11 @@ from dovetail.identification.posterior.likelihood import (
 )
 from dovetail.identification.posterior.mode_search import maximise_posterior, search_modes
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
-from dovetail.identification.posterior.posterior import Posterior, drawn_by_weight
+from dovetail.identification.posterior.posterior import Form, Posterior, drawn_by_weight
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
 from dovetail.interfaces import Progress, logged, silent
 
-__all__ = ["sample_posterior"]
+__all__ = ["draw", "sample_posterior"]
 
 
 @dataclass(frozen=True)
@@ -238,6 +239,38 @@ class _Sampler:
         """Return the logarithms (n,), but for a constant, of the density of z (n, p), by all lines."""
         squares = marginalised_squares(self._residuals.residuals(unit_from_normal(z)), self._errors)
         return np.asarray(-(squares + np.einsum("np,np->n", z, z)) / 2.0)
+
+
+def draw(
+    posterior: PosteriorResiduals, modes: NDArray[np.float64], form: Form, count: int, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return samples z (n, p) of a posterior whose residuals are few, their weights, and which parameters they mislead.
+
+    Parameters
+    ----------
+    posterior : PosteriorResiduals
+    modes : (n_modes, p) array
+        The highest first; where searches begin.
+    form, count, seed
+        As in `sample_posterior` and `laplace_posterior`.
+    """
+    reliable, even = np.zeros(modes.shape[1], dtype=np.bool_), np.full(count, 1.0 / count)
+    if form == "laplace":
+        approximation = LaplaceApproximation.at(posterior, modes[0])
+        return approximation.draw(count, seed), even, approximation.unreliable
+    random, places = np.random.default_rng([seed, 8]), LinearisedPoints.at(posterior, modes)
+    tangent_map = TangentMap(posterior, places.at_rows(np.array([0])))
+    target, components = random.standard_normal((count, modes.shape[1])), tangent_map.components(places.residuals)
+    nearest = np.argmin(np.sum((target[:, np.newaxis] - components) ** 2, axis=2), axis=1)
+    points, converged = tangent_map.solve(target, places.at_rows(nearest), _SETTINGS.iterations)
+    points = points.at_rows(np.flatnonzero(converged)) if converged.any() else places
+    squares = np.sum(tangent_map.components(points.residuals) ** 2, axis=1)
+    log_weight = points.log_posterior + squares / 2.0 - tangent_map.log_determinant(points)
+    weight = np.exp(log_weight - log_weight.max())
+    if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
+        chosen = drawn_by_weight(weight, count, random)
+        return decorrelate(posterior, points.at_rows(chosen), random).z, even, reliable
+    return points.z, weight / weight.sum(), reliable
 
 
 def _effective_sample_size(log_weight: NDArray[np.float64]) -> float:

@@ -6,7 +6,7 @@ form for systems of up to some hundred multiplications. Larger ones take long to
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import product
 
 from dovetail.synthesis.codegen.kernel import KernelWriter
@@ -134,19 +134,35 @@ class _StraightLineKernel(KernelWriter):
         """Store -x^T (dZ/dp) x for each parameter, x the motion under a unit force at the only point."""
         ir, point = self.ir, self.points[0]
         x = self._motion({point: self._receptance(point, point)})
-        slots = {slot for _, slot, _ in self.layout.derivatives}
-        slots.update(slot for _, slot in self.layout.spectral_derivatives)
-        ends = {slot: (int(self.program.rows[slot]), int(self.program.columns[slot])) for slot in sorted(slots)}
-        products = {slot: ir.complex_product(x[row], x[column]) for slot, (row, column) in ends.items()}
-        by_parameter: list[dict[str, list[tuple[int, int]]]] = [{} for _ in range(self.layout.parameters)]
+        entries: list[dict[int, dict[str, int]]] = [{} for _ in range(self.layout.parameters)]
         for column, (parameter, slot, matrix) in enumerate(self.layout.derivatives):
-            by_parameter[parameter].setdefault(matrix, []).append((column, slot))
+            entries[parameter].setdefault(slot, {})[matrix] = column
+        products: dict[int, ComplexVector] = {}
+
+        def product_at(slot: int) -> ComplexVector:  # made where it is first needed, so that few wait in memory
+            if slot not in products:
+                row, column = int(self.program.rows[slot]), int(self.program.columns[slot])
+                products[slot] = ir.complex_product(x[row], x[column])
+            return products[slot]
+
         factors = [(pair, self.factor(pair)) for pair in range(len(self.layout.pairs))]
-        for parameter, by_matrix in enumerate(by_parameter):
-            sums = {matrix: self._weighted_sum(columns, products) for matrix, columns in by_matrix.items()}
-            total = self._add_spectral_derivatives(parameter, self.dynamic_stiffness(sums), products)
+        for parameter, by_slot in enumerate(entries):
+            total: ComplexVector = (None, None)
+            for slot, columns in by_slot.items():
+                total = ir.complex_multiply_add(self._weight(columns), product_at(slot), total)
+            for row, (owner, slot) in enumerate(self.layout.spectral_derivatives):
+                if owner == parameter:
+                    weight = self.load_complex("%spectral_weights", "%spectral_weight_row", row)
+                    total = ir.complex_multiply_add(weight, product_at(slot), total)
             for pair, factor in factors:
                 self.store_derivative(pair, parameter, total, factor)
+
+    def _weight(self, columns: Mapping[str, int]) -> ComplexVector:
+        """Return a derivative's entry of the dynamic stiffness from those of its matrices, by their columns."""
+        ir = self.ir
+        weights = {m: ir.broadcast(ir.load("%weights_here", at, "double")) for m, at in columns.items()}
+        real = ir.multiply_add(weights.get("M"), "%minus_omega2", weights.get("K"))
+        return real, ir.multiply_add(weights.get("C"), "%omega", weights.get("D"))
 
     def _substitute(self) -> str:
         """Substitute back for the motions under unit forces at all points; return the region where they are.
@@ -167,25 +183,6 @@ class _StraightLineKernel(KernelWriter):
 
         self.ir.loop(0, count, substitute)
         return motions
-
-    def _add_spectral_derivatives(
-        self, parameter: int, total: ComplexVector, products: Mapping[int, ComplexVector]
-    ) -> ComplexVector:
-        """Add the derivatives of joints that depend on frequency, each times the product of motions at its entry."""
-        for row, (owner, slot) in enumerate(self.layout.spectral_derivatives):
-            if owner == parameter:
-                weight = self.load_complex("%spectral_weights", "%spectral_weight_row", row)
-                total = self.ir.complex_multiply_add(weight, products[slot], total)
-        return total
-
-    def _weighted_sum(self, columns: Sequence[tuple[int, int]], products: Mapping[int, ComplexVector]) -> ComplexVector:
-        real: str | None = None
-        imaginary: str | None = None
-        for column, slot in columns:
-            weight = self.ir.broadcast(self.ir.load("%weights_here", column, "double"))
-            real = self.ir.multiply_add(weight, products[slot][0], real)
-            imaginary = self.ir.multiply_add(weight, products[slot][1], imaginary)
-        return real, imaginary
 
 
 def kernel_source(program: Program, layout: Layout, *, amplitude: bool = False) -> tuple[str, int]:

@@ -1,0 +1,317 @@
+"""Identification from natural frequencies and damping ratios, with intervals and verdicts as from an FRF."""
+
+from __future__ import annotations
+
+import time
+from copy import copy
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, linear_sum_assignment
+from scipy.stats import qmc, t
+
+from dovetail.assembly import Assembly
+from dovetail.errors import Fault, MeasurementError, listing
+from dovetail.identification.adequacy import Adequacy
+from dovetail.identification.adequacy.adequacy import word_for
+from dovetail.identification.fitting.least_squares import Linearisation
+from dovetail.identification.posterior import LEVEL, TYPICAL, Form, ModelError, Posterior, typical_model_error
+from dovetail.identification.posterior.likelihood import (
+    PosteriorResiduals,
+    check_options,
+    normal_from_unit,
+    unit_from_normal,
+)
+from dovetail.identification.posterior.mode_search import maximise_posterior
+from dovetail.identification.posterior.sampling import draw
+from dovetail.identification.provenance import provenance
+from dovetail.identification.reconstruction import identified_parameters, known_parameters
+from dovetail.identification.result import MatchedMode, ModalIdentification
+from dovetail.interfaces import Progress, silent
+from dovetail.measurement import ModalParameters
+from dovetail.synthesis import DampedModes
+
+__all__ = ["identify_from_modes"]
+
+_LEAST_FREEDOM = 0.5
+"""Degrees of freedom below which what remains of a fit tells nothing."""
+_LEAST_ERRORS = (TYPICAL.natural_frequency, TYPICAL.damping)
+"""Of natural frequencies and damping ratios, relative."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the search goes, and what is assumed of errors that nobody states."""
+
+    assumed: ModelError = field(default=ModelError(5e-3, damping=0.3))
+    """Relative errors of a table that states none and has too few modes to show any."""
+    starts: int = 6
+    """Searches, from the best of eight times as many points of a Latin hypercube over the ranges."""
+    rough: ModelError = field(default=ModelError(0.03, damping=0.5))
+    """Errors that the first searches are allowed: the less they weigh, the fewer places they end in."""
+    rounds: int = 3
+    """In which the size of the errors is told from what remains."""
+    further_modes: int = 4
+    """Modes of the model that are computed beyond twice those of the table, since it may lack some."""
+    reach: float = 1.5
+    """Times the last natural frequency of the table, up to which modes of the model are computed."""
+    least_damping: float = 1e-4
+    """Damping ratio to which relative errors of smaller ones refer."""
+    apart: float = 0.1
+    """Difference of a coordinate, in standard deviations of the prior, from which on two ends are two."""
+    region: float = 20.0
+    """Sum of squares above the best one up to which another end of a search is a place where samples start."""
+
+
+_SETTINGS = Settings()
+
+
+class _ModalResiduals:
+    """Differences of natural frequencies and damping ratios over their standard deviations, by the parameters.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    measured : ModalParameters
+    error : ModelError
+        What model and table are allowed beside the standard deviations that the table states.
+    """
+
+    def __init__(self, assembly: Assembly, measured: ModalParameters, error: ModelError) -> None:
+        self.assembly, self.measured = assembly, measured
+        self._modes = DampedModes(assembly.graph)
+        count = len(assembly.parameters)
+        fixed, moved = assembly.by_joint(np.zeros((1, count))), assembly.by_joint(np.eye(count))
+        self._slopes = {name: moved[name] - fixed[name] for name in fixed}
+        self.groups = [(measured.frequency, measured.frequency_sd, measured.frequency)]
+        if measured.damping_ratio is not None:
+            least = np.maximum(measured.damping_ratio, _SETTINGS.least_damping)
+            self.groups.append((measured.damping_ratio, measured.damping_sd, least))
+        self.target = np.concatenate([values for values, _, _ in self.groups])
+        self.deviation = self.deviations(error)
+
+    def deviations(self, error: ModelError) -> NDArray[np.float64]:
+        """Return the standard deviation of each number of the table, (m,)."""
+        sizes = zip((error.natural_frequency, error.damping), _LEAST_ERRORS, self.groups, strict=False)
+        parts = [
+            max(size, least) * scale if sd is None else np.hypot(sd, size * scale)
+            for size, least, (_, sd, scale) in sizes
+        ]
+        return np.concatenate(parts)
+
+    def split(self, numbers: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return those of the frequencies and, where the table has them, of the damping."""
+        return np.split(numbers, len(self.measured.frequency) * np.arange(1, len(self.groups)))
+
+    def with_error(self, error: ModelError) -> _ModalResiduals:
+        """Return the same residuals with other errors."""
+        other = copy(self)
+        other.deviation = self.deviations(error)
+        return other
+
+    def poles(self, theta: NDArray[np.float64], *, differentiate: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the model's poles (k,), and their derivatives (k, p) by the parameters."""
+        count = 2 * len(self.measured.frequency) + _SETTINGS.further_modes
+        highest = _SETTINGS.reach * float(self.measured.frequency[-1])
+        at = self.assembly.by_joint(theta)
+        poles, by_joint = self._modes.at(at, count, highest=highest, differentiate=differentiate)
+        none = np.zeros((len(poles), len(theta)), dtype=np.complex128)
+        return poles, sum((d @ self._slopes[name].T for name, d in by_joint.items()), none)
+
+    def matched(self, poles: NDArray[np.complex128]) -> NDArray[np.intp]:
+        """Return which pole belongs to each mode of the table, -1 for none: the nearest together, by logarithms."""
+        found = np.full(len(self.measured.frequency), -1, dtype=np.intp)
+        distance = np.abs(np.log(self.measured.frequency[:, None] * 2.0 * np.pi / np.abs(poles)))
+        rows, columns = linear_sum_assignment(distance)
+        found[rows] = columns
+        return found
+
+    def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at fractions of the ranges (n, p)."""
+        return np.stack([self._at(row, differentiate=False)[0] for row in fraction])
+
+    def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives at fractions of the ranges (n, p)."""
+        residuals, jacobians = zip(*(self._at(row, differentiate=True) for row in fraction), strict=True)
+        return Linearisation(np.stack(residuals), np.stack(jacobians))
+
+    def _at(self, fraction: NDArray[np.float64], *, differentiate: bool) -> tuple[NDArray[Any], NDArray[Any]]:
+        theta = self.assembly.from_unit(fraction)
+        poles, derivatives = self.poles(theta, differentiate=differentiate)
+        slope = [float(p.slope(np.array(at))) for p, at in zip(self.assembly.parameters, theta, strict=True)]
+        # a mode that the model lacks has the frequency and the damping 0
+        found = self.matched(poles)
+        s, ds = np.append(poles, 0.0)[found], np.vstack([derivatives * slope, np.zeros_like(theta)])[found]
+        size = np.maximum(np.abs(s), np.finfo(float).tiny)
+        of_size = (np.conj(s)[:, None] * ds).real / size[:, None]
+        values, jacobian = [np.abs(s) / (2.0 * np.pi)], [of_size / (2.0 * np.pi)]
+        if len(self.groups) == 2:
+            values.append(-s.real / size)
+            jacobian.append((-ds.real + (s.real / size)[:, None] * of_size) / size[:, None])
+        residuals = (np.concatenate(values) - self.target) / self.deviation
+        return residuals, (np.concatenate(jacobian) / self.deviation[:, None]).T
+
+
+def identify_from_modes(
+    assembly: Assembly,
+    measured: ModalParameters,
+    *,
+    form: Form = "samples",
+    samples: int = 200,
+    model_error: float | None = None,
+    seed: int | None = None,
+    progress: Progress = silent,
+) -> ModalIdentification:
+    """Fit the joint to natural frequencies and damping ratios, and tell how far each parameter is known.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    measured : ModalParameters
+        Modes may be missing; what is there belongs to the model's nearest modes, each to one.
+    form, samples, seed
+        As of the method "posterior".
+    model_error : float, optional
+        Relative error of natural frequencies that the model is allowed beside the standard deviations of the table;
+        by default what the table shows, and 5e-4 at least.
+    progress : Progress
+        Called after each search.
+
+    Raises
+    ------
+    MeasurementError
+        The table has more modes than the model.
+    DovetailError
+        The assembly has no matrices, or too many DOFs.
+    """
+    check_options(samples)
+    began = time.perf_counter()
+    seed = assembly.description.identification.seed if seed is None else seed
+    residuals = _ModalResiduals(assembly, measured, _SETTINGS.rough)
+    middle, _ = residuals.poles(assembly.from_unit(np.full(len(assembly.parameters), 0.5)))
+    if len(middle) < len(measured.frequency):
+        problem = f"the table has {len(measured.frequency)} modes, the model of '{assembly.name}' has {len(middle)}."
+        raise MeasurementError(Fault(measured.label, problem, remedy="Leave out those that are no bending modes."))
+    ends = _search(residuals, np.random.default_rng([seed, 7]))
+    progress("searching", 1, 2)
+    allowed = None if model_error is None else typical_model_error(model_error)
+    error = TYPICAL if allowed is None else allowed
+    for _ in range(_SETTINGS.rounds):
+        residuals = residuals.with_error(error)
+        ends = maximise_posterior(PosteriorResiduals(residuals), ends, tolerance=1e-4)
+        freedom = _freedom(residuals, ends[0])
+        shown = _shown(residuals, ends[0], freedom)
+        error = shown if allowed is None else allowed
+    residuals = residuals.with_error(error)
+    ends = maximise_posterior(PosteriorResiduals(residuals), ends, tolerance=1e-4)
+    z, weight, unreliable = draw(PosteriorResiduals(residuals), ends, form, samples, seed)
+    posterior = Posterior.from_fractions(
+        assembly,
+        unit_from_normal(z),
+        weight,
+        model_error=error,
+        searches=samples,
+        lines=len(residuals.target),
+        seconds=time.perf_counter() - began,
+    )
+    best = assembly.from_unit(unit_from_normal(ends[0]))
+    names = tuple(name for name, failed in zip(posterior.names, unreliable, strict=True) if failed)
+    posterior = replace(posterior, form=form, mode=best if form == "laplace" else None, unreliable=names)
+    progress("searching", 2, 2)
+    return _result(residuals, best, posterior, shown, sum(freedom), model_error)
+
+
+def _search(residuals: _ModalResiduals, random: np.random.Generator) -> NDArray[np.float64]:
+    """Return where searches from all over the ranges end, (n, p) normal quantiles, the best first and each once."""
+    rough = PosteriorResiduals(residuals)
+    cube = qmc.LatinHypercube(len(residuals.assembly.parameters), rng=random).random(8 * _SETTINGS.starts)
+    points = normal_from_unit(cube)
+    best = np.argsort(np.sum(rough.residuals(points) ** 2, axis=1))[: _SETTINGS.starts]
+    ends = maximise_posterior(rough, points[best], tolerance=1e-2)
+    cost = np.sum(rough.residuals(ends) ** 2, axis=1)
+    near = ends[cost < cost[0] + _SETTINGS.region]
+    apart = np.abs(near[:, None] - near).max(axis=2) + np.triu(np.ones((len(near),) * 2))
+    return np.asarray(near[(apart > _SETTINGS.apart).all(axis=1)])
+
+
+def _freedom(residuals: _ModalResiduals, z: NDArray[np.float64]) -> list[float]:
+    """Return how many numbers of the frequencies, and of the damping, the parameters and their prior cannot follow."""
+    jacobian = PosteriorResiduals(residuals).linearise(z[None])[1]
+    tangent = np.linalg.qr(jacobian[0].T)[0]
+    return [float(np.sum(1.0 - part)) for part in residuals.split(np.sum(tangent**2, axis=1)[len(z) :])]
+
+
+def _shown(residuals: _ModalResiduals, z: NDArray[np.float64], freedom: list[float]) -> ModelError:
+    """Return the errors that explain what remains at a best fit."""
+    remains = residuals.split(residuals.residuals(unit_from_normal(z)[None])[0] * residuals.deviation)
+    assumed = (_SETTINGS.assumed.natural_frequency, _SETTINGS.assumed.damping)
+    groups = zip(remains, residuals.groups, freedom, _LEAST_ERRORS, assumed, strict=False)
+    sizes = [_size(off, sd, scale, *known) for off, (_, sd, scale), *known in groups]
+    return ModelError(sizes[0], damping=sizes[1] if len(sizes) == 2 else 0.0)
+
+
+def _size(off: Any, sd: Any, scale: Any, freedom: float, least: float, assumed: float) -> float:
+    """Return the relative error beside the stated ones with which residuals have the squares that they should have."""
+    if freedom < _LEAST_FREEDOM:
+        return assumed if sd is None else least
+
+    def excess(size: float) -> float:
+        return float(np.sum(off**2 / ((0.0 if sd is None else sd**2) + (size * scale) ** 2)) - freedom)
+
+    size = float(brentq(excess, least, 1e6)) if excess(least) > 0.0 else least
+    if sd is not None:
+        return size
+    tails = t.ppf((1.0 + LEVEL) / 2.0, [freedom, np.inf])  # told from few modes, it may be far larger
+    return max(size, min(size * float(tails[0] / tails[1]), assumed))
+
+
+def _result(
+    residuals: _ModalResiduals,
+    best: NDArray[np.float64],
+    posterior: Posterior,
+    shown: ModelError,
+    freedom: float,
+    allowed: float | None,
+) -> ModalIdentification:
+    assembly, measured = residuals.assembly, residuals.measured
+    poles, _ = residuals.poles(best)
+    row_of = {int(pole): row for row, pole in enumerate(residuals.matched(poles))}
+    columns = [[] if values is None else values.tolist() for values in (measured.frequency, measured.damping_ratio)]
+    modes = []
+    for pole, s in enumerate(poles[: max(row_of) + 1].tolist()):
+        known = [column[row_of[pole]] if pole in row_of and column else None for column in columns]
+        modes.append(MatchedMode(abs(s) / (2.0 * np.pi), -s.real / abs(s), *known))
+    off = residuals.residuals(assembly.to_unit(best)[None])[0]
+    sizes = (shown.natural_frequency, shown.damping)
+    plain = measured.frequency_sd is not None and all(a <= b for a, b in zip(sizes, _LEAST_ERRORS, strict=True))
+    adequacy = Adequacy("to the noise" if plain else word_for(shown), None if plain else shown, allowed)
+    origin = provenance(assembly, [measured], None) | {"posterior_form": posterior.form}
+    result = ModalIdentification(
+        parameters=MappingProxyType(identified_parameters(assembly, best)),
+        known=MappingProxyType({name: at for name, at in known_parameters(assembly).items() if np.isfinite(at)}),
+        measured=measured,
+        modes=tuple(modes),
+        chi_squared=float(off @ off) / freedom if freedom >= _LEAST_FREEDOM else None,
+        degrees_of_freedom=freedom,
+        adequacy=adequacy,
+        posterior=posterior,
+        warnings=(),
+        provenance=MappingProxyType(origin),
+    )
+    posterior = replace(posterior, caveat=result.caveat)
+    return replace(result, posterior=posterior, warnings=_warnings(result))
+
+
+def _warnings(result: ModalIdentification) -> tuple[str, ...]:
+    """Return what must be known before the numbers are relied on."""
+    measured, error = result.measured, result.posterior.model_error
+    lacking = [f"{mode.natural_frequency:.6g}" for mode in result.modes if mode.measured_frequency is None]
+    words = [f"The table lacks modes that the model has: {listing(lacking)} Hz."] if lacking else []
+    if measured.frequency_sd is None or (measured.damping_ratio is not None and measured.damping_sd is None):
+        damping = "" if measured.damping_ratio is None else f" and {100.0 * error.damping:.2g} % of a damping ratio"
+        size = f"{100.0 * error.natural_frequency:.2g} % of a natural frequency{damping}"
+        words.append(f"The table does not state all its errors: {size} were assumed, by what remains of the fit.")
+    return (*words, *result.posterior.warnings)

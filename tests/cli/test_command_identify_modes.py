@@ -1,0 +1,50 @@
+"""`dovetail identify` from a table of natural frequencies and damping ratios."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+OSCILLATOR = Path(__file__).resolve().parents[2] / "assemblies" / "oscillator.yaml"
+TABLE = "frequency_Hz,damping_percent,frequency_sd_Hz,damping_sd_percent\n212.1,0.31,0.02,0.02\n"
+
+
+@pytest.fixture
+def modes(tmp_path: Path) -> Path:
+    (tmp_path / "modes.csv").write_text(TABLE)
+    return tmp_path / "modes.csv"
+
+
+def test_the_table_the_modes_and_what_frequencies_do_not_tell(run, modes, tmp_path):
+    answer = run("identify", OSCILLATOR, modes, "--form", "laplace", "-o", tmp_path / "result").output
+    rows = {line.split()[0]: line for line in reversed(answer.splitlines()) if line.split()}
+    assert "1.776" in rows["k"]
+    assert "identified" in rows["k"]
+    assert "response.gain: not identifiable. The measurement hardly depends on it." in answer
+    assert rows["212.1"].split() == ["212.1", "212.1", "0.310", "0.310"]
+    names = sorted(file.name for file in (tmp_path / "result").iterdir())
+    assert names == ["SHA256SUMS", "modes.csv", "parameters.csv", "result.json"]
+    stored = json.loads((tmp_path / "result" / "result.json").read_text())
+    assert (stored["method"], stored["believable"]) == ("modal parameters", True)
+    assert [row["name"] for row in stored["table"]] == ["k", "c", "response.gain", "response.delay"]
+    header, row = (tmp_path / "result" / "modes.csv").read_text().splitlines()
+    assert header == "natural_frequency,damping_ratio,measured_frequency,measured_damping"
+    assert float(row.split(",")[2]) == 212.1
+
+
+def test_a_table_that_the_model_cannot_follow_ends_with_three(run, modes):
+    modes.write_text(TABLE.replace("212.1", "21.21"))
+    output = run("identify", OSCILLATOR, modes, "--form", "laplace", "--json", code=3).output
+    assert '"believable": false' in output
+
+
+def test_options_of_an_frf_do_not_go_with_it(run, modes):
+    for option in (("--weights", "coherence"), ("--amplitude-only",), ("--method", "refined"), ("--index", "1")):
+        assert "takes no option of an FRF" in run("identify", OSCILLATOR, modes, *option, code=2).output
+
+
+def test_a_wrong_unit_is_one_error(run, modes):
+    modes.write_text("frequency [rpm],zeta\n212.1,0.31\n")
+    assert "the unit of 'frequency' is 'rpm'" in run("identify", OSCILLATOR, modes, code=1).output

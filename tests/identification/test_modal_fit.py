@@ -1,0 +1,163 @@
+"""Joints identified from natural frequencies and damping ratios: chains of masses drawn at random."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import eig
+
+import dovetail
+from dovetail.synthesis import DampedModes, assembly_matrices
+
+CHAIN: dict[str, Any] = {
+    "dovetail": 1,
+    "name": "chain",
+    "frequency": {"start": "1 Hz", "stop": "400 Hz", "step": "1 Hz"},
+    "substructures": {
+        "wall": {"model": "ground"},
+        "first": {"model": "lumped", "masses": [{"mass": "2 kg"}]},
+        "second": {"model": "lumped", "masses": [{"mass": "1 kg"}]},
+        "third": {"model": "lumped", "masses": [{"mass": "1.5 kg"}]},
+    },
+    "joints": {
+        name: {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": one, "at": 0}, "b": {"to": other, "at": 0}},
+            "parameters": {"k": k, "c": c},
+        }
+        for name, one, other, k, c in (
+            ("a", "wall", "first", "8e5 N/m", "20 N s/m"),
+            ("b", "first", "second", {"range": [2e5, 2e6], "scale": "log"}, {"range": [2, 50], "scale": "log"}),
+            ("c", "second", "third", {"range": [2e5, 2e6], "scale": "log"}, {"range": [2, 50], "scale": "log"}),
+        )
+    },
+    "response": {"at": "third", "position": 0},
+}
+
+
+@pytest.fixture(scope="module")
+def chain() -> dovetail.Assembly:
+    return dovetail.load(CHAIN)
+
+
+def modes_of(assembly: dovetail.Assembly, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Natural frequencies and damping ratios from the state matrix, whose eigenvalues are the poles."""
+    matrices = assembly_matrices(assembly.graph, assembly.by_joint(theta))
+    moving = np.flatnonzero(matrices.M.diagonal())
+    M, K, C = (getattr(matrices, name)[np.ix_(moving, moving)] for name in "MKC")
+    state = np.block([[np.zeros_like(M), np.eye(len(M))], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    poles = np.linalg.eigvals(state)
+    poles = np.sort_complex(1j * poles[poles.imag > 0])[::-1]  # by increasing imaginary part
+    poles = poles[np.argsort(abs(poles))] / 1j
+    return abs(poles) / (2 * np.pi), -poles.real / abs(poles)
+
+
+def table_of(assembly, theta, random, *, sd=1e-3, damping_sd=0.03, stated=True) -> dovetail.ModalParameters:
+    frequency, damping = modes_of(assembly, theta)
+    errors = sd * frequency, damping_sd * damping
+    measured = frequency + errors[0] * random.standard_normal(3), damping + errors[1] * random.standard_normal(3)
+    return dovetail.ModalParameters(*measured, *(errors if stated else (None, None)), label="chain.csv")
+
+
+def test_the_poles_are_those_of_the_dense_system_and_so_are_their_derivatives():
+    beams = copy.deepcopy(CHAIN)
+    beams["substructures"]["third"] = {
+        "model": "timoshenko_beam",
+        "material": {"young": "206 GPa", "density": "7850 kg/m^3", "loss_factor": 0.01},
+        "sections": [{"length": "300 mm", "outer": "20 mm", "elements": 4}],
+    }
+    beams["joints"]["c"]["parameters"]["c"] = {"range": [2, 5000], "scale": "log"}  # up to heavy damping
+    assembly = dovetail.load(beams)
+    damped = DampedModes(assembly.graph)
+    random = np.random.default_rng(3)
+    for fraction in (*random.random((3, 4)), np.array([0.3, 0.5, 0.6, 0.99])):
+        theta = assembly.by_joint(assembly.from_unit(fraction))
+        matrices = assembly_matrices(assembly.graph, theta)
+        active = np.flatnonzero(matrices.M.diagonal())
+        M, K, C, D = (getattr(matrices, name)[np.ix_(active, active)] for name in "MKCD")
+        one, zero = np.eye(len(M)), np.zeros_like(M)
+        dense = eig(np.block([[zero, one], [-K - 1j * D, -C]]), np.block([[one, zero], [zero, M]]), right=False)
+        poles, derivatives = damped.at(theta, 5)
+        assert len(poles) >= 4
+        for pole in poles:
+            assert min(abs(dense - pole)) < 1e-6 * abs(pole)
+        step = 1e-4 * theta["c"][1]
+        ahead, behind = ({**theta, "c": theta["c"] + sign * step * np.eye(len(theta["c"]))[1]} for sign in (1, -1))
+        slope = (damped.at(ahead, 5)[0] - damped.at(behind, 5)[0]) / (2 * step)
+        np.testing.assert_allclose(derivatives["c"][:, 1], slope, atol=1e-5 * abs(slope).max())
+
+
+@pytest.mark.parametrize("form", ["laplace", "samples"])
+def test_intervals_hold_the_truth_as_often_as_they_say(chain, form, capsys):
+    random, inside = np.random.default_rng(1), []
+    cases = 20 if form == "laplace" else 3
+    for _ in range(cases):
+        theta = chain.from_unit(0.1 + 0.8 * random.random(4))
+        table = table_of(chain, theta, random)
+        result = dovetail.identify(chain, table, form=form, samples=100, model_error=0.0)
+        assert result.believable
+        rows = zip(result.interval.values(), theta, strict=True)
+        inside += [low <= true <= high for (low, high), true in rows]
+    with capsys.disabled():
+        print(f"\n{sum(inside)} of {len(inside)} true values within 90 % intervals ({form})")
+    assert np.mean(inside) >= 0.8
+    assert form == "samples" or np.mean(inside) < 0.99
+
+
+def test_a_mode_may_be_missing_and_is_named(chain):
+    theta, random = chain.from_unit(np.array([0.4, 0.5, 0.6, 0.5])), np.random.default_rng(2)
+    whole = table_of(chain, theta, random)
+    kept = [0, 2]
+    columns = (whole.frequency, whole.damping_ratio, whole.frequency_sd, whole.damping_sd)
+    table = dovetail.ModalParameters(*(column[kept] for column in columns))
+    result = dovetail.identify(chain, table, form="laplace")
+    assert [mode.measured_frequency is None for mode in result.modes] == [False, True, False]
+    lacking = result.modes[1].natural_frequency
+    assert lacking == pytest.approx(modes_of(chain, theta)[0][1], rel=0.02)
+    assert result.warnings[0] == f"The table lacks modes that the model has: {lacking:.6g} Hz."
+    assert all(low <= true <= high for (low, high), true in zip(result.interval.values(), theta, strict=True))
+
+
+def test_frequencies_in_the_wrong_unit_are_not_believed(chain):
+    theta = chain.from_unit(np.full(4, 0.5))
+    frequency, damping = modes_of(chain, theta)
+    result = dovetail.identify(chain, dovetail.ModalParameters(2 * np.pi * frequency, damping), form="laplace")
+    assert not result.believable
+    assert {row.verdict for row in result.table} == {"not believed"}
+    assert repr(result).startswith(
+        "<ModalIdentification: chain, modal parameters: The model does not fit the measurement"
+    )
+
+
+def test_errors_that_nobody_states_are_told_from_what_remains_and_said(chain):
+    theta, random = chain.from_unit(np.array([0.5, 0.5, 0.5, 0.5])), np.random.default_rng(5)
+    table = table_of(chain, theta, random, sd=5e-3, damping_sd=0.1, stated=False)
+    result = dovetail.identify(chain, table, form="laplace")
+    assert 5e-4 <= result.posterior.model_error.natural_frequency <= 0.02
+    assert "The table does not state all its errors: " in result.warnings[0]
+    alone = dovetail.identify(chain, dovetail.ModalParameters(table.frequency[:1]), form="laplace")
+    assert "0.5 % of a natural frequency were assumed" in alone.warnings[0]
+    words = {row.name: (row.verdict, row.why) for row in alone.table}
+    assert words["b.c"] == ("not identifiable", "The measurement hardly depends on it.")
+
+
+def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):
+    table = dovetail.ModalParameters([100.0, 150.0, 200.0, 250.0], label="four.csv")
+    with pytest.raises(dovetail.MeasurementError, match=r"four.csv\n  the table has 4 modes, .* 'chain' has 3"):
+        dovetail.identify(chain, table)
+    with pytest.raises(dovetail.ParameterError, match="take no other method, no network, no weights and no phase"):
+        dovetail.identify(chain, table, "refined")
+    (tmp_path / "modes.csv").write_text("frequency_Hz,damping_percent\n100,1\n150,1\n")
+    with pytest.raises(dovetail.MeasurementError, match="a table of modal parameters, no FRF"):
+        dovetail.identify(chain, tmp_path / "modes.csv")
+    result = dovetail.identify(chain, dovetail.ModalParameters(table.frequency[:2]), form="laplace")
+    with pytest.raises(dovetail.DovetailError, match="has no FRF, and no report"):
+        dovetail.write_report(result, tmp_path / "report.html")
+    (tmp_path / "result.json").write_text(json.dumps(result.to_dict(), allow_nan=False))
+    with pytest.raises(dovetail.DovetailError, match="a result from modal parameters, in which there is no FRF"):
+        dovetail.load_result(tmp_path)
