@@ -52,7 +52,7 @@ WORDS = {
 
 
 def first_cause(assembly, theta, kind):
-    result = dovetail.identify(assembly, altered(assembly, theta, kind), "refined")
+    result = dovetail.identify(assembly, altered(assembly, theta, kind), "refined", cause_seconds=200.0)
     assert result.adequacy.word != "to the noise"
     assert 1 <= len(result.adequacy.causes) <= 3
     names = [cause.name for cause in result.adequacy.causes]
