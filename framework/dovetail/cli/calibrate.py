@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method
+from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method, part
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell
 
@@ -28,7 +28,10 @@ def calibrate(
     ],
     cases: Annotated[int, typer.Option(metavar="N", min=1, help="Random joints from the ranges.")] = 100,
     noise: Annotated[
-        float, typer.Option(metavar="PART", help="Noise of every line over the FRF's standard deviation.")
+        float,
+        typer.Option(
+            metavar="PART", parser=part, show_default=False, help="Noise, such as 2%; --noise-kind says of what."
+        ),
     ] = 0.01,
     samples: Annotated[int, typer.Option(metavar="N", min=1, help="Of each posterior.")] = 400,
     model_error: Annotated[

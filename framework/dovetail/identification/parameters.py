@@ -140,8 +140,10 @@ def parameter_table(
     posterior: Posterior | None,
     network: Mapping[str, float] | None,
     caveat: str,
+    *,
+    is_fitted: bool,
 ) -> tuple[TableRow, ...]:
-    """Return a row for each parameter, in their order; the caveat is that of the result."""
+    """Return a row for each parameter, in their order; the caveat is that of the result, whose values may be a fit."""
     intervals = {} if posterior is None or caveat else posterior.interval()
     estimates = {} if posterior is None else dict(zip(posterior.names, posterior.estimate.tolist(), strict=True))
     verdicts = {} if posterior is None else posterior.verdicts
@@ -166,7 +168,7 @@ def parameter_table(
                 range_high=parameter.upper,
                 scale=parameter.scale,
                 in_range=is_in_range(estimate, parameter.lower, parameter.upper, parameter.scale),
-                best_fit=parameter.value if name in estimates else None,
+                best_fit=parameter.value if is_fitted and name in estimates else None,
                 network=None if network is None else network.get(name),
                 joint=parameter.joint,
                 description=parameter.description,

@@ -110,7 +110,11 @@ class _Answer:
     @property
     def table(self) -> tuple[TableRow, ...]:
         """What is known of each parameter, the same wherever it is shown: a row for each, in their order."""
-        return parameter_table(self.parameters, self.posterior, self.network, self.caveat)
+        return parameter_table(self.parameters, self.posterior, self.network, self.caveat, is_fitted=self._is_fitted)
+
+    @property
+    def _is_fitted(self) -> bool:
+        return True
 
     @property
     def interval(self) -> Mapping[str, tuple[float, float]] | None:
@@ -211,6 +215,10 @@ class Identification(_Answer):
     def responses(self) -> tuple[AtPoint, ...]:
         """The measured and the reconstructed FRF at each response, in the order of the description."""
         return AtPoint(self.point, self.frf, self.measured), *self.further
+
+    @property
+    def _is_fitted(self) -> bool:
+        return self.fit is not None
 
     @property
     def theta(self) -> NDArray[np.float64]:

@@ -186,7 +186,7 @@ def evaluation_rows(result: Identification) -> list[EvaluationRow]:
 def columns_sentence(result: Identification | ModalIdentification) -> str:
     """Say what the columns of the table are."""
     sentences = []
-    if result.posterior is not None:
+    if any(row.best_fit is not None for row in result.table):
         sentences.append(
             "The estimate is what to quote of one parameter by itself. The best fit is all parameters together that "
             "fit the measurement best: where parameters trade with each other, the two differ."
@@ -216,6 +216,8 @@ def posterior_sentence(posterior: Posterior) -> str:
     if posterior.form == "laplace":
         start = f"A Gaussian at the most probable place, in {posterior.seconds:.2g} s; {len(posterior.weight)} samples"
         return f"{start} of it, {halves}."
+    if np.ptp(posterior.weight) == 0.0 and posterior.converged_fraction == 1.0:  # drawn without any search
+        return f"{len(posterior.weight)} samples of equal weight in {posterior.seconds:.2g} s; {halves}."
     return (
         f"{len(posterior.weight)} samples in {posterior.seconds:.2g} s; {posterior.converged_fraction:.0%} of the "
         "searches for them reached their target. They tell as much as "
