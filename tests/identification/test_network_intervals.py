@@ -7,6 +7,7 @@ import pytest
 
 import dovetail
 from dovetail.errors import ParameterError
+from dovetail.identification.network.augmentation import ReducedEpochs
 
 DESCRIPTION = {
     "dovetail": 1,
@@ -81,3 +82,48 @@ def test_a_network_of_values_alone_cannot_be_calibrated():
     plain = dovetail.train(dovetail.load({**DESCRIPTION, "identification": identification}))
     with pytest.raises(ParameterError, match="the method 'network' tells no intervals here"):
         dovetail.calibrate(plain.assembly, cases=2, method="network", model=plain)
+
+
+def small(**changes):
+    """Return the block with a small network and `changes` of its identification."""
+    regressor = {"model": "mlp", "uncertainty": "gaussian", "hidden": [32], "learning_rate": 3e-3}
+    identification = {"samples": 400, "reducer": {"model": "pca", "n_components": 10}, "regressor": regressor}
+    return dovetail.load({**DESCRIPTION, "identification": {**identification, **changes}})
+
+
+def test_fresh_training_sees_no_sample_twice(monkeypatch):
+    seen = []
+    epoch = ReducedEpochs.__call__
+
+    def watched(self, number):
+        features, targets = epoch(self, number)
+        seen.append(targets[0].tolist())
+        return features, targets
+
+    monkeypatch.setattr(ReducedEpochs, "__call__", watched)
+    regressor = {"model": "mlp", "hidden": [8], "max_epochs": 4, "patience": 10}
+    model = dovetail.train(small(regressor=regressor), fresh=True)
+    assert len(seen) == 4
+    assert len({tuple(row) for row in seen}) == 4
+    augmentation = model.assembly.description.identification.augmentation
+    assert (augmentation.fresh, augmentation.additive) == (True, 0.2)
+
+
+def test_a_time_ends_the_training_and_the_learning_rate_with_it():
+    epochs = []
+
+    def listen(stage, done, total, note=""):
+        if stage == "regressor" and note:
+            epochs.append(done)
+
+    regressor = {"model": "mlp", "hidden": [8], "max_epochs": 100_000, "patience": 100_000}
+    model = dovetail.train(small(regressor=regressor), minutes=0.02, progress=listen)
+    assert 1 <= epochs[-1] < 100_000
+    assert 1.0 < model.evaluation.seconds["regressor"] < 30.0
+
+
+@pytest.mark.parametrize(("minutes", "regressor"), [(0.0, "mlp"), (float("nan"), "mlp"), (1.0, "sklearn")])
+def test_a_time_that_cannot_be_is_refused(minutes, regressor):
+    options = {"model": regressor, **({"estimator": "Ridge"} if regressor == "sklearn" else {})}
+    with pytest.raises(ParameterError):
+        dovetail.train(small(regressor=options), minutes=minutes)

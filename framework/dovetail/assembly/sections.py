@@ -207,7 +207,10 @@ class AugmentationSection(_Section):
     clean : float
         Share of the FRFs that get no additive noise.
     multiplicative : float
-        Greatest standard deviation of each line's relative error; each FRF draws its own level from 0 up.
+        Greatest standard deviation of each line's relative error; each FRF draws its own level, evenly from 0 up or,
+        with `multiplicative_decades`, evenly on a logarithmic scale.
+    multiplicative_decades : float
+        By which the level varies below its greatest value, so that good measurements are seen as often as bad ones.
     gain : float
         Standard deviation of an FRF's relative calibration error, the same at all its lines.
     bad_lines : float
@@ -225,6 +228,7 @@ class AugmentationSection(_Section):
     additive: _Level = 0.2
     clean: Annotated[_Number, Field(ge=0, le=1)] = 0.1
     multiplicative: _Level = 0.02
+    multiplicative_decades: Annotated[_Number, Field(ge=0, le=6)] = 0.0
     gain: _Level = 0.0
     bad_lines: Annotated[_Number, Field(ge=0, le=1)] = 0.0
     stretch: Annotated[_Number, Field(ge=0, le=0.1)] = 0.0

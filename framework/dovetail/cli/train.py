@@ -27,6 +27,12 @@ def train(
     robust: Annotated[
         bool, typer.Option("--robust", help="Train with noise, as the description's 'augmentation' says or by default.")
     ] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Train robustly on new FRFs in every epoch: none is seen twice.")
+    ] = False,
+    minutes: Annotated[
+        float | None, typer.Option(metavar="M", help="Time for the regressor, at most.", show_default=False)
+    ] = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -44,7 +50,7 @@ def train(
     note_doubts(loaded)
     dataset = None if data is None else dovetail.Dataset(data)
     with progress_bars() as progress:
-        model = dovetail.train(loaded, dataset, robust=robust, progress=progress)
+        model = dovetail.train(loaded, dataset, robust=robust, fresh=fresh, minutes=minutes, progress=progress)
     try:
         _save(model, output)
     finally:

@@ -107,6 +107,8 @@ def train(
     dataset: Dataset | str | Path | None = None,
     *,
     robust: bool = False,
+    fresh: bool = False,
+    minutes: float | None = None,
     progress: Progress | bool | None = None,
 ) -> Identifier:
     """Train the network of an assembly's description and evaluate it on the test part of the dataset.
@@ -120,6 +122,12 @@ def train(
     robust : bool
         Train on FRFs with noise, as the description's `augmentation` says or else by its defaults. A description that
         has an `augmentation` is trained so in any case.
+    fresh : bool
+        Robust training in which every epoch draws new parameters and new noise, as many as the dataset has: no sample
+        is seen twice. The dataset gives the first ones, the reducer's, and the test.
+    minutes : float, optional
+        Time for the regressor, which then ends with the best that it has; the same machine and load aside, results are
+        reproducible only without it.
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
@@ -131,12 +139,15 @@ def train(
     ------
     DatasetError
         The dataset is not of this assembly, too small to be split, or holds values that are not finite.
+    ParameterError
+        `minutes` are none, or the regressor takes no notice of them.
     PluginError
         The reducer or the regressor breaks its contract.
     """
     samples = Dataset(dataset) if isinstance(dataset, (str, Path)) else dataset
     with progress_reporter(progress) as report:
-        return Identifier.of(train_network(as_assembly(assembly), samples, robust=robust, progress=report))
+        chosen: dict[str, Any] = {"robust": robust, "fresh": fresh, "minutes": minutes, "progress": report}
+        return Identifier.of(train_network(as_assembly(assembly), samples, **chosen))
 
 
 def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:

@@ -9,7 +9,7 @@ from dovetail.interfaces.component import (
     plugin_errors,
     source_file,
 )
-from dovetail.interfaces.context import FeatureContext, fit_in_context
+from dovetail.interfaces.context import FeatureContext, fit_in_context, takes_context
 from dovetail.interfaces.declarations import joint_faults, node_faults, parameter_faults, port_faults
 from dovetail.interfaces.file_name import FileName
 from dovetail.interfaces.joint import JointModel, Parameter, Port, Prior, Scale
@@ -67,4 +67,5 @@ __all__ = [
     "silent",
     "source_file",
     "spread_normal",
+    "takes_context",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -160,6 +161,7 @@ class MLP(dovetail.Regressor):
         *,
         seed: int,
         progress: dovetail.Progress = dovetail.silent,
+        context: dovetail.FeatureContext | None = None,
     ) -> FittedMLP:
         """Fit to features (n_samples, n_features) and targets (n_samples, n_targets).
 
@@ -169,10 +171,15 @@ class MLP(dovetail.Regressor):
             The two differ in length, hold values that are not finite, or are too few for a validation part.
         """
         samples = _tensors(features, targets)
-        return self._fit(lambda _: samples, seed, progress)
+        return self._fit(lambda _: samples, seed, progress, context)
 
     def fit_epochs(
-        self, epoch: dovetail.Epoch, *, seed: int, progress: dovetail.Progress = dovetail.silent
+        self,
+        epoch: dovetail.Epoch,
+        *,
+        seed: int,
+        progress: dovetail.Progress = dovetail.silent,
+        context: dovetail.FeatureContext | None = None,
     ) -> FittedMLP:
         """Fit to samples whose features change from epoch to epoch.
 
@@ -183,11 +190,17 @@ class MLP(dovetail.Regressor):
         DovetailError
             As `fit`.
         """
-        return self._fit(lambda number: _tensors(*epoch(number)), seed, progress)
+        return self._fit(lambda number: _tensors(*epoch(number)), seed, progress, context)
 
-    def _fit(self, epoch: Callable[[int], Tensors], seed: int, progress: dovetail.Progress) -> FittedMLP:
+    def _fit(
+        self,
+        epoch: Callable[[int], Tensors],
+        seed: int,
+        progress: dovetail.Progress,
+        context: dovetail.FeatureContext | None,
+    ) -> FittedMLP:
         with _own_torch(seed):
-            layers = self._train(epoch, progress)
+            layers = self._train(epoch, progress, None if context is None else context.seconds)
         is_gaussian = self.config.uncertainty == _GAUSSIAN
         return FittedMLP([weight for weight, _ in layers], [bias for _, bias in layers], is_gaussian)
 
@@ -216,11 +229,14 @@ class MLP(dovetail.Regressor):
         outputs = n_targets + n_targets * (n_targets + 1) // 2 if is_gaussian else n_targets
         return nn.Sequential(*layers, nn.Linear(n_features, outputs))
 
-    def _train(self, samples: Callable[[int], Tensors], progress: dovetail.Progress) -> Layers:
-        """Return the layers at the epoch of the lowest validation loss."""
+    def _train(self, samples: Callable[[int], Tensors], progress: dovetail.Progress, seconds: float | None) -> Layers:
+        """Return the layers at the epoch of the lowest validation loss.
+
+        Within a time the learning rate falls like half a cosine, so that the end of it is a minimum.
+        """
         import torch
 
-        config = self.config
+        config, began = self.config, time.monotonic()
         inputs, outputs = samples(0)
         widths = (inputs.shape[1], *config.hidden)
         _choose_threads(sum(one * other for one, other in itertools.pairwise(widths)))
@@ -240,6 +256,11 @@ class MLP(dovetail.Regressor):
                 inputs, outputs = samples(epoch - 1)
             network.train()
             for batch in torch.split(training[torch.randperm(len(training))], config.batch_size):
+                if seconds is not None:
+                    part = min((time.monotonic() - began) / seconds, 1.0)
+                    optimizer.param_groups[0]["lr"] = 0.5 * config.learning_rate * (1.0 + math.cos(math.pi * part))
+                    if part == 1.0:
+                        break
                 optimizer.zero_grad()
                 loss = loss_of(network(inputs[batch]), outputs[batch])
                 torch.autograd.backward(loss)
@@ -249,11 +270,13 @@ class MLP(dovetail.Regressor):
                 current = float(loss_of(network(validation_inputs), validation_outputs))
             if not math.isfinite(current):
                 raise dovetail.DovetailError(_diverged(epoch, config.learning_rate))
-            schedule.step(current)
+            if seconds is None:
+                schedule.step(current)
             if current < best_loss:
                 best_loss, best_epoch, best = current, epoch, _layers(network)
             progress("regressor", epoch, config.max_epochs, f"validation loss {current:.6g}")
-            if epoch - best_epoch >= config.patience:
+            is_over = seconds is not None and time.monotonic() - began >= seconds
+            if is_over or (seconds is None and epoch - best_epoch >= config.patience):
                 break
         return best
 

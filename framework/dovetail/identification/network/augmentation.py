@@ -99,7 +99,11 @@ class Augmentation:
 
     def _add_multiplicative_noise(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
         if self.settings.multiplicative > 0:
-            level = (self.settings.multiplicative * generator.random((len(amplitude), 1))).astype(np.float32)
+            drawn = generator.random((len(amplitude), 1))
+            decades = self.settings.multiplicative_decades
+            level = (self.settings.multiplicative * (10.0 ** (-decades * drawn) if decades else drawn)).astype(
+                np.float32
+            )
             amplitude *= 1 + level * generator.standard_normal(amplitude.shape, dtype=np.float32)
 
     def _add_additive_noise(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:

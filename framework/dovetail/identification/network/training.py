@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, Storage, generate
-from dovetail.errors import DatasetError, Fault, PluginError
+from dovetail.errors import DatasetError, Fault, ParameterError, PluginError
 from dovetail.identification.network.augmentation import NoisyFeatures, ReducedEpochs
 from dovetail.identification.network.network import Network, check_contract, component_label, reduce_features
 from dovetail.identification.network.novelty import learn_novelty
@@ -35,6 +35,7 @@ from dovetail.interfaces import (
     logged,
     plugin_errors,
     silent,
+    takes_context,
 )
 
 __all__ = ["draw_test_samples", "read_frfs", "train_network"]
@@ -47,12 +48,18 @@ _FEWEST_SAMPLES = 2
 
 
 def train_network(
-    assembly: Assembly, dataset: Dataset | None = None, *, robust: bool = False, progress: Progress = silent
+    assembly: Assembly,
+    dataset: Dataset | None = None,
+    *,
+    robust: bool = False,
+    fresh: bool = False,
+    minutes: float | None = None,
+    progress: Progress = silent,
 ) -> TrainedNetwork:
     """Train the network of an assembly's description; parameters and errors as `dovetail.train` has them."""
-    timer = _StageTimer()
-    if robust:
-        assembly = _with_augmentation(assembly)
+    timer = _StageTimer(_seconds(assembly, minutes))
+    if robust or fresh:
+        assembly = _with_augmentation(assembly, fresh=fresh)
     if dataset is not None:
         return _train(assembly, dataset, timer, progress)
     with tempfile.TemporaryDirectory(prefix="dovetail-") as folder:
@@ -62,11 +69,32 @@ def train_network(
         return _train(assembly, generated, timer, progress)
 
 
-def _with_augmentation(assembly: Assembly) -> Assembly:
-    settings = assembly.description.identification
-    if settings.augmentation is not None:
-        return assembly
-    return Assembly(assembly.description.with_identification({"augmentation": {}}, augmentation=AugmentationSection()))
+def _seconds(assembly: Assembly, minutes: float | None) -> float | None:
+    """Return the time for the regressor.
+
+    Raises
+    ------
+    ParameterError
+        It is no time, or the regressor takes no notice of one.
+    """
+    if minutes is None:
+        return None
+    if not 0.0 < minutes < np.inf:
+        raise ParameterError(Fault("minutes", f"{minutes:g} min is no time.", "more than 0"))
+    regressor = assembly.description.identification.regressor
+    if not takes_context(regressor.fit):
+        problem = f"the {component_label(regressor)} cannot be told how long to train."
+        raise ParameterError(Fault("minutes", problem, "a regressor whose 'fit' takes the context"))
+    return 60.0 * minutes
+
+
+def _with_augmentation(assembly: Assembly, *, fresh: bool) -> Assembly:
+    """Return the assembly with noise on its training FRFs, and with new ones in every epoch if `fresh`."""
+    stated = assembly.description.identification.augmentation
+    changes = {"fresh": True} if fresh else {}
+    settings = (stated or AugmentationSection()).model_copy(update=changes)
+    section = {"augmentation": settings.model_dump(exclude_unset=True)}
+    return Assembly(assembly.description.with_identification(section, augmentation=settings))
 
 
 def _needs_stored_phase(assembly: Assembly) -> bool:
@@ -145,7 +173,7 @@ def _fit_network(
         else:
             for rows in blocks(len(features)):
                 log10p1(features[rows], out=features[rows])
-    context = _context(assembly, dataset, is_test, noisy)
+    context = _context(assembly, dataset, is_test, noisy, timer.limit)
     reducer = _fit_reducer(settings, features, context, timer, progress)
     with timer.stage("reduction"):
         reduced = reduce_features(reducer, settings.reducer.name, features, progress)
@@ -166,7 +194,11 @@ def _fit_network(
 
 
 def _context(
-    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], noisy: NoisyFeatures | None
+    assembly: Assembly,
+    dataset: Dataset,
+    is_test: NDArray[np.bool_],
+    noisy: NoisyFeatures | None,
+    seconds: float | None,
 ) -> FeatureContext:
     """Return what the features are of; their FRFs with phases where these are as the dataset keeps them."""
     return FeatureContext(
@@ -176,6 +208,7 @@ def _context(
         accelerance=None
         if noisy is not None or dataset.storage != "complex"
         else lambda: read_frfs(dataset, is_test, silent, phase=True)[0],
+        seconds=seconds,
     )
 
 
@@ -198,8 +231,9 @@ def _fit_reducer(
 
 @dataclass
 class _StageTimer:
-    """Wall-timer seconds of each stage."""
+    """Wall-timer seconds of each stage, and those that the regressor may take at most."""
 
+    limit: float | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
