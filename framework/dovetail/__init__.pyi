@@ -12,6 +12,7 @@ from .coupling import spindle_flange as spindle_flange
 from .coupling import write_receptance as write_receptance
 from .dataset import Dataset as Dataset
 from .dataset import generate as generate
+from .dataset import merge as merge
 from .errors import BundleError as BundleError
 from .errors import DatasetError as DatasetError
 from .errors import DescriptionError as DescriptionError

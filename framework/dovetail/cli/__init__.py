@@ -24,6 +24,7 @@ from dovetail.cli.convert import convert
 from dovetail.cli.frf import frf
 from dovetail.cli.generate import generate
 from dovetail.cli.identify import identify
+from dovetail.cli.merge import merge
 from dovetail.cli.new_assembly import new_assembly
 from dovetail.cli.new_plugin import new_plugin
 from dovetail.cli.options import PluginFiles
@@ -89,7 +90,7 @@ def dovetail(
 COMMANDS = {
     "Describe an assembly": (new_assembly, check, describe, simulate, schema),
     "Measure": (plot, convert, frf, spindle),
-    "Identify a joint": (identify, train, generate),
+    "Identify a joint": (identify, train, generate, merge),
     "Use the result": (predict, validate),
     "Study what can be known": (plan, calibrate, compare, robustness),
     "Extend": (plugins, new_plugin, check_plugin),

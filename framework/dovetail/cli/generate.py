@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Mapping
 from enum import StrEnum
@@ -48,6 +49,10 @@ def generate(
         ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a dataset that was interrupted.")] = False,
+    shard: Annotated[
+        str,
+        typer.Option(metavar="I/N", help="Compute only part I of N, for another machine each; 'merge' joins them."),
+    ] = "1/1",
     plugin: PluginFiles = None,
 ) -> None:
     """Make a dataset for training.
@@ -57,10 +62,12 @@ def generate(
     """
     import dovetail
 
+    part, parts = _shard(shard)
     loaded = dovetail.load(assembly, plugins=plugin or ())
     note_doubts(loaded)
     kept: Storage = storage.value
-    chosen = {"samples": samples, "seed": seed, "storage": kept, "interpolation": interpolation}
+    chosen: dict[str, object] = {"samples": samples, "seed": seed, "storage": kept, "interpolation": interpolation}
+    chosen |= {"shard": None if parts == 1 else shard}
     try:
         with progress_bars() as progress:
             dataset = dovetail.generate(
@@ -71,15 +78,25 @@ def generate(
                 storage=kept,
                 interpolation=interpolation,
                 resume=resume,
+                shard=(part, parts),
                 progress=progress,
             )
     except KeyboardInterrupt:
         _advise(assembly, output, chosen, plugin or [])
         raise typer.Exit(INTERRUPTED) from None
+    of = f"shard {shard} of " if parts > 1 else ""
     say(
-        f"{output}: {len(dataset)} samples of {len(loaded.parameters)} parameters, "
+        f"{output}: {of}{len(dataset)} samples of {len(loaded.parameters)} parameters, "
         f"{len(dataset.frequency)} lines each, seed {dataset.seed}"
     )
+
+
+def _shard(text: str) -> tuple[int, int]:
+    """Parse part and number of parts: ``"2/7"``."""
+    match = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", text)
+    if match is None:
+        raise typer.BadParameter(f"'{text}' is not I/N, such as 2/7.", param_hint="--shard")
+    return int(match[1]), int(match[2])
 
 
 def _advise(assembly: Path, output: Path, chosen: Mapping[str, object], plugin: list[Path]) -> None:

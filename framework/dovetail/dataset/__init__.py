@@ -2,7 +2,8 @@
 
 from dovetail.dataset.dataset import Dataset
 from dovetail.dataset.generation import complex_accelerance, generate
+from dovetail.dataset.merging import merge
 from dovetail.dataset.sampling import latin_hypercube
 from dovetail.dataset.storage import Storage, StoredFrfs
 
-__all__ = ["Dataset", "Storage", "StoredFrfs", "complex_accelerance", "generate", "latin_hypercube"]
+__all__ = ["Dataset", "Storage", "StoredFrfs", "complex_accelerance", "generate", "latin_hypercube", "merge"]

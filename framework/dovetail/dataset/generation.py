@@ -37,6 +37,7 @@ def generate(
     storage: Storage = "amplitude",
     interpolation: float | None = None,
     resume: bool = False,
+    shard: tuple[int, int] = (1, 1),
     progress: Progress | bool | None = None,
 ) -> Dataset:
     """Generate a dataset: Latin hypercube samples and the accelerance of each, for all responses.
@@ -58,6 +59,9 @@ def generate(
     resume : bool
         Continue a dataset that was interrupted. Complete chunks are not computed again, and the result is bit for bit
         that of an uninterrupted run. Missing or truncated chunks are computed anew.
+    shard : (int, int)
+        Number of a part, from 1, and number of parts: of the same samples only the chunks of this part are computed.
+        `merge` joins the parts, which may have been made on different machines, to the dataset that is made in one go.
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
@@ -68,9 +72,9 @@ def generate(
     Raises
     ------
     DatasetError
-        The path exists; the dataset to resume was begun with another description, seed, storage, interpolation or
-        number of samples, or with models whose code has changed; another process is at it; or the disk has no room
-        for it or cannot be written, after which the dataset can be resumed.
+        The path exists; there is no such shard; the dataset to resume was begun with another description, seed,
+        storage, interpolation or number of samples, or with models whose code has changed; another process is at it; or
+        the disk has no room for it or cannot be written, after which the dataset can be resumed.
     """
     assembly = as_assembly(assembly)
     settings = assembly.description.identification
@@ -85,13 +89,15 @@ def generate(
     if plan.samples < 1:
         raise DatasetError(f"{plan.samples} samples were asked for; at least 1 is needed.")
     check_number(assembly, plan.samples)
+    if not 1 <= shard[0] <= shard[1]:
+        raise DatasetError(Fault("shard", f"there is no shard {shard[0]} of {shard[1]}.", "1/1, or i/n with i up to n"))
     if storage not in get_args(Storage):
         raise DatasetError(Fault("storage", f"{storage!r} was asked for.", listing(get_args(Storage))))
     if interpolation is not None:
         assembly = assembly.interpolated(interpolation)
     folder = Path(path)
     try:
-        check_room(folder.resolve().parent, max(plan.bytes(assembly) - _written_bytes(folder), 0))
+        check_room(folder.resolve().parent, max(plan.bytes(assembly) // shard[1] - _written_bytes(folder), 0))
         folder.parent.mkdir(parents=True, exist_ok=True)
         step = logged(__name__, f"{plan.samples} samples of {assembly.name} into {folder}")
         with held(folder, wait=0), step, progress_reporter(progress) as report:
@@ -99,7 +105,7 @@ def generate(
                 _check_resumable(folder, assembly, plan, resume)
             else:
                 _create(folder, assembly, plan)
-            _fill(folder, assembly, report)
+            _fill(folder, assembly, shard, report)
     except FileError as error:
         raise DatasetError(*error.faults) from None
     except OSError as error:
@@ -183,8 +189,8 @@ def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
-    """Compute the missing chunks. Each is written while the next is computed."""
+def _fill(folder: Path, assembly: Assembly, shard: tuple[int, int], progress: Progress) -> None:
+    """Compute the missing chunks of a shard, every n-th. Each is written while the next is computed."""
     import zarr
 
     for unfinished in folder.rglob("*.partial"):  # files of a killed run
@@ -194,9 +200,12 @@ def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
     parameters, frfs, flags = dataset.parameters, group[ARRAYS[dataset.storage][0]], group["written"]
     compute = Assembly.accelerance_amplitude if dataset.storage == "amplitude" else complex_accelerance
     chunk, samples = frfs.chunks[0], len(parameters)
-    missing = [int(index) for index in np.flatnonzero(~dataset.amplitude.complete_chunks())]
-    done = samples - sum(min(chunk, samples - index * chunk) for index in missing)
-    progress("generate", done, samples)
+    complete, (part, parts) = dataset.amplitude.complete_chunks(), shard
+    own = range(part - 1, len(complete), parts)
+    missing = [index for index in own if not complete[index]]
+    size = sum(min(chunk, samples - index * chunk) for index in own)
+    done = size - sum(min(chunk, samples - index * chunk) for index in missing)
+    progress("generate", done, size)
 
     def write(index: int, values: NDArray[Any]) -> None:
         frfs[index * chunk : index * chunk + len(values)] = values
@@ -210,7 +219,7 @@ def _fill(folder: Path, assembly: Assembly, progress: Progress) -> None:
                 pending.result()
             pending = writer.submit(write, index, values)
             done += len(values)
-            progress("generate", done, samples)
+            progress("generate", done, size)
         if pending is not None:
             pending.result()
 

@@ -1,0 +1,26 @@
+"""``dovetail merge``: one dataset of its shards."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dovetail.cli.terminal import say
+
+__all__ = ["merge"]
+
+
+def merge(
+    shards: Annotated[list[Path], typer.Argument(metavar="SHARD...", help="Folders that 'generate --shard' wrote.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="The dataset, such as data.zarr.")],
+) -> None:
+    """Join the shards of a dataset, which were generated on several machines.
+
+    The result is bit for bit the dataset that is generated in one go. On one file system nothing is copied.
+    """
+    import dovetail
+
+    dataset = dovetail.merge(shards, output)
+    say(f"{output}: {len(dataset)} samples of {dataset.parameters.shape[1]} parameters, from {len(shards)} shards")

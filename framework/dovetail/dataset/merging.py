@@ -1,0 +1,110 @@
+"""One dataset of its shards, which were generated apart: their chunks are taken as they are."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dovetail.atomic_files import new_folder
+from dovetail.dataset.dataset import Dataset
+from dovetail.dataset.storage import ARRAYS
+from dovetail.errors import DatasetError, Fault, FileError, listing
+
+__all__ = ["merge"]
+
+_MOST_LISTED = 8
+
+
+def merge(shards: Sequence[str | os.PathLike[str]], path: str | os.PathLike[str]) -> Dataset:
+    """Join the shards of a dataset.
+
+    Parameters
+    ----------
+    shards : sequence of paths
+        Folders of `generate` with a `shard` of one and the same plan, in any order, which together have all chunks;
+        chunks that several have are taken from the first.
+    path : path
+        Folder of the new dataset. On the same file system its chunks are links to those of the shards, and nothing is
+        copied; shards and dataset can then be moved or deleted on their own.
+
+    Returns
+    -------
+    Dataset
+        Bit for bit the one that is generated in one go.
+
+    Raises
+    ------
+    DatasetError
+        The shards are not of one plan, lack chunks, or are damaged; `path` is taken, or cannot be written.
+    """
+    if not shards:
+        raise DatasetError(Fault("shards", "there are none.", "one folder or more"))
+    parts, target = [Dataset(shard) for shard in shards], Path(path)
+    if target.exists():
+        raise DatasetError(Fault(str(target), "this path is taken.", remedy="Choose another name."))
+    for part in parts[1:]:
+        _check_same_plan(parts[0], part)
+    sources = _sources(parts)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with new_folder(target) as fresh:
+            _assemble(fresh, parts[0], sources)
+    except FileError as error:
+        raise DatasetError(*error.faults) from None
+    except OSError as error:
+        raise DatasetError(Fault(str(target), f"it cannot be written: {error}.")) from error
+    return Dataset(target)
+
+
+def _check_same_plan(first: Dataset, other: Dataset) -> None:
+    differing = [
+        key
+        for key in dict.fromkeys((*first.attributes, *other.attributes))
+        if first.attributes.get(key) != other.attributes.get(key)
+    ]
+    if not np.array_equal(first.parameters, other.parameters):
+        differing.append("parameters")
+    if differing:
+        problem = f"it is no shard of the same dataset as '{first.path}': {listing(differing)} differ."
+        raise DatasetError(Fault(str(other.path), problem, remedy="Generate all shards by one and the same command."))
+
+
+def _sources(parts: Sequence[Dataset]) -> list[Dataset]:
+    """Return, for each chunk, the first shard that has it whole."""
+    complete = np.array([part.amplitude.complete_chunks() for part in parts])
+    missing = np.flatnonzero(~complete.any(axis=0))
+    if len(missing):
+        rows = parts[0].amplitude.chunks[0]
+        listed = [f"{chunk * rows} to {(chunk + 1) * rows - 1}" for chunk in missing[:_MOST_LISTED]]
+        more = f", and {len(missing) - _MOST_LISTED} further blocks" if len(missing) > _MOST_LISTED else ""
+        problem = f"samples {', '.join(listed)}{more} are in none of the {len(parts)} shards."
+        raise DatasetError(Fault(str(parts[0].path), problem, remedy="Finish the shards with --resume."))
+    return [parts[index] for index in np.argmax(complete, axis=0)]
+
+
+def _assemble(folder: Path, first: Dataset, sources: Sequence[Dataset]) -> None:
+    """Put the dataset together: all of the first shard but its chunks and flags, and each of these of its source."""
+    array = ARRAYS[first.storage][0]
+    kept = shutil.ignore_patterns("*.partial")
+    for name in ("parameters", "frequency"):
+        shutil.copytree(first.path / name, folder / name, ignore=kept)
+    for name in (array, "written"):
+        (folder / name).mkdir()
+        shutil.copy(first.path / name / "zarr.json", folder / name)
+    shutil.copy(first.path / "zarr.json", folder)
+    for chunk, source in enumerate(sources):
+        for file in (Path(array) / "c" / str(chunk) / "0", Path("written") / "c" / str(chunk)):
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            _link(source.path / file, folder / file)
+
+
+def _link(source: Path, target: Path) -> None:
+    """Make a file another name of an existing one, or a copy where that cannot be."""
+    try:
+        os.link(source, target, follow_symlinks=False)
+    except OSError:
+        shutil.copyfile(source, target)

@@ -1,0 +1,159 @@
+"""Shards of a dataset: disjoint, resumable, and merged to the very bytes of the dataset that is made in one go."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+import dovetail
+from dovetail.cli import app
+from dovetail.dataset import generation
+from dovetail.errors import DatasetError
+
+SAMPLES = 300
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_chunks():
+    """Chunks of a few samples, so that there are enough of them for seven shards."""
+    patch = pytest.MonkeyPatch()
+    patch.setattr(generation, "_CHUNK_BYTES", 4e4)
+    yield
+    patch.undo()
+
+
+@pytest.fixture(scope="module")
+def assembly():
+    return dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "block",
+            "frequency": {"start": 10, "stop": 400, "step": 1},
+            "substructures": {
+                "mass": {"model": "lumped", "masses": [{"mass": 1.0}]},
+                "base": {"model": "ground"},
+            },
+            "joints": {
+                "mount": {
+                    "model": "spring_damper",
+                    "direction": "x",
+                    "connect": {"a": {"to": "mass", "at": 0}, "b": {"to": "base", "at": 0}},
+                }
+            },
+            "response": {"at": "mass", "position": 0, "quantity": "accelerance"},
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def whole(assembly, tmp_path_factory):
+    path = tmp_path_factory.mktemp("whole") / "data.zarr"
+    assert dovetail.generate(assembly, path, samples=SAMPLES).complete
+    return path
+
+
+def digests(folder):
+    files = sorted(file for file in folder.rglob("*") if file.is_file())
+    return {str(file.relative_to(folder)): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+
+
+def shards(assembly, folder, count, **options):
+    paths = [folder / f"shard{number}.zarr" for number in range(1, count + 1)]
+    for number, path in enumerate(paths, start=1):
+        dovetail.generate(assembly, path, samples=SAMPLES, shard=(number, count), **options)
+    return paths
+
+
+@pytest.mark.parametrize("count", [1, 3, 7])
+def test_whatever_their_number_the_bytes_are_the_same(assembly, whole, tmp_path, count):
+    paths = shards(assembly, tmp_path, count)
+    written = np.array([dovetail.Dataset(path).amplitude.complete_chunks() for path in paths])
+    assert (written.sum(axis=0) == 1).all()
+    merged = dovetail.merge(paths[::-1], tmp_path / "data.zarr")
+    assert merged.complete
+    assert digests(tmp_path / "data.zarr") == digests(whole)
+    merged.require(assembly)
+
+
+def test_chunks_are_links_and_shards_may_go(assembly, whole, tmp_path):
+    paths = shards(assembly, tmp_path, 2)
+    dovetail.merge(paths, tmp_path / "data.zarr")
+    chunk = "amplitude/c/0/0"
+    assert os.stat(tmp_path / "data.zarr" / chunk).st_ino == os.stat(paths[0] / chunk).st_ino
+    for path in paths:
+        for file in sorted(path.rglob("*"), reverse=True):
+            file.rmdir() if file.is_dir() else file.unlink()
+    assert digests(tmp_path / "data.zarr") == digests(whole)
+
+
+def test_where_links_cannot_be_chunks_are_copied(assembly, whole, tmp_path, monkeypatch):
+    paths = shards(assembly, tmp_path, 2)
+
+    def refuse(*_, **__):
+        raise OSError("another file system")
+
+    monkeypatch.setattr(os, "link", refuse)
+    dovetail.merge(paths, tmp_path / "data.zarr")
+    assert digests(tmp_path / "data.zarr") == digests(whole)
+
+
+def test_a_shard_that_was_cut_off_is_told_and_goes_on(assembly, whole, tmp_path):
+    paths = shards(assembly, tmp_path, 3)
+    (paths[1] / "written" / "c" / "4").unlink()
+    with pytest.raises(DatasetError) as error:
+        dovetail.merge(paths, tmp_path / "data.zarr")
+    assert error.value.faults[0].problem == "samples 100 to 124 are in none of the 3 shards."
+    assert not (tmp_path / "data.zarr").exists()
+    dovetail.generate(assembly, paths[1], samples=SAMPLES, shard=(2, 3), resume=True)
+    dovetail.merge(paths, tmp_path / "data.zarr")
+    assert digests(tmp_path / "data.zarr") == digests(whole)
+
+
+def test_shards_of_another_plan_are_refused(assembly, tmp_path):
+    first = dovetail.generate(assembly, tmp_path / "a.zarr", samples=SAMPLES, shard=(1, 2))
+    dovetail.generate(assembly, tmp_path / "b.zarr", samples=SAMPLES, shard=(2, 2), seed=9)
+    with pytest.raises(DatasetError, match="seed, parameters differ"):
+        dovetail.merge([first.path, tmp_path / "b.zarr"], tmp_path / "data.zarr")
+    with pytest.raises(DatasetError, match="this path is taken"):
+        dovetail.merge([first.path], tmp_path / "b.zarr")
+    with pytest.raises(DatasetError, match="there are none"):
+        dovetail.merge([], tmp_path / "data.zarr")
+
+
+@pytest.mark.parametrize("shard", [(0, 3), (4, 3), (1, 0)])
+def test_there_is_no_such_shard(assembly, tmp_path, shard):
+    with pytest.raises(DatasetError, match="there is no shard"):
+        dovetail.generate(assembly, tmp_path / "data.zarr", samples=SAMPLES, shard=shard)
+
+
+def test_the_command_line_says_what_a_shard_is(tmp_path):
+    result = CliRunner().invoke(app, ["generate", "a.yaml", "-o", str(tmp_path / "x.zarr"), "--shard", "2-7"])
+    assert result.exit_code == 2
+    assert "'2-7' is not I/N, such as 2/7." in result.stderr
+
+
+def test_the_commands_of_the_page_run_as_they_stand(tmp_path):
+    root = Path(__file__).resolve().parents[2]
+    page = (root / "docs" / "cluster.md").read_text(encoding="utf-8")
+    first = re.findall(r"```bash\n(.*?)```", page, flags=re.S)[0].replace("--samples 3000", "--samples 60")
+    identification = {"samples": 60, "reducer": {"model": "pca", "n_components": 5}, "regressor": {"model": "mlp"}}
+    identification["regressor"] |= {"hidden": [4], "max_epochs": 1}
+    description = {"extends": str(root / "assemblies" / "sdof.yaml"), "identification": identification}
+    (tmp_path / "sdof.yaml").write_text(yaml.safe_dump(description))
+    program = tmp_path / "bin" / "dovetail"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m dovetail "$@"\n')
+    program.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
+    subprocess.run(["bash", "-euo", "pipefail", "-c", first], cwd=tmp_path, env=environment, check=True, timeout=120)
+    assert dovetail.Dataset(tmp_path / "data.zarr").complete
+    assert (tmp_path / "model" / "manifest.json").is_file()
