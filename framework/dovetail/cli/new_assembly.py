@@ -19,7 +19,7 @@ import typer
 
 from dovetail.cli.completion import complete_models
 from dovetail.cli.options import PluginFiles
-from dovetail.cli.terminal import say
+from dovetail.cli.terminal import room, say
 
 if TYPE_CHECKING:
     from dovetail.interfaces import JointModel
@@ -124,7 +124,10 @@ def new_assembly(
 
 
 def _ask(question: str, example: str) -> str:
-    return str(typer.prompt(question, example)) if sys.stdin.isatty() else example
+    if not sys.stdin.isatty():
+        return example
+    with room():
+        return str(typer.prompt(question, example))
 
 
 def _two_sided(registry: Registry) -> dict[str, tuple[JointModel, dict[str, Any]]]:
