@@ -62,12 +62,12 @@ def generate(
     """
     import dovetail
 
-    part, parts = _shard(shard)
+    part, shards = _shard(shard)
     loaded = dovetail.load(assembly, plugins=plugin or ())
     note_doubts(loaded)
     kept: Storage = storage.value
     chosen: dict[str, object] = {"samples": samples, "seed": seed, "storage": kept, "interpolation": interpolation}
-    chosen |= {"shard": None if parts == 1 else shard}
+    chosen |= {"shard": None if shards == 1 else shard}
     try:
         with progress_bars() as progress:
             dataset = dovetail.generate(
@@ -78,13 +78,13 @@ def generate(
                 storage=kept,
                 interpolation=interpolation,
                 resume=resume,
-                shard=(part, parts),
+                shard=(part, shards),
                 progress=progress,
             )
     except KeyboardInterrupt:
         _advise(assembly, output, chosen, plugin or [])
         raise typer.Exit(INTERRUPTED) from None
-    of = f"shard {shard} of " if parts > 1 else ""
+    of = f"shard {shard} of " if shards > 1 else ""
     say(
         f"{output}: {of}{len(dataset)} samples of {len(loaded.parameters)} parameters, "
         f"{len(dataset.frequency)} lines each, seed {dataset.seed}"
@@ -92,7 +92,7 @@ def generate(
 
 
 def _shard(text: str) -> tuple[int, int]:
-    """Parse part and number of parts: ``"2/7"``."""
+    """Parse part and number of shards: ``"2/7"``."""
     match = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", text)
     if match is None:
         raise typer.BadParameter(f"'{text}' is not I/N, such as 2/7.", param_hint="--shard")

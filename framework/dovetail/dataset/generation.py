@@ -200,8 +200,8 @@ def _fill(folder: Path, assembly: Assembly, shard: tuple[int, int], progress: Pr
     parameters, frfs, flags = dataset.parameters, group[ARRAYS[dataset.storage][0]], group["written"]
     compute = Assembly.accelerance_amplitude if dataset.storage == "amplitude" else complex_accelerance
     chunk, samples = frfs.chunks[0], len(parameters)
-    complete, (part, parts) = dataset.amplitude.complete_chunks(), shard
-    own = range(part - 1, len(complete), parts)
+    complete = dataset.amplitude.complete_chunks()
+    own = range(shard[0] - 1, len(complete), shard[1])
     missing = [index for index in own if not complete[index]]
     size = sum(min(chunk, samples - index * chunk) for index in own)
     done = size - sum(min(chunk, samples - index * chunk) for index in missing)

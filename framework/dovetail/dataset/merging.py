@@ -43,16 +43,16 @@ def merge(shards: Sequence[str | os.PathLike[str]], path: str | os.PathLike[str]
     """
     if not shards:
         raise DatasetError(Fault("shards", "there are none.", "one folder or more"))
-    parts, target = [Dataset(shard) for shard in shards], Path(path)
+    datasets, target = [Dataset(shard) for shard in shards], Path(path)
     if target.exists():
         raise DatasetError(Fault(str(target), "this path is taken.", remedy="Choose another name."))
-    for part in parts[1:]:
-        _check_same_plan(parts[0], part)
-    sources = _sources(parts)
+    for part in datasets[1:]:
+        _check_same_plan(datasets[0], part)
+    sources = _sources(datasets)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with new_folder(target) as fresh:
-            _assemble(fresh, parts[0], sources)
+            _assemble(fresh, datasets[0], sources)
     except FileError as error:
         raise DatasetError(*error.faults) from None
     except OSError as error:
@@ -73,17 +73,17 @@ def _check_same_plan(first: Dataset, other: Dataset) -> None:
         raise DatasetError(Fault(str(other.path), problem, remedy="Generate all shards by one and the same command."))
 
 
-def _sources(parts: Sequence[Dataset]) -> list[Dataset]:
+def _sources(datasets: Sequence[Dataset]) -> list[Dataset]:
     """Return, for each chunk, the first shard that has it whole."""
-    complete = np.array([part.amplitude.complete_chunks() for part in parts])
+    complete = np.array([part.amplitude.complete_chunks() for part in datasets])
     missing = np.flatnonzero(~complete.any(axis=0))
     if len(missing):
-        rows = parts[0].amplitude.chunks[0]
+        rows = datasets[0].amplitude.chunks[0]
         listed = [f"{chunk * rows} to {(chunk + 1) * rows - 1}" for chunk in missing[:_MOST_LISTED]]
         more = f", and {len(missing) - _MOST_LISTED} further blocks" if len(missing) > _MOST_LISTED else ""
-        problem = f"samples {', '.join(listed)}{more} are in none of the {len(parts)} shards."
-        raise DatasetError(Fault(str(parts[0].path), problem, remedy="Finish the shards with --resume."))
-    return [parts[index] for index in np.argmax(complete, axis=0)]
+        problem = f"samples {', '.join(listed)}{more} are in none of the {len(datasets)} shards."
+        raise DatasetError(Fault(str(datasets[0].path), problem, remedy="Finish the shards with --resume."))
+    return [datasets[index] for index in np.argmax(complete, axis=0)]
 
 
 def _assemble(folder: Path, first: Dataset, sources: Sequence[Dataset]) -> None:

@@ -121,14 +121,15 @@ def read_frf(
         There is no such reader, a plugin file cannot be loaded, or the code of a reader fails.
     """
     source, registry = Path(path), components(plugins)
-    if reader is None and source.suffix.lower() not in from_plugin.reader_suffixes(registry):
+    by_plugin = reader is not None or source.suffix.lower() in registry.readers()
+    if not by_plugin:
         _format_of(source, registry)
     if quantity is not None:
         parse_quantity(quantity, "the argument quantity")
     options = ReadOptions(index, response, force, dict(names or {}), tuple(columns))
     with logged(__name__, f"measurement {source} read"):
         content = read_bounded(source)
-        chosen = from_plugin.find_reader(source, content, registry, reader)
+        chosen = from_plugin.find_reader(source, content, registry, reader) if by_plugin else None
         if chosen is not None:
             recording = from_plugin.decode(source, content, chosen, options)
         else:
@@ -204,7 +205,7 @@ def frf_suffixes(plugins: PluginPaths = ()) -> tuple[str, ...]:
 
 
 def _suffixes(registry: Registry) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((*_FORMATS, *from_plugin.reader_suffixes(registry))))
+    return tuple(dict.fromkeys((*_FORMATS, *sorted(registry.readers()))))
 
 
 def _format_of(path: Path, registry: Registry | None = None) -> Format:

@@ -106,9 +106,14 @@ class Registry:
         usable = [offers[0] for key, offers in self._offers.items() if key[0] == kind and len(offers) == 1]
         return tuple(sorted(usable, key=lambda offer: offer.component.name))
 
-    def every(self, kind: Kind) -> tuple[Offer, ...]:
-        """Return all offers of one kind, also those of one name."""
-        return tuple(offer for key, offers in self._offers.items() if key[0] == kind for offer in offers)
+    def readers(self) -> dict[str, list[Offer]]:
+        """Return the offers of file readers by the suffix of the files that they may read, also those of one name."""
+        by_suffix: dict[str, list[Offer]] = {}
+        for (kind, _), offers in self._offers.items():
+            for offer in offers if kind == FrfReader.kind else ():
+                for suffix in cast("type[FrfReader]", offer.component).suffixes:
+                    by_suffix.setdefault(suffix, []).append(offer)
+        return by_suffix
 
     def names(self, kind: Kind) -> tuple[str, ...]:
         """Return the usable names of one kind."""

@@ -11,9 +11,9 @@ from dovetail.errors import Fault, MeasurementError, PluginError, listing
 from dovetail.interfaces import Component, FrfReader, RecordedFrf, plugin_errors
 from dovetail.measurement.frf_units import meaning_of_unit
 from dovetail.measurement.recording import ReadOptions, Recording
-from dovetail.registry import Offer, Registry
+from dovetail.registry import Registry
 
-__all__ = ["decode", "find_reader", "reader_suffixes"]
+__all__ = ["decode", "find_reader"]
 
 _HEAD = 4096
 """Bytes by which a reader tells its format."""
@@ -32,23 +32,13 @@ def find_reader(path: Path, content: bytes, registry: Registry, name: str | None
     """
     if name is not None:
         return _made(registry.find("reader", name).component)
-    offers = [offer for suffix, offer in _by_suffix(registry) if suffix == path.suffix.lower()]
+    offers = registry.readers().get(path.suffix.lower(), [])
     takers = [offer for offer in offers if _takes(_made(offer.component), content)]
     if len(takers) > 1:
         remedy = "Say which with 'reader', or --reader on the command line."
         problem = "several readers take this file."
         raise MeasurementError(Fault(str(path), problem, listing([o.qualified_name for o in takers]), remedy))
     return _made(takers[0].component) if takers else None
-
-
-def reader_suffixes(registry: Registry) -> list[str]:
-    """Return the suffixes that readers of plugins take."""
-    return sorted({suffix for suffix, _ in _by_suffix(registry)})
-
-
-def _by_suffix(registry: Registry) -> list[tuple[str, Offer]]:
-    offers = [(offer.component, offer) for offer in registry.every("reader")]
-    return [(suffix, o) for model, o in offers if issubclass(model, FrfReader) for suffix in model.suffixes]
 
 
 def _made(component: type[Component]) -> FrfReader:
