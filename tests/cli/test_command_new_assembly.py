@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import dovetail
-from dovetail.assembly import components
+from dovetail.registry import components
 
 MODULE = importlib.import_module("dovetail.cli.new_assembly")
 

@@ -87,8 +87,8 @@ def test_describe_a_joint_with_its_default_options(run):
 
 def test_describe_takes_texts_from_a_docstring(run):
     options = {option["name"]: option for option in json.loads(run("describe", "mlp", "--json").stdout)[0]["options"]}
-    assert options["hidden"]["description"] == "Units of the first and second hidden layer."
-    assert options["hidden"]["type"] == "list of 2: integer > 0"
+    assert options["hidden"]["description"] == "Units of each hidden layer."
+    assert options["hidden"]["type"] == "list of 1 or more"
     assert options["learning_rate"]["default"] == "0.001"
 
 

@@ -57,7 +57,7 @@ def test_what_a_newcomer_gets_wrong_is_answered_word_for_word(folder, monkeypatc
     script = files.pop()[1] if kind == "text" else ""
     for language, text in files:
         name, _, content = text.removeprefix("# ").partition("\n")
-        Path(name).write_text(text if language == "yaml" else content)
+        Path(name).write_text(text if language in ("yaml", "none") else content)
     if kind == "text":
         assert raised(script) == last
     else:

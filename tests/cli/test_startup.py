@@ -76,7 +76,7 @@ def test_help_lists_every_command(shell):
     assert listed == {
         "Describe an assembly": ["new-assembly", "check", "describe", "simulate", "schema"],
         "Measure": ["plot", "convert", "frf", "spindle"],
-        "Identify a joint": ["identify", "train", "generate"],
+        "Identify a joint": ["identify", "train", "generate", "merge"],
         "Use the result": ["predict", "validate"],
         "Study what can be known": ["plan", "calibrate", "compare", "robustness"],
         "Extend": ["plugins", "new-plugin", "check-plugin"],

@@ -137,7 +137,8 @@ CASES = {
         },
         "test.yaml:25:3  identification.sample\n"
         "  'sample' is not a key of 'identification'.\n"
-        "  Did you mean 'samples'?  Accepted: samples, seed, test_fraction, features, reducer, regressor, augmentation",
+        "  Did you mean 'samples'?  Accepted: samples, seed, test_fraction, features, reducer, regressor, "
+        "augmentation, method",
     ),
     "samples_is_a_text": (
         {

@@ -69,7 +69,7 @@ CASES = {
         },
         "test.yaml:6:12  substructures.tool.model\n"
         "  the substructure model 'twin' is offered by fake 1.0 and other 2.0.\n"
-        "  Uninstall one of the packages, leave out one of the plugin files, or give one model another name.",
+        "  Say which: fake:twin, other:twin.",
     ),
     "constructor_refuses": (
         {

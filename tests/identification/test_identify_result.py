@@ -183,7 +183,7 @@ def test_parameters_that_the_network_guesses_are_named(model: dovetail.Identifie
 
 
 def test_linear_algebra_takes_one_thread_while_a_joint_is_identified(small, measured, monkeypatch):
-    def threads(*_):
+    def threads(*_, **__):
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
     monkeypatch.setitem(METHODS, "refined", threads)

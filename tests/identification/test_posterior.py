@@ -252,7 +252,7 @@ def test_a_parameter_at_the_end_of_its_range_says_so():
     assert "lower end of its range" in posterior.verdicts["lower"].reason
     assert "upper end of its range" in posterior.verdicts["upper"].reason
     assert posterior.verdicts["near"].reason == "The measurement fixes it."  # near the end, but not for its sake
-    assert posterior.verdicts["even"].reason == "The FRF hardly depends on it."
+    assert posterior.verdicts["even"].reason == "The measurement hardly depends on it."
     assert posterior.verdicts["inside"].reason == "The measurement fixes it."
     assert posterior.effective_sample_size == pytest.approx(4000)
 

@@ -82,4 +82,4 @@ def test_four_routes_give_one_verdict(ranged, width, expected):
 def test_what_the_frf_hardly_feels_is_said_so(ranged):
     assembly = ranged(3.0)
     posterior = dovetail.identify(assembly, measurement(assembly.frequency, 3.0)[0], "posterior").posterior
-    assert posterior.verdicts["c"].reason == "The FRF hardly depends on it."
+    assert posterior.verdicts["c"].reason == "The measurement hardly depends on it."

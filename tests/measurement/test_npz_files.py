@@ -115,7 +115,7 @@ class Marker:
         (
             saved(frequency=AXIS, amplitude=AXIS, quantity="inertance"),
             "a.npz  quantity\n  'inertance' is not a quantity.\n"
-            "  Did you mean 'receptance'?  Accepted: receptance, mobility, accelerance",
+            "  Did you mean 'accelerance'?  Accepted: receptance, mobility, accelerance",
         ),
         (saved(frequency=AXIS, amplitude=AXIS, quantity=3), "a.npz  quantity\n  the array is not one word."),
         (

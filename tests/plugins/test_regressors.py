@@ -240,8 +240,9 @@ def test_a_damaged_state_is_refused(fitted, name):
 @pytest.mark.parametrize(
     "options",
     [
-        {"hidden": (512,)},
-        {"hidden": (512, 256, 128)},
+        {"hidden": ()},
+        {"hidden": (8,) * 9},
+        {"uncertainty": "some"},
         {"hidden": (512, 0)},
         {"dropout": 1.0},
         {"weight_decay": -1e-3},

@@ -197,6 +197,8 @@ def _read_identification(faults: FaultList, registry: Registry) -> Identificatio
     path = ("identification",)
     stated = set(_add_defaults(path, faults, registry))
     section = validate(IdentificationSection, path, faults, "'identification'", data={})
+    if not stated:  # no section
+        return None
     reducer = build_component("reducer", (*path, "reducer"), faults, registry)
     regressor = build_component("regressor", (*path, "regressor"), faults, registry)
     method = build_component("method", (*path, "method"), faults, registry) if "method" in stated else None

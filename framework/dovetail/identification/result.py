@@ -218,7 +218,7 @@ class Identification(_Answer):
 
     @property
     def _is_fitted(self) -> bool:
-        return self.fit is not None
+        return self.method != "network"
 
     @property
     def theta(self) -> NDArray[np.float64]:

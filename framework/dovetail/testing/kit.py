@@ -122,10 +122,10 @@ def check_component(
     results: list[CheckResult] = []
     with progress_reporter(progress) as report:
         for model in models:
-            expected = len(results) + len(check_names(model.kind))
+            before = len(results)
             for result in each_check(model):
                 results.append(result)
-                report("checks", len(results), expected)
+                report("checks", len(results), before + len(check_names(model.kind)))
     return tuple(results)
 
 

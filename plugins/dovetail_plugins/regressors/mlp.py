@@ -34,8 +34,6 @@ _GAUSSIAN = "gaussian"
 _MARGIN = 1e-3
 """How near to the ends of the targets' range, 0 and 1, normal quantiles are taken: three standard deviations."""
 _DRAWS = 500
-_LAYERS_BEFORE = 3
-"""Of a network that an earlier version stored without their number."""
 _FEWEST = 3
 _LARGE = 500_000
 _BLOCK = 4096
@@ -89,7 +87,7 @@ class FittedMLP(dovetail.FittedRegressor):
         """Return the weights and biases of all layers, and what the output is."""
         weights = {f"weight{i}": weight.astype(np.float32) for i, weight in enumerate(self._weights)}
         biases = {f"bias{i}": bias.astype(np.float32) for i, bias in enumerate(self._biases)}
-        return {**weights, **biases, "layers": len(weights), "gaussian": self._is_gaussian}
+        return {**weights, **biases, **({_GAUSSIAN: True} if self._is_gaussian else {})}
 
     def _forward(self, rows: NDArray[Any]) -> NDArray[np.float64]:
         activation = rows.astype(np.float64)
@@ -212,11 +210,11 @@ class MLP(dovetail.Regressor):
     def restore(self, state: dovetail.State) -> FittedMLP:
         """Rebuild the network from its weights and biases."""
         weights: list[NDArray[Any]] = []
-        for i in range(int(state.get("layers", _LAYERS_BEFORE))):
+        for i in range(len({name.removeprefix("weight").removeprefix("bias") for name in state} - {_GAUSSIAN})):
             rows = weights[-1].shape[1] if weights else None
             weights.append(state_array(state, f"weight{i}", _OWNER, (rows, None)))
         biases = [state_array(state, f"bias{i}", _OWNER, (weight.shape[1],)) for i, weight in enumerate(weights)]
-        return FittedMLP(weights, biases, bool(state.get("gaussian", False)))
+        return FittedMLP(weights, biases, bool(state.get(_GAUSSIAN, False)))
 
     def _network(self, n_features: int, n_targets: int) -> torch.nn.Sequential:
         from torch import nn
