@@ -97,6 +97,7 @@ def test_the_study_of_mesh_errors_has_a_row_for_each_assembly():
     assert all(0.0 < float(row[5]) < 2.0 for row in rows)  # the joint is not displaced by more than is allowed for
 
 
+@pytest.mark.slow
 def test_the_study_of_the_gaussian_form_has_a_row_for_each_parameter():
     printed = run("laplace_coverage.py", "--cases", 1, "--sampled", 1)
     assert len(cells(printed)[2:]) == 13

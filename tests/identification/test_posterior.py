@@ -281,6 +281,7 @@ def test_weighted_quantiles_are_those_of_repeated_values():
         assert ours[0] == pytest.approx(np.quantile(repeated, level), abs=0.005)
 
 
+@pytest.mark.slow
 def test_the_band_of_another_tool_holds_what_was_measured_there(collet, assemblies):
     folder = assemblies / "campaign"
     joint = dovetail.read_frf(folder / "measurements" / "h0_j40_t0.uff", accelerometer_mass=1.2e-3)

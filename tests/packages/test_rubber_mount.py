@@ -20,6 +20,7 @@ def package(tmp_path) -> Path:
     return Path(shutil.copytree(PACKAGE, tmp_path / PACKAGE.name, ignore=shutil.ignore_patterns("__pycache__")))
 
 
+@pytest.mark.slow
 def test_it_is_listed_checked_and_identified_and_red_when_broken(environment, package, tmp_path):
     environment.install(package)
     where = environment.run("python", "-c", "import dovetail, dovetail_plugins; print(dovetail.__file__)")

@@ -205,7 +205,7 @@ class MLP(dovetail.Regressor):
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
         """Return the default, and a small network with intervals."""
-        return {}, {"uncertainty": _GAUSSIAN, "hidden": [64, 32], "max_epochs": 60, "learning_rate": 3e-3}
+        return {}, {"uncertainty": _GAUSSIAN, "hidden": [64], "max_epochs": 60, "learning_rate": 3e-3}
 
     def restore(self, state: dovetail.State) -> FittedMLP:
         """Rebuild the network from its weights and biases."""
