@@ -159,3 +159,23 @@ def test_the_description_names_the_method_and_its_options(tmp_path, measured):
 def test_an_unknown_method_is_told_with_those_there_are(assembly, measured):
     with pytest.raises(ValueError, match=r"'postreior' is not a method\. Did you mean 'posterior'\?"):
         dovetail.identify(assembly, measured, "postreior")
+
+
+class Nearest(IdentificationMethod):
+    """The best of a grid, by the differences that the problem gives."""
+
+    name = "nearest"
+    summary = "the best of a grid"
+
+    def identify(self, problem, *, seed, progress=dovetail.silent):
+        """Look at 2500 places."""
+        grid = np.stack(np.meshgrid(np.linspace(3e6, 5e6, 50), np.linspace(50, 110, 50)), axis=-1).reshape(-1, 2)
+        cost = np.sum(np.abs(problem.difference(grid)) ** 2 / problem.variance, axis=1)
+        return Estimate(grid[np.argmin(cost)])
+
+
+@pytest.mark.parametrize("phase", [True, False])
+def test_a_measurement_without_phase_is_compared_by_its_amplitude(assembly, measured, phase):
+    found = dovetail.identify(assembly, measured, Nearest(), phase=phase, cause_seconds=0.0).parameters
+    assert found["k"].value == pytest.approx(4e6, rel=0.02)
+    assert found["c"].value == pytest.approx(80.0, rel=0.05)

@@ -51,6 +51,15 @@ class IdentificationProblem:
         """The measured values (n_lines,), one response behind the other."""
         return np.concatenate([frf.values for frf in self.measured])
 
+    def difference(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the model's FRFs at parameters (n, n_params) [SI] less the measured ones, (n, n_lines).
+
+        Where a measurement is an amplitude alone (`Frf.has_phase`) it is the difference of amplitudes.
+        """
+        model = self.frf(theta)
+        has_phase = np.concatenate([np.full(len(frf.frequency), frf.has_phase) for frf in self.measured])
+        return np.where(has_phase, model, np.abs(model)) - self.values
+
 
 @dataclass(frozen=True, eq=False)
 class Estimate:

@@ -35,11 +35,11 @@ class Evolution(IdentificationMethod):
 
     def identify(self, problem, *, seed, progress=silent):
         """Minimise the sum of |difference|^2 over the random error, over all lines of all measurements."""
-        measured, weight = problem.values, 1.0 / np.sqrt(problem.variance)
+        weight = 1.0 / np.sqrt(problem.variance)
 
         def cost(fractions):
             """Return the cost (n,) of candidates (n_params, n), as scipy's vectorised search hands them over."""
-            difference = problem.frf(to_si(problem.parameters, fractions.T)) - measured
+            difference = problem.difference(to_si(problem.parameters, fractions.T))
             return np.sum(np.abs(difference * weight) ** 2, axis=1)
 
         generation = iter(range(1, self.config.generations + 1))
