@@ -9,7 +9,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,12 @@ _SPLIT_STREAM = 1
 
 _FEWEST_SAMPLES = 2
 """In either part, for a spread to exist."""
+
+_WORTH_FORECASTING = 10.0
+"""Seconds for the FRFs from which a training says beforehand how long it will take."""
+
+_PILOT_SHARE, _PILOT_EPOCHS = 0.02, 3
+"""Of the samples, on which reducer and regressor are tried for that, and epochs of the regressor."""
 
 
 def train_network(
@@ -174,7 +180,11 @@ def _fit_network(
             for rows in blocks(len(features)):
                 log10p1(features[rows], out=features[rows])
     context = _context(assembly, dataset, is_test, noisy, timer.limit)
-    reducer = _fit_reducer(settings, features, context, timer, progress)
+    expected = ""
+    if sum(timer.seconds.values()) > _WORTH_FORECASTING:
+        with timer.stage("forecast"):
+            expected = _forecast(assembly, features, theta, context)
+    reducer = _fit_reducer(settings, features, context, timer, progress, expected)
     with timer.stage("reduction"):
         reduced = reduce_features(reducer, settings.reducer.name, features, progress)
     del features  # 700 MB at 40,000 FRFs of 4451 lines
@@ -218,15 +228,69 @@ def _fit_reducer(
     context: FeatureContext,
     timer: _StageTimer,
     progress: Progress,
+    expected: str,
 ) -> FittedReducer:
     with timer.stage("reducer"):
-        progress("reducer", 0, 1, f"{settings.reducer.name} on {len(features)} FRFs")
+        progress("reducer", 0, 1, f"{settings.reducer.name} on {len(features)} FRFs{expected}")
         with plugin_errors(settings.reducer, component_label(settings.reducer)):
             reducer = fit_in_context(settings.reducer.fit, features, context=context, seed=settings.seed)
         check_contract(reducer, settings.reducer, FittedReducer)
         assert isinstance(reducer, FittedReducer)
         progress("reducer", 1, 1)
     return reducer
+
+
+def _forecast(
+    assembly: Assembly, features: NDArray[np.float32], theta: NDArray[np.float64], context: FeatureContext
+) -> str:
+    """Say how long reducer and regressor will take, from what they take for a few of the samples.
+
+    Nothing is said where one of them fails on so few. Where the regressor was told a time, that holds.
+    """
+    with suppress(Exception):
+        count = max(round(_PILOT_SHARE * len(features)), _FEWEST_SAMPLES)
+        sizes = count, count, 2 * count  # the first only loads and compiles what is needed
+        _, once, twice = (_pilot(assembly, features[:rows], theta[:rows], context) for rows in sizes)
+        further = len(features) / count - 1.0
+        reducer, regressor = once + further * np.maximum(twice - once, 0.0)
+        regressor = context.seconds or regressor
+        return f"; about {_rounded(reducer)}, then the regressor at most {_rounded(regressor)}"
+    return ""
+
+
+class _PilotOver(Exception):  # noqa: N818 - nothing is wrong
+    """Ends a regressor's training."""
+
+
+def _pilot(
+    assembly: Assembly, features: NDArray[np.float32], theta: NDArray[np.float64], context: FeatureContext
+) -> NDArray[np.float64]:
+    """Return the seconds that the reducer and all epochs of the regressor take for these samples."""
+    settings = assembly.description.identification
+    start, epochs, all_epochs = time.perf_counter(), 1, 1
+
+    def stop_early(stage: str, done: int, total: int, note: str = "") -> None:  # noqa: ARG001
+        nonlocal epochs, all_epochs
+        if stage == "regressor":
+            epochs, all_epochs = max(done, 1), total
+            if done >= _PILOT_EPOCHS:
+                raise _PilotOver
+
+    reducer = fit_in_context(settings.reducer.fit, features, context=context, seed=settings.seed)
+    reduced = reducer.transform(features)
+    standardised = ZScore.fit(reduced).transform(reduced)
+    targets = TargetScaling.fit(theta, assembly.parameters).transform(theta)
+    middle = time.perf_counter()
+    with suppress(_PilotOver):
+        fit_in_context(
+            settings.regressor.fit, standardised, targets, context=context, seed=settings.seed, progress=stop_early
+        )
+    return np.array([middle - start, (time.perf_counter() - middle) * all_epochs / epochs])
+
+
+def _rounded(seconds: float) -> str:
+    """Write a time as one would say it."""
+    return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
 
 
 @dataclass
