@@ -7,7 +7,7 @@ import pytest
 
 import dovetail
 from dovetail.errors import ParameterError
-from dovetail.identification.network.augmentation import ReducedEpochs
+from dovetail.identification.network.epochs import FreshEpochs
 
 DESCRIPTION = {
     "dovetail": 1,
@@ -93,14 +93,14 @@ def small(**changes):
 
 def test_fresh_training_sees_no_sample_twice(monkeypatch):
     seen = []
-    epoch = ReducedEpochs.__call__
+    epoch = FreshEpochs.__call__
 
     def watched(self, number):
         features, targets = epoch(self, number)
         seen.append(targets[0].tolist())
         return features, targets
 
-    monkeypatch.setattr(ReducedEpochs, "__call__", watched)
+    monkeypatch.setattr(FreshEpochs, "__call__", watched)
     regressor = {"model": "mlp", "hidden": [8], "max_epochs": 4, "patience": 10}
     model = dovetail.train(small(regressor=regressor), fresh=True)
     assert len(seen) == 4

@@ -10,7 +10,8 @@ import pytest
 import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.errors import DatasetError
-from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures, ReducedEpochs
+from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures
+from dovetail.identification.network.epochs import FreshEpochs, Reduction
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 
 AXIS = np.arange(1.0, 2001.0)
@@ -139,14 +140,55 @@ def test_training_goes_through_as_many_augmentations_as_copies(robust, frfs):
     assert not np.array_equal(asked[0], asked[1])
 
 
-def test_fresh_samples_are_never_used_twice(with_settings, frfs):
-    assembly = with_settings(samples=600, reducer={"model": "pca"}, augmentation={"fresh": True, "copies": 1})
-    samples = noisy_features(assembly, frfs)
-    features, theta = samples(0)
-    reducer = assembly.description.identification.reducer.fit(features, seed=0)
-    scalings = ZScore.fit(reducer.transform(features)), TargetScaling.fit(theta, assembly.parameters)
-    epochs = ReducedEpochs(samples, "pca", reducer, *scalings)
-    assert not np.array_equal(epochs(0)[1], epochs(1)[1])
+@pytest.fixture
+def fresh_epochs(with_settings, frfs):
+    """Makes epochs of fresh samples, each drawn so often on average."""
+
+    def make(reuse):
+        augmentation = {"fresh": True, "reuse": reuse}
+        assembly = with_settings(samples=600, reducer={"model": "pca"}, augmentation=augmentation)
+        samples = noisy_features(assembly, frfs)
+        features, theta = samples(0)
+        reducer = assembly.description.identification.reducer.fit(features, seed=0)
+        reduced = reducer.transform(features)
+        scaling = ZScore.fit(reduced), TargetScaling.fit(theta, assembly.parameters)
+        reduction = Reduction("pca", reducer, *scaling)
+        return FreshEpochs(samples, reduction, reduction.standardise(reduced, theta))
+
+    return make
+
+
+def drawn(epochs, numbers):
+    """Return the targets of each epoch, as sets of rows."""
+    with epochs.running():
+        return [[tuple(row) for row in epochs(number)[1].tolist()] for number in numbers]
+
+
+def test_fresh_samples_are_never_used_twice(fresh_epochs):
+    rows = [row for epoch in drawn(fresh_epochs(1), range(4)) for row in epoch]
+    assert len(set(rows)) == len(rows) == 4 * 600
+
+
+def test_fresh_samples_are_used_as_often_as_is_wanted_each_at_its_place(fresh_epochs):
+    epochs = drawn(fresh_epochs(3), range(10))
+    assert len({row for epoch in epochs for row in epoch}) <= 600 + 9 * 200
+    assert len(set(epochs[9]) - set(epochs[8])) > 200  # of the new segment and of what was drawn again
+    places = {}
+    for epoch in epochs:
+        for place, row in enumerate(epoch):
+            assert places.setdefault(row, place) == place
+    assert epochs == drawn(fresh_epochs(3), range(10))
+
+
+def test_fresh_features_belong_to_their_targets(fresh_epochs):
+    """The features that a regressor gets are those of the FRF of the parameters beside them, but for the noise."""
+    epochs = fresh_epochs(3)
+    reduction = epochs._reduction
+    with epochs.running():
+        features, targets = epochs(5)
+    clean = np.log10(epochs._noisy.assembly.accelerance_amplitude(reduction.targets.inverse(targets)) + 1)
+    expected, _ = reduction(clean.astype(np.float32), reduction.targets.inverse(targets))
+    assert np.corrcoef(features[:, 0], expected[:, 0])[0, 1] > 0.99
 
 
 def test_a_regressor_that_knows_no_epochs_gets_several_at_once(frfs):

@@ -223,6 +223,9 @@ class AugmentationSection(_Section):
         Different augmentations of each FRF where a reducer makes each costly; they are gone through in turn.
     fresh : bool
         Draw new samples from the engine in every epoch in place of the dataset's.
+    reuse : int
+        How often such a sample is drawn on average: one in so many is new in each epoch. By default none is seen twice;
+        more where the regressor is faster than the engine.
     """
 
     additive: _Level = 0.2
@@ -235,6 +238,7 @@ class AugmentationSection(_Section):
     mass: Annotated[Mass, Field(ge=0)] = 0.0
     copies: Annotated[_Count, Field(ge=1, le=1000)] = 8
     fresh: bool = False
+    reuse: Annotated[_Count, Field(ge=1, le=1000)] = 1
 
 
 class IdentificationSection(_Section):

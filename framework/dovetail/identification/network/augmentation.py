@@ -1,7 +1,6 @@
 """Noise and variability on training FRFs, so that the network learns what a measurement looks like.
 
-`Augmentation` makes a noisy FRF of a clean one, `NoisyFeatures` the features of all training FRFs for an epoch, and
-`ReducedEpochs` what the regressor is trained with.
+`Augmentation` makes a noisy FRF of a clean one, `NoisyFeatures` the features of all training FRFs for an epoch.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -18,11 +17,9 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly, AugmentationSection
 from dovetail.dataset import complex_accelerance, latin_hypercube
 from dovetail.errors import DatasetError, Fault
-from dovetail.identification.network.network import reduce_features
-from dovetail.identification.network.preprocessing import TargetScaling, ZScore, log10p1
-from dovetail.interfaces import FittedReducer
+from dovetail.identification.network.preprocessing import log10p1
 
-__all__ = ["Augmentation", "NoisyFeatures", "ReducedEpochs"]
+__all__ = ["Augmentation", "NoisyFeatures"]
 
 _NOISE_DECADES = 3.0
 """By which the level of additive noise varies, below its greatest value: from a bad measurement to a good one."""
@@ -168,15 +165,28 @@ class NoisyFeatures:
         return self.augmentations[0].settings.fresh
 
     @property
+    def seed(self) -> int:
+        """Of all random numbers."""
+        return self.assembly.description.identification.seed
+
+    @property
+    def reuse(self) -> int:
+        """How often a fresh sample is drawn on average."""
+        return self.augmentations[0].settings.reuse
+
+    @property
     def copies(self) -> int:
         """Number of different epochs where each is costly."""
         return self.augmentations[0].settings.copies
 
-    def __call__(self, epoch: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Return features (n_samples, n_responses n_freq) and parameters (n_samples, n_params)."""
-        theta, seed = self.theta, self.assembly.description.identification.seed
+    def __call__(self, epoch: int, count: int | None = None) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Return features (n_samples, n_responses n_freq) and parameters (n_samples, n_params).
+
+        Of fresh samples there are `count`, by default as many as those that they replace.
+        """
+        theta, seed = self.theta, self.seed
         if self.fresh:
-            theta = latin_hypercube(self.assembly, len(theta), (seed, _SAMPLE_STREAM, epoch))
+            theta = latin_hypercube(self.assembly, count or len(theta), (seed, _SAMPLE_STREAM, epoch))
         features = np.empty((len(theta), self.clean.shape[1]), dtype=np.float32)
 
         def fill(block: int, clean: NDArray[np.number]) -> None:
@@ -207,42 +217,3 @@ def _deviation(accelerance: NDArray[np.number]) -> float:
     """Return the standard deviation of all amplitudes, without a second copy of them where they are stored as such."""
     amplitude = np.abs(accelerance) if np.iscomplexobj(accelerance) else accelerance
     return float(np.std(amplitude, dtype=np.float64))
-
-
-@dataclass(frozen=True, eq=False)
-class ReducedEpochs:
-    """What the regressor is trained with, by the number of the epoch: reduced, standardised features and targets.
-
-    Parameters
-    ----------
-    noisy : NoisyFeatures
-    name : str
-        The reducer's.
-    reducer : FittedReducer
-    feature_scaling : ZScore
-    target_scaling : TargetScaling
-
-    Notes
-    -----
-    If the reduced features of `copies` epochs take no more memory than the FRFs of one, so many epochs are stored and
-    used in turn. Otherwise, and with fresh samples, each epoch is made when it is needed.
-    """
-
-    noisy: NoisyFeatures
-    name: str
-    reducer: FittedReducer
-    feature_scaling: ZScore
-    target_scaling: TargetScaling
-    _stored: dict[int, tuple[NDArray[np.float32], NDArray[np.float64]]] = field(default_factory=dict, init=False)
-
-    def __call__(self, epoch: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Return features (n_samples, n_components) and targets (n_samples, n_targets)."""
-        number = epoch % self.noisy.copies
-        if number in self._stored:
-            return self._stored[number]
-        features, theta = self.noisy(epoch)
-        reduced = reduce_features(self.reducer, self.name, features)
-        pair = self.feature_scaling.transform(reduced, out=reduced), self.target_scaling.transform(theta)
-        if not self.noisy.fresh and self.noisy.copies * reduced.shape[1] <= features.shape[1]:
-            self._stored[number] = pair
-        return pair

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +21,8 @@ from threadpoolctl import threadpool_limits
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, Storage, generate
 from dovetail.errors import DatasetError, Fault, ParameterError, PluginError
-from dovetail.identification.network.augmentation import NoisyFeatures, ReducedEpochs
+from dovetail.identification.network.augmentation import NoisyFeatures
+from dovetail.identification.network.epochs import FreshEpochs, ReducedEpochs, Reduction
 from dovetail.identification.network.network import Network, check_contract, component_label, reduce_features
 from dovetail.identification.network.novelty import learn_novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
@@ -189,16 +190,16 @@ def _fit_network(
         reduced = reduce_features(reducer, settings.reducer.name, features, progress)
     del features  # 700 MB at 40,000 FRFs of 4451 lines
     scaling = feature_scaling, target_scaling = ZScore.fit(reduced), TargetScaling.fit(theta, assembly.parameters)
-    fit: Callable[..., Any] = settings.regressor.fit
-    samples: tuple[Any, ...]
+    reduction = Reduction(settings.reducer.name, reducer, *scaling)
+    named: dict[str, Any] = {"context": context, "seed": settings.seed, "progress": progress}
     with timer.stage("regressor"), plugin_errors(settings.regressor, component_label(settings.regressor)):
-        if noisy is not None:
-            epochs = ReducedEpochs(noisy, settings.reducer.name, reducer, *scaling)
-            fit, samples = settings.regressor.fit_epochs, (epochs,)
+        if noisy is None:
+            regressor = fit_in_context(settings.regressor.fit, *reduction.standardise(reduced, theta), **named)
+        elif noisy.fresh:
+            with FreshEpochs(noisy, reduction, reduction.standardise(reduced, theta)).running() as epochs:
+                regressor = fit_in_context(settings.regressor.fit_epochs, epochs, **named)
         else:
-            standardised, targets = feature_scaling.transform(reduced, out=reduced), target_scaling.transform(theta)
-            samples = standardised, targets
-        regressor = fit_in_context(fit, *samples, context=context, seed=settings.seed, progress=progress)
+            regressor = fit_in_context(settings.regressor.fit_epochs, ReducedEpochs(noisy, reduction), **named)
     recipes = settings.reducer, settings.regressor
     return Network(reducer, feature_scaling, regressor, target_scaling, recipes), test_amplitude
 
