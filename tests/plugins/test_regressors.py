@@ -64,13 +64,15 @@ def test_it_learns_a_smooth_function(fitted, rows):
     assert np.all(1.0 - error / wanted.var(axis=0) > 0.95)
 
 
-def test_prediction_is_the_forward_pass_of_torch(fitted, rows):
+@pytest.mark.parametrize("unit", ["relu", "silu"])
+def test_prediction_is_the_forward_pass_of_torch(training, rows, unit):
     torch = pytest.importorskip("torch")
-    state = {name: torch.from_numpy(value).double() for name, value in fitted.state().items()}
+    fitted = recipe(max_epochs=3, activation=unit).fit(*training, seed=0)
+    state = {name: torch.tensor(value).double() for name, value in fitted.state().items() if name[-1].isdigit()}
     activation = torch.from_numpy(rows).double()
     for layer in range(3):
         activation = torch.nn.functional.linear(activation, state[f"weight{layer}"].T, state[f"bias{layer}"])
-        activation = activation if layer == 2 else torch.relu(activation)
+        activation = activation if layer == 2 else getattr(torch.nn.functional, unit)(activation)
     np.testing.assert_allclose(fitted.predict(rows), activation.numpy(), rtol=1e-12, atol=1e-14)
 
 
@@ -237,12 +239,18 @@ def test_a_damaged_state_is_refused(fitted, name):
         MLP().restore({**state, name: np.full_like(state[name], np.nan)})
 
 
+def test_an_unknown_activation_is_refused(fitted):
+    with pytest.raises(dovetail.DovetailError, match="holds the activation 'step'"):
+        MLP().restore({**fitted.state(), "activation": "step"})
+
+
 @pytest.mark.parametrize(
     "options",
     [
         {"hidden": ()},
         {"hidden": (8,) * 9},
         {"uncertainty": "some"},
+        {"activation": "step"},
         {"hidden": (512, 0)},
         {"dropout": 1.0},
         {"weight_decay": -1e-3},

@@ -9,12 +9,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
-from scipy.special import ndtr
+from scipy.special import expit, ndtr
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_array
@@ -29,8 +29,10 @@ __all__ = ["MLP", "FittedMLP"]
 Layers = list[tuple[NDArray[Any], NDArray[Any]]]
 """Weight (n_in, n_out) and bias (n_out,) of each layer."""
 
+Activation = Literal["relu", "silu"]
+
 _OWNER = "regressor 'mlp'"
-_GAUSSIAN = "gaussian"
+_GAUSSIAN, _ACTIVATION = "gaussian", "activation"
 _MARGIN = 1e-3
 """How near to the ends of the targets' range, 0 and 1, normal quantiles are taken: three standard deviations."""
 _DRAWS = 500
@@ -40,12 +42,14 @@ _BLOCK = 4096
 
 
 class FittedMLP(dovetail.FittedRegressor):
-    """Hidden layers of rectified linear units and a linear output.
+    """Hidden layers and a linear output.
 
     Parameters
     ----------
     weights : sequence of (n_in, n_out) arrays
     biases : sequence of (n_out,) arrays
+    activation : {"relu", "silu"}
+        Of the hidden units.
     is_gaussian : bool
         Whether the output is a Gaussian of the normal quantiles of the targets: means, then the lower triangle of the
         precision's Cholesky factor, row by row, with logarithms on its diagonal.
@@ -56,7 +60,14 @@ class FittedMLP(dovetail.FittedRegressor):
     depend on the other rows.
     """
 
-    def __init__(self, weights: list[NDArray[Any]], biases: list[NDArray[Any]], is_gaussian: bool = False) -> None:
+    def __init__(
+        self,
+        weights: list[NDArray[Any]],
+        biases: list[NDArray[Any]],
+        activation: Activation = "relu",
+        is_gaussian: bool = False,
+    ) -> None:
+        self._activation: Activation = activation
         self._is_gaussian = is_gaussian
         self._weights = [np.ascontiguousarray(weight, dtype=np.float64) for weight in weights]
         self._biases = [np.asarray(bias, dtype=np.float64) for bias in biases]
@@ -84,21 +95,23 @@ class FittedMLP(dovetail.FittedRegressor):
         return np.concatenate(blocks)
 
     def state(self) -> dovetail.State:
-        """Return the weights and biases of all layers, and what the output is."""
+        """Return the weights and biases of all layers, and what the hidden units and the output are."""
         weights = {f"weight{i}": weight.astype(np.float32) for i, weight in enumerate(self._weights)}
         biases = {f"bias{i}": bias.astype(np.float32) for i, bias in enumerate(self._biases)}
-        return {**weights, **biases, **({_GAUSSIAN: True} if self._is_gaussian else {})}
+        activation = {} if self._activation == "relu" else {_ACTIVATION: self._activation}
+        return {**weights, **biases, **activation, **({_GAUSSIAN: True} if self._is_gaussian else {})}
 
     def _forward(self, rows: NDArray[Any]) -> NDArray[np.float64]:
         activation = rows.astype(np.float64)
         for weight, bias in zip(self._weights[:-1], self._biases[:-1], strict=True):
-            activation = np.maximum(activation @ weight + bias, 0.0)
+            activation = activation @ weight + bias
+            activation = np.maximum(activation, 0.0) if self._activation == "relu" else activation * expit(activation)
         result: NDArray[np.float64] = activation @ self._weights[-1] + self._biases[-1]
         return result
 
 
 class MLP(dovetail.Regressor):
-    """A multilayer perceptron: hidden ReLU layers, linear output, mean squared error or likelihood, Adam.
+    """A multilayer perceptron: hidden layers, linear output, mean squared error or likelihood, Adam.
 
     Notes
     -----
@@ -126,6 +139,8 @@ class MLP(dovetail.Regressor):
             Units of each hidden layer.
         uncertainty : {"none", "gaussian"}
             What is predicted: values alone, or a Gaussian with a full covariance.
+        activation : {"relu", "silu"}
+            Of the hidden units: rectified linear, or x / (1 + exp(-x)), which learns a smooth map from fewer samples.
         dropout : float
             Share of hidden units left out at random in each training step.
         weight_decay : float
@@ -144,6 +159,7 @@ class MLP(dovetail.Regressor):
 
         hidden: Annotated[tuple[PositiveInt, ...], Field(min_length=1, max_length=8)] = (512, 256)
         uncertainty: Literal["none", "gaussian"] = "none"
+        activation: Activation = "relu"
         dropout: float = Field(default=0.1, ge=0.0, lt=1.0)
         weight_decay: float = Field(default=1e-5, ge=0.0)
         learning_rate: float = Field(default=1e-3, gt=0.0)
@@ -199,29 +215,40 @@ class MLP(dovetail.Regressor):
     ) -> FittedMLP:
         with _own_torch(seed):
             layers = self._train(epoch, progress, None if context is None else context.seconds)
-        is_gaussian = self.config.uncertainty == _GAUSSIAN
-        return FittedMLP([weight for weight, _ in layers], [bias for _, bias in layers], is_gaussian)
+        weights, biases = ([pair[i] for pair in layers] for i in (0, 1))
+        return FittedMLP(weights, biases, self.config.activation, self.config.uncertainty == _GAUSSIAN)
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
         """Return the default, and a small network with intervals."""
-        return {}, {"uncertainty": _GAUSSIAN, "hidden": [64], "max_epochs": 60, "learning_rate": 3e-3}
+        return {}, {
+            "uncertainty": _GAUSSIAN,
+            "activation": "silu",
+            "hidden": [64],
+            "max_epochs": 60,
+            "learning_rate": 3e-3,
+        }
 
     def restore(self, state: dovetail.State) -> FittedMLP:
         """Rebuild the network from its weights and biases."""
+        activation = next((one for one in get_args(Activation) if one == state.get(_ACTIVATION, "relu")), None)
+        if activation is None:
+            problem = f"its state holds the activation {state[_ACTIVATION]!r}."
+            raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, ", ".join(get_args(Activation))))
         weights: list[NDArray[Any]] = []
-        for i in range(len({name.removeprefix("weight").removeprefix("bias") for name in state} - {_GAUSSIAN})):
+        for i in range(len({name.removeprefix("weight").removeprefix("bias") for name in state} - {_GAUSSIAN, _ACTIVATION})):
             rows = weights[-1].shape[1] if weights else None
             weights.append(state_array(state, f"weight{i}", _OWNER, (rows, None)))
         biases = [state_array(state, f"bias{i}", _OWNER, (weight.shape[1],)) for i, weight in enumerate(weights)]
-        return FittedMLP(weights, biases, bool(state.get(_GAUSSIAN, False)))
+        return FittedMLP(weights, biases, activation, bool(state.get(_GAUSSIAN, False)))
 
     def _network(self, n_features: int, n_targets: int) -> torch.nn.Sequential:
         from torch import nn
 
         layers: list[nn.Module] = []
         for width in self.config.hidden:
-            layers += [nn.Linear(n_features, width), nn.ReLU(), nn.Dropout(self.config.dropout)]
+            unit = nn.ReLU() if self.config.activation == "relu" else nn.SiLU()
+            layers += [nn.Linear(n_features, width), unit, nn.Dropout(self.config.dropout)]
             n_features = width
         is_gaussian = self.config.uncertainty == _GAUSSIAN
         outputs = n_targets + n_targets * (n_targets + 1) // 2 if is_gaussian else n_targets
