@@ -21,6 +21,7 @@ CLOSE = {
     },
 }  # fmt: skip
 """Largest relative error of the parameters that one FRF determines."""
+QUICK = [pytest.param(name, marks=[pytest.mark.slow] * (name == "spindle_bt40_er32")) for name in CLOSE]
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def test_the_frf_is_that_of_the_direct_solve(name, assemblies):
         assert np.max(np.abs(found - direct) / np.abs(direct)) < 1e-8
 
 
-@pytest.mark.parametrize("name", CLOSE)
+@pytest.mark.parametrize("name", QUICK)
 def test_the_joints_are_found_again(name, scripts):
     """What one FRF determines, within the few per cent that the coarser mesh costs, and inside the intervals."""
     _, result, truth = scripts[1].identified(name, 1)
@@ -60,9 +61,7 @@ def test_the_joints_are_found_again(name, scripts):
     assert all(wide[name][0] <= true <= wide[name][1] for name, true in zip(wide, truth, strict=True))
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "spindle_bt40_er32")) for name in CLOSE]
-)
+@pytest.mark.parametrize("name", QUICK)
 def test_on_the_mesh_of_the_structure_every_parameter_lies_within_its_interval(name, scripts):
     """Without any model error; of 24 intervals of 90 % two or three may miss, of 99.9 % none."""
     _, result, truth = scripts[1].identified(name, 4)

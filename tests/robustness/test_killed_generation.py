@@ -22,7 +22,7 @@ dovetail.generate(assembly, sys.argv[2], samples=int(sys.argv[3]), resume=True, 
 """
 
 
-@pytest.mark.parametrize("kills", [4, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_killed_and_resumed(collet, tmp_path, kills):
     samples = 3000 * kills
     description = tmp_path / "description.json"

@@ -220,8 +220,8 @@ class MLP(dovetail.Regressor):
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return the default, and a small network with intervals."""
-        return {}, {
+        """Return a quick training, and a small network with intervals."""
+        return {"max_epochs": 40}, {
             "uncertainty": _GAUSSIAN,
             "activation": "silu",
             "hidden": [64],
