@@ -236,7 +236,8 @@ class MLP(dovetail.Regressor):
             problem = f"its state holds the activation {state[_ACTIVATION]!r}."
             raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, ", ".join(get_args(Activation))))
         weights: list[NDArray[Any]] = []
-        for i in range(len({name.removeprefix("weight").removeprefix("bias") for name in state} - {_GAUSSIAN, _ACTIVATION})):
+        layers = {name.removeprefix("weight").removeprefix("bias") for name in state} - {_GAUSSIAN, _ACTIVATION}
+        for i in range(len(layers)):
             rows = weights[-1].shape[1] if weights else None
             weights.append(state_array(state, f"weight{i}", _OWNER, (rows, None)))
         biases = [state_array(state, f"bias{i}", _OWNER, (weight.shape[1],)) for i, weight in enumerate(weights)]
