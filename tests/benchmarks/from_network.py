@@ -7,8 +7,9 @@ Joints at random, complex noise proportional to each line, told with the measure
 
 - the refined fit from the ranges alone, and with the network's answer as one more start: searches, and seconds;
 - the sampler's posterior, and the network's draws weighted by the exact likelihood (importance sampling with
-  Pareto-smoothed weights, from the network's Gaussian in normal quantiles, a fifth wider): effective samples, the shape k of
-  the weights' tail (beyond 0.7 they are not to be trusted), seconds, and how many of the 90 % intervals hold the truth.
+  Pareto-smoothed weights, from the network's Gaussian in normal quantiles, a fifth wider): effective samples, the share
+  of cases whose weights may be trusted (their tail's shape k below 0.7), seconds, and how many 90 % intervals hold
+  the truth.
 """
 
 from __future__ import annotations
