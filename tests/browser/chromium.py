@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import fcntl
 import json
 import os
 import shutil
@@ -44,22 +45,13 @@ class Browser:
     def __init__(self, command: str, profile: Path) -> None:
         read_here, write_there = os.pipe()
         read_there, write_here = os.pipe()
-
-        def arrange() -> None:
-            """Give the browser its ends of the pipes under the numbers that it expects, 3 and 4."""
-            kept = os.dup(write_there)  # either may have the other's number
-            os.dup2(read_there, 3)
-            os.dup2(kept, 4)
-
-        self._process = subprocess.Popen(
-            [command, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
-            preexec_fn=arrange,
-            close_fds=False,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        os.close(read_there)
-        os.close(write_there)
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (read_there, write_there)]  # beyond those that it takes
+        words = ["sh", "-c", f'exec "$0" "$@" 3</dev/fd/{ends[0]} 4>/dev/fd/{ends[1]}', command, *FLAGS]
+        words += [f"--user-data-dir={profile}", "about:blank"]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        self._process = subprocess.Popen(words, pass_fds=ends, **quiet)
+        for end in (read_there, write_there, *ends):
+            os.close(end)
         self._write, self._read = write_here, read_here
         self._answers: dict[int, Queue[dict[str, Any]]] = {}
         self.events: dict[str, list[dict[str, Any]]] = {}
@@ -197,9 +189,7 @@ class Page:
     def requests(self) -> list[str]:
         """Return every address that was asked for."""
         events = self._browser.events.get(self._session, [])
-        return [
-            event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent"
-        ]
+        return [event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent"]
 
     def screenshot(self, path: Path, *, whole: bool = False) -> None:
         """Write a picture of the window, or of the whole page, as PNG."""

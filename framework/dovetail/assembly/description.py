@@ -227,7 +227,7 @@ class Description:
         return replace(self, joints=joints, unknown_parts=parts, calibrations=chains)
 
     def with_known(self, known: Mapping[tuple[str, str], float]) -> Description:
-        """Return the description with known values [SI] of some of its parameters, by owner and name, also in its text."""
+        """Return the description with known values [SI] of some parameters, by owner and name, also in its text."""
         whole = json.loads(self.text)
 
         def changed(entries: Mapping[str, Any]) -> dict[str, Any]:

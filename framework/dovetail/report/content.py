@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,11 +23,13 @@ __all__ = [
     "ModeRow",
     "ParameterRow",
     "adequacy_sentences",
+    "again",
     "columns_sentence",
     "evaluation_rows",
     "fit_sentence",
     "is_synthetic",
     "known_rows",
+    "misfit_sentence",
     "mode_rows",
     "parameter_rows",
     "posterior_sentence",
@@ -48,6 +51,9 @@ _ELSEWHERE = ("description", "evaluation")
 
 _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a laboratory."
 
+
+_PIECES = 20
+"""Parts of the band of which the one with the least agreement is named."""
 
 _EXPLAINED = {
     "to the noise": ("good", "The model explains the measurement down to its noise"),
@@ -156,7 +162,11 @@ def verdict(result: Identification) -> tuple[str, str]:
     counts = Counter(row.verdict for row in result.table)
     told = [f"{counts[word]} {words}" for word, words in _KNOWN.items() if counts[word]]
     count = len(result.parameters)
-    known = f"of {count} parameter{'s' * (count > 1)}, {listing(told)}" if told else "how well each parameter is known was not asked"
+    known = (
+        f"of {count} parameter{'s' * (count > 1)}, {listing(told)}"
+        if told
+        else "how well each parameter is known was not asked"
+    )
     return mark, readable(f"{explained}{within}; {known}.")
 
 
@@ -243,6 +253,40 @@ def truth_sentence(rows: Sequence[ParameterRow]) -> str:
     if not missed:
         return f"All {len(known)} true values lie within their 90 % intervals."
     return f"Outside their 90 % intervals, as one of ten is expected to be: the true values of {listing(missed)}."
+
+
+def misfit_sentence(result: Identification) -> str:
+    """Say in which part of the band measured and reconstructed FRF agree least; empty where they agree everywhere."""
+    worst = []
+    for response in result.responses:
+        pieces = np.array_split(np.arange(response.frf.frequency.size), min(_PIECES, response.frf.frequency.size))
+        agreement = [float(response.coherence[lines].mean()) for lines in pieces]
+        lines = pieces[int(np.argmin(agreement))]
+        low, high = response.frf.frequency[lines[[0, -1]]]
+        where = f" at {response.point}" if result.further else ""
+        worst.append(f"from {low:.5g} to {high:.5g} Hz{where}, with a mean of {min(agreement):.3f}")
+    return f"The agreement is least {'; '.join(worst)}."
+
+
+def again(result: Identification) -> str:
+    """Return the lines of Python that make a result again, and the command; empty where the program did not make it."""
+    origin, options = result.provenance, ""
+    if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
+        return ""
+    if origin.get("posterior_form") == "laplace":
+        options += ', form="laplace"'
+    if "start" in origin:
+        options += f", start={dict(origin['start'])!r}"
+    files = [str(response.measured.label) for response in result.responses]
+    known = "".join(f"# held: {name} = {value:.9g}\n" for name, value in dict(origin.get("locked", {})).items())
+    lines = [
+        "import dovetail",
+        'assembly = dovetail.load("assembly.yaml")',
+        f'result = dovetail.identify(assembly, {files!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
+        'dovetail.write_report(result, "report.html", assembly=assembly)',
+    ]
+    command = f"dovetail identify assembly.yaml {shlex.join(files)} --method {result.method} -o results/"
+    return known + "\n".join(lines) + ("" if "start" in origin else f"\n\n# or, on the command line:\n# {command}")
 
 
 def posterior_sentence(posterior: Posterior) -> str:

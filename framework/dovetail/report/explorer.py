@@ -1,4 +1,4 @@
-"""What the explorer shows: an assembly's FRFs for chosen parameters over measured ones, a fit from there, files of it."""
+"""What the explorer shows: an assembly's FRFs for chosen parameters over measured ones, a fit from there, files."""
 
 from __future__ import annotations
 
@@ -252,9 +252,7 @@ class Explorer:
             origin = provenance(self._lines.described, self._lines.whole, None)
             frfs, band = self._lines.frfs, self._lines.band
             with self._computing:
-                result = reconstruct(
-                    self._assembly, theta, frfs, method=_BY_HAND, provenance=origin, band=band
-                )
+                result = reconstruct(self._assembly, theta, frfs, method=_BY_HAND, provenance=origin, band=band)
         with TemporaryDirectory() as folder:
             return write_report(result, Path(folder) / "report.html", assembly=self._assembly).read_bytes()
 

@@ -1,4 +1,4 @@
-"""The server of the explorer's page: on this machine only, behind a token, for one assembly, until its page is closed."""
+"""The server of the explorer's page: on this machine only, behind a token, until its page is closed."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _LONGEST_BODY = 64 * 1024
 _BEAT = 0.5
 """Seconds between two signs of life to an open page."""
 _PATIENCE = 3.0
-"""Seconds without any page, after there was one, at which the server ends: a page that is loaded anew is back sooner."""
+"""Seconds without any page, after there was one, at which the server ends: a page loaded anew is back sooner."""
 
 
 class PageServer(ThreadingHTTPServer):

@@ -13,6 +13,8 @@ from dovetail.errors import DovetailError, Fault
 from dovetail.identification import Identification
 from dovetail.plain_text import terminal_text
 from dovetail.report import content
+from dovetail.report.charts import chart_data, script_hash, web_text
+from dovetail.report.pair_plot import pair_plot
 from dovetail.report.svg import inline_svg
 from dovetail.report.truth import Truth
 from dovetail.report.wording import number
@@ -23,11 +25,14 @@ if TYPE_CHECKING:
 
 __all__ = ["environment", "write_report"]
 
+_MOST_LINES = 3000
+"""Of an FRF, which a screen can show; peaks and dips are among them."""
+
 
 def write_report(
     result: Identification, path: str | Path, *, truth: Truth | None = None, assembly: Assembly | None = None
 ) -> Path:
-    """Write an identification as one self-contained HTML file: no script, nothing loaded from anywhere.
+    """Write an identification as one self-contained HTML file, with its own scripts and nothing loaded from anywhere.
 
     Parameters
     ----------
@@ -78,6 +83,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
     rows = content.parameter_rows(result, truth)
     low, high = min(axis[0] for axis in axes), max(axis[-1] for axis in axes)
     evaluation = result.provenance.get("evaluation")
+    mark, verdict = content.verdict(result)
     return {
         "assembly": str(result.provenance.get("assembly", result.frf.label)),
         "measurement": _measurements(result),
@@ -103,6 +109,12 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "known": content.known_rows(result),
         "modes": content.mode_rows(result, truth),
         "figures": _figures(result),
+        **_scripts(),
+        "mark": mark,
+        "verdict": verdict,
+        "misfit": content.misfit_sentence(result),
+        "pairs": pair_plot(result),
+        "again": content.again(result),
         "evaluation": content.evaluation_rows(result),
         "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
         "provenance": content.provenance_rows(result.provenance),
@@ -123,18 +135,31 @@ def _mean_coherence(result: Identification) -> str:
     return ", ".join(f"{at_point.mean_coherence:.3f} ({at_point.point})" for at_point in result.responses)
 
 
-def _figures(result: Identification) -> list[tuple[str, Any, bool]]:
-    """Return the point of each response, empty if there is one only, its figure as markup, and whether it has phase."""
+def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
+    """Return of each response the name of its chart, its point (empty if there is one only), its data and its phase."""
     from markupsafe import Markup
 
-    from dovetail.report.plots import plot_frf
-
+    natural = [mode.natural_frequency for mode in result.modes]
+    bands = result.adequacy.bands if result.adequacy is not None and not result.believable else ()
     figures = []
     for index, response in enumerate(result.responses):
-        name, which = (f"frf{index + 1}", f", response {index + 1}") if index else ("frf", "")
-        svg = inline_svg(plot_frf(result, index), name, f"Measured and reconstructed FRF and their coherence{which}")
-        figures.append((response.point if result.further else "", Markup(svg), response.measured.has_phase))
+        both = {"measured": ("measured", response.measured), "model": ("reconstructed", response.frf)}
+        title = f"Measured and reconstructed FRF and their agreement, {response.point or 'the response'}"
+        content = chart_data(title, both, coherence=response.coherence, natural=natural, bands=bands, most=_MOST_LINES)
+        text = json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c")
+        point = response.point if result.further else ""
+        figures.append((f"chart-{index + 1}", point, Markup(text), response.measured.has_phase))
     return figures
+
+
+def _scripts() -> dict[str, Any]:
+    """Return the scripts that draw the charts, their hashes for the page's policy, and the charts' styles."""
+    from markupsafe import Markup
+
+    scripts = [web_text("vendor/uPlot.iife.min.js"), web_text("charts.js"), "DovetailCharts.drawAll();\n"]
+    styles = web_text("vendor/uPlot.min.css") + "\n" + web_text("charts.css")
+    hashes = Markup(" ".join(script_hash(script) for script in scripts))
+    return {"scripts": [Markup(s) for s in scripts], "hashes": hashes, "chart_styles": Markup(styles)}
 
 
 def _drawing(assembly: Assembly) -> Any:
@@ -143,7 +168,7 @@ def _drawing(assembly: Assembly) -> Any:
 
     from dovetail.report.drawing import assembly_figure, drawing_text
 
-    return Markup(inline_svg(assembly_figure(assembly), "assembly", drawing_text(assembly)))
+    return Markup(inline_svg(assembly_figure(assembly), "assembly", drawing_text(assembly), themed=True))
 
 
 def _pretty(description: object) -> str | None:

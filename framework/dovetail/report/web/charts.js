@@ -137,12 +137,12 @@ var DovetailCharts = (function () {
       const styled = (role) => ({ stroke: () => colour(STYLE[role].colour), width: STYLE[role].width, dash: STYLE[role].dash, points: { show: false }, spanGaps: false });
       const series = kind === "coherence" ? [{ stroke: () => colour("--agreement"), width: 1.3, points: { show: false } }] : this.curves.map((curve) => styled(curve.role));
       const axis = { stroke: () => colour("--ink"), grid: { stroke: () => colour("--grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
-      const across = { ...axis, size: last ? 44 : 8, label: last ? "Frequency [Hz]" : null, labelSize: 20, values: (plot, splits) => splits.map((value) => (last && value != null ? String(value) : "")) };
+      const across = { ...axis, size: last ? 34 : 8, label: last ? "Frequency [Hz]" : null, labelSize: 20, values: (plot, splits) => splits.map((value) => (last && value != null ? String(value) : "")) };
       const x = { time: false, distr: this.logarithmic ? 3 : 1 };
       return {
         width: this.width(), height: this.height(kind, first, last), series: [{}, ...series], legend: { show: false },
         scales: { x, y: this.vertical(kind) }, axes: [across, { ...axis, size: AXIS, label: this.label(kind), labelSize: 20, ...this.ticks(kind) }],
-        padding: [first ? 20 : 6, 12, 0, 0],
+        padding: [first ? 20 : 6, 24, 0, 0],
         cursor: { sync: { key: this.syncKey(), setSeries: false }, drag: { x: true, y: false, dist: 4 }, y: false, points: { show: kind !== "coherence", size: 7 } },
         hooks: {
           drawClear: [(plot) => this.drawBands(plot)], draw: [(plot) => this.drawNatural(plot, first), () => last && this.drawn()],
@@ -183,8 +183,8 @@ var DovetailCharts = (function () {
     }
 
     height(kind, first, last) {
-      const tall = this.width() < 500 ? 0.85 : 1;
-      return Math.round(HEIGHT[kind] * tall) + (first ? 14 : 0) + (last ? 36 : 0);
+      const tall = this.width() < 500 ? 0.85 : this.width() > 750 ? 1.15 : 1;
+      return Math.round(HEIGHT[kind] * tall) + (first ? 14 : 0) + (last ? 30 : 0);
     }
 
     fit() {
@@ -403,8 +403,16 @@ var DovetailCharts = (function () {
     redraw();
   }
 
+  /* Draw the charts whose data stand in the page, each in the element that names them. */
+  function drawAll() {
+    for (const host of document.querySelectorAll("[data-chart]")) {
+      const chart = new FrfChart(host, JSON.parse(document.getElementById(host.dataset.chart).textContent));
+      chart.fit();
+    }
+  }
+
   dark.addEventListener("change", redraw);
   window.addEventListener("beforeprint", () => printing(true));
   window.addEventListener("afterprint", () => printing(false));
-  return { FrfChart, charts, colour, decode, element, number };
+  return { FrfChart, charts, colour, drawAll, decode, element, number };
 })();
