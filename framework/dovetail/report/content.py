@@ -277,12 +277,15 @@ def again(result: Identification) -> str:
         options += ', form="laplace"'
     if "start" in origin:
         options += f", start={dict(origin['start'])!r}"
-    files = [str(response.measured.label) for response in result.responses]
+    labels = [str(response.measured.label) for response in result.responses]
     known = "".join(f"# held: {name} = {value:.9g}\n" for name, value in dict(origin.get("locked", {})).items())
+    files = list(dict.fromkeys(labels))
+    if len(files) < len(labels):
+        known += "# read the FRF of each response from its file: dovetail.read_frf(file, index=1), and so on\n"
     lines = [
         "import dovetail",
         'assembly = dovetail.load("assembly.yaml")',
-        f'result = dovetail.identify(assembly, {files!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
+        f'result = dovetail.identify(assembly, {labels!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
         'dovetail.write_report(result, "report.html", assembly=assembly)',
     ]
     command = f"dovetail identify assembly.yaml {shlex.join(files)} --method {result.method} -o results/"
