@@ -26,7 +26,7 @@ TRUE = {"k": 3e6, "c": 40.0}
 @pytest.fixture(scope="module")
 def explorer(assemblies: Path) -> Explorer:
     assembly = dovetail.load(assemblies / "sdof.yaml")
-    return Explorer(assembly, [dovetail.noisy_frf(assembly.simulate(TRUE), 1e-3, 0)])
+    return Explorer(assembly, [dovetail.noisy_frf(assembly.simulate(TRUE), 1e-4, 0)])
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +93,9 @@ def test_a_fit_from_elsewhere_finds_the_truth_with_intervals(explorer: Explorer)
 
 
 def test_a_locked_parameter_keeps_its_value(explorer: Explorer) -> None:
-    answer = explorer.fit([3e6, 60.0], ["c"])
-    assert answer["values"][1] == 60.0
-    assert "c" not in answer["intervals"]
+    answer = explorer.fit([4e6, 40.0], ["c"])
+    assert answer["values"][1] == 40.0
+    assert set(answer["intervals"]) == {"k"}
     assert answer["values"][0] == pytest.approx(3e6, rel=0.02)
     with pytest.raises(DovetailError, match="nothing to identify"):
         explorer.fit([3e6, 60.0], ["k", "c"])

@@ -90,12 +90,12 @@ var DovetailCharts = (function () {
     /* What stands around the panels: legend, buttons, what the pointer reads, the table. */
     frame() {
       const button = (text, title, action) => element("button", { type: "button", title, "aria-label": title, onclick: action }, text);
-      this.logButton = button("log f", "Logarithmic frequency axis", () => this.toggleLogarithmic());
+      this.logButton = button("log f", "log f: logarithmic frequency axis", () => this.toggleLogarithmic());
       this.logButton.setAttribute("aria-pressed", "false");
       const buttons = element("div", { class: "chart-buttons" },
         button("\u2212", "Zoom out", () => this.zoomBy(2)), button("+", "Zoom in", () => this.zoomBy(0.5)),
         button("\u2190", "Move to lower frequencies", () => this.pan(-0.25)), button("\u2192", "Move to higher frequencies", () => this.pan(0.25)),
-        button("all", "Show all frequencies", () => this.reset()), this.logButton);
+        button("all", "all frequencies", () => this.reset()), this.logButton);
       this.legend = element("div", { class: "chart-legend" });
       this.readout = element("p", { class: "chart-readout", "aria-live": "polite" });
       this.panels = element("div", {

@@ -2,6 +2,7 @@
 /* The explorer's page: a slider and a number field a parameter; each input is a request, and the newest one wins. */
 (async function () {
   const { FrfChart, element, number } = DovetailCharts;
+  const PAUSE = 80;  /* ms */
   const SHOWN_MARK = { good: "\u2713", rough: "\u2248", bad: "\u2717", open: "?" };
   const byId = (id) => document.getElementById(id);
   const origin = await (await fetch("start")).json();
@@ -37,7 +38,7 @@
   }
 
   /* One request at a time; what was put in meanwhile is asked next, the newest alone. */
-  let asking = false, waiting = null;
+  let asking = false, waiting = null, pausing = null;
   async function follow(began) {
     waiting = { began: began ?? performance.now() };
     if (asking) return;
@@ -52,7 +53,8 @@
         chart.onDrawn = () => { chart.onDrawn = null; performance.measure("input to curve", { start, end: performance.now() }); };
         chart.show("model", { label: "model", amplitude: answer.amplitude, phase: answer.phase });
         showMisfit(answer);
-        if (!waiting) await showModes();
+        clearTimeout(pausing);
+        pausing = setTimeout(showModes, PAUSE);
       } catch (error) {
         say(error.message, true);
       }
@@ -60,9 +62,10 @@
     asking = false;
   }
 
-  /* Natural frequencies take longer than a curve, so they follow when no input waits. */
+  /* Natural frequencies take longer than a curve, so they follow when the hand rests. */
   async function showModes() {
-    const { natural } = await (await ask("modes", { values })).json();
+    let natural = [];
+    try { ({ natural } = await (await ask("modes", { values })).json()); } catch { return; }
     chart.showNatural(natural);
     figure("natural", "Natural frequencies", natural.length ? `${natural.map((value) => value.toFixed(1)).join(", ")} Hz` : "\u2013");
   }
