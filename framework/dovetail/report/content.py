@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,6 @@ __all__ = [
     "ModeRow",
     "ParameterRow",
     "adequacy_sentences",
-    "again",
     "columns_sentence",
     "evaluation_rows",
     "fit_sentence",
@@ -266,30 +264,6 @@ def misfit_sentence(result: Identification) -> str:
         where = f" at {response.point}" if result.further else ""
         worst.append(f"from {low:.5g} to {high:.5g} Hz{where}, with a mean of {min(agreement):.3f}")
     return f"The agreement is least {'; '.join(worst)}."
-
-
-def again(result: Identification) -> str:
-    """Return the lines of Python that make a result again, and the command; empty where the program did not make it."""
-    origin, options = result.provenance, ""
-    if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
-        return ""
-    if origin.get("posterior_form") == "laplace":
-        options += ', form="laplace"'
-    if "start" in origin:
-        options += f", start={dict(origin['start'])!r}"
-    labels = [str(response.measured.label) for response in result.responses]
-    known = "".join(f"# held: {name} = {value:.9g}\n" for name, value in dict(origin.get("locked", {})).items())
-    files = list(dict.fromkeys(labels))
-    if len(files) < len(labels):
-        known += "# read the FRF of each response from its file: dovetail.read_frf(file, index=1), and so on\n"
-    lines = [
-        "import dovetail",
-        'assembly = dovetail.load("assembly.yaml")',
-        f'result = dovetail.identify(assembly, {labels!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
-        'dovetail.write_report(result, "report.html", assembly=assembly)',
-    ]
-    command = f"dovetail identify assembly.yaml {shlex.join(files)} --method {result.method} -o results/"
-    return known + "\n".join(lines) + ("" if "start" in origin else f"\n\n# or, on the command line:\n# {command}")
 
 
 def posterior_sentence(posterior: Posterior) -> str:

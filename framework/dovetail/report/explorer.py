@@ -242,7 +242,8 @@ class Explorer:
                 section = section[step]
             section[last] = str(Path(file).resolve())
         head = "# Saved by 'dovetail explore': every parameter has the value that its slider had.\n"
-        return (head + yaml.safe_dump(whole, sort_keys=False, allow_unicode=True, width=120)).encode()
+        text: str = yaml.safe_dump(whole, sort_keys=False, allow_unicode=True, width=120)
+        return (head + text).encode()
 
     def _report(self, theta: NDArray[np.float64], *, fitted: bool) -> bytes:
         if self._lines is None:
@@ -254,7 +255,9 @@ class Explorer:
             with self._computing:
                 result = reconstruct(self._assembly, theta, frfs, method=_BY_HAND, provenance=origin, band=band)
         with TemporaryDirectory() as folder:
-            return write_report(result, Path(folder) / "report.html", assembly=self._assembly).read_bytes()
+            file = write_report(result, Path(folder) / "report.html", assembly=self._assembly)
+            content: bytes = file.read_bytes()
+        return content
 
 
 def _by_name(names: Sequence[str], theta: NDArray[np.float64]) -> dict[str, float]:

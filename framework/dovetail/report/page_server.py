@@ -93,9 +93,9 @@ class PageServer(ThreadingHTTPServer):
             self._left = float("inf")
             threading.Thread(target=self.shutdown, daemon=True).start()
 
-    def report_progress(self, stage: str, done: int, total: int, **_: Any) -> None:
+    def report_progress(self, stage: str, done: int, total: int, note: str = "") -> None:
         """Keep how far a fit is, for the page."""
-        self.progress = f"{stage} {done} of {total}" if total > 1 else stage
+        self.progress = f"{stage} {done} of {total} {note}".rstrip() if total > 1 else stage
 
     def handle_error(self, request: Any, client_address: Any) -> None:  # a browser that went away is no error
         """Say nothing."""

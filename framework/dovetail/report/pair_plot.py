@@ -35,13 +35,13 @@ def pair_plot(result: Identification) -> dict[str, Any] | None:
     chosen = sorted(strongest[correlation[strongest].max(axis=1) >= _LEAST].tolist())
     definitions = [parameter.definition for parameter in result.parameters.values()]
     theta = posterior.sample(_SAMPLES)
-    places = np.stack([definitions[column].to_unit(theta[:, column]) for column in chosen], axis=1)
+    drawn = np.stack([definitions[column].to_unit(theta[:, column]) for column in chosen], axis=1)
     names, count = [definitions[column].name for column in chosen], len(chosen)
     panels, step = [], _SIZE + _GAP
     for row in range(1, count):
         for column in range(row):
             x, y = _MARGIN + column * step, (row - 1) * step
-            dots = zip(x + _SIZE * places[:, column], y + _SIZE * (1.0 - places[:, row]), strict=True)
+            dots = zip(x + _SIZE * drawn[:, column], y + _SIZE * (1.0 - drawn[:, row]), strict=True)
             path = "".join(f"M{across:.1f} {down:.1f}h0" for across, down in dots)
             value = posterior.correlation[chosen[row], chosen[column]]
             panels.append({"x": x, "y": y, "path": path, "correlation": fixed(float(value), 2, signed=True)})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -114,7 +115,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "verdict": verdict,
         "misfit": content.misfit_sentence(result),
         "pairs": pair_plot(result),
-        "again": content.again(result),
+        "again": _again(result),
         "evaluation": content.evaluation_rows(result),
         "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
         "provenance": content.provenance_rows(result.provenance),
@@ -150,6 +151,30 @@ def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
         point = response.point if result.further else ""
         figures.append((f"chart-{index + 1}", point, Markup(text), response.measured.has_phase))
     return figures
+
+
+def _again(result: Identification) -> str:
+    """Return the lines of Python that make a result again, and the command; empty where the program did not make it."""
+    origin, options = result.provenance, ""
+    if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
+        return ""
+    if origin.get("posterior_form") == "laplace":
+        options += ', form="laplace"'
+    if "start" in origin:
+        options += f", start={dict(origin['start'])!r}"
+    labels = [str(response.measured.label) for response in result.responses]
+    known = "".join(f"# held: {name} = {value:.9g}\n" for name, value in dict(origin.get("locked", {})).items())
+    files = list(dict.fromkeys(labels))
+    if len(files) < len(labels):
+        known += "# read the FRF of each response from its file: dovetail.read_frf(file, index=1), and so on\n"
+    lines = [
+        "import dovetail",
+        'assembly = dovetail.load("assembly.yaml")',
+        f'result = dovetail.identify(assembly, {labels!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
+        'dovetail.write_report(result, "report.html", assembly=assembly)',
+    ]
+    command = f"dovetail identify assembly.yaml {shlex.join(files)} --method {result.method} -o results/"
+    return known + "\n".join(lines) + ("" if "start" in origin else f"\n\n# or, on the command line:\n# {command}")
 
 
 def _scripts() -> dict[str, Any]:
