@@ -88,6 +88,7 @@ def test_the_report_reads_well(browser: Browser, report: str, width: int, scheme
         assert page.requests() == [report]
         assert overflow(page) <= 0
         assert page.evaluate("document.querySelectorAll('svg.pairs path').length") == 1
+        assert page.evaluate("document.querySelectorAll('.mode polyline[points]').length") == 1
         assert serious_faults(page) == []
 
 
@@ -163,12 +164,27 @@ def test_sliders_move_the_curve(browser: Browser, server: PageServer, assemblies
         page.wait_for(f"{peak} < {before} - 50")
         value = page.evaluate("Number(document.querySelector('input[type=number]').value)") * 1e6
         natural = f"{assembly.natural_frequencies({'k': value}, 1)[0]:.1f}"[:-2]
-        page.wait_for(f"document.querySelector('#natural dd').textContent.startsWith('{natural}')")
+        page.wait_for(f"document.querySelector('#natural dd')?.textContent.startsWith('{natural}')")
         page.evaluate("document.getElementById('undo').click(); 0")
         page.wait_for(f"{peak} === {before}")
         page.evaluate("document.getElementById('redo').click(); 0")
         page.wait_for(f"{peak} < {before} - 50")
         assert page.errors() == []
+
+
+def test_mode_shapes_swing_until_they_are_held(browser: Browser, assemblies: Path) -> None:
+    explorer = Explorer(dovetail.load(assemblies / "bt40_er32_quick.yaml"))
+    with PageServer(explorer) as serving:
+        threading.Thread(target=serving.serve_forever, daemon=True).start()
+        with browser.page(serving.address) as page:
+            page.wait_for(READY)
+            page.wait_for("document.querySelectorAll('.mode polyline').length === 6")
+            points = "document.querySelector('.mode polyline').getAttribute('points')"
+            first = page.evaluate(points)
+            page.wait_for(f"{points} !== '{first}'")
+            page.evaluate("document.querySelector('#modes button').click(); 0")
+            held = page.evaluate(points)
+            assert page.evaluate(f"new Promise(go => setTimeout(() => go({points}), 150))") == held
 
 
 def test_fit_from_here_shows_intervals_and_keeps_what_is_locked(browser: Browser, server: PageServer) -> None:

@@ -24,6 +24,7 @@ from dovetail.identification.reconstruction import reconstruct
 from dovetail.interfaces import Progress, silent
 from dovetail.report.charts import chart_data, curve_data
 from dovetail.report.content import verdict
+from dovetail.report.drawing import mode_shapes
 from dovetail.report.report import write_report
 from dovetail.report.wording import display_unit
 
@@ -129,8 +130,11 @@ class Explorer:
         return answer
 
     def modes(self, values: Sequence[Any]) -> dict[str, Any]:
-        """Return the natural frequencies for parameter values [SI], which take longer than an FRF."""
-        return {"natural": self._natural(self._theta(values))}
+        """Return natural frequencies and mode shapes for parameter values [SI], which take longer than an FRF."""
+        theta = self._theta(values)
+        low, high = self._assembly.frequency[[0, -1]]
+        shapes = [mode for mode in mode_shapes(self._assembly, theta, _MODES) if low <= mode["frequency"] <= high]
+        return {"natural": [mode["frequency"] for mode in shapes] or self._natural(theta), "shapes": shapes}
 
     def _theta(self, values: Sequence[Any]) -> NDArray[np.float64]:
         if not isinstance(values, (list, tuple)) or any(isinstance(value, (str, bool)) for value in values):

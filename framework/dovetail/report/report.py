@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from dovetail.assembly import Assembly
 from dovetail.atomic_files import write_whole
 from dovetail.errors import DovetailError, Fault
@@ -15,6 +17,7 @@ from dovetail.identification import Identification
 from dovetail.plain_text import terminal_text
 from dovetail.report import content
 from dovetail.report.charts import chart_data, script_hash, web_text
+from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
 from dovetail.report.pair_plot import pair_plot
 from dovetail.report.svg import inline_svg
 from dovetail.report.truth import Truth
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["environment", "write_report"]
 
+_MOST_SHAPES = 10
 _MOST_LINES = 3000
 """Of an FRF, which a screen can show; peaks and dips are among them."""
 
@@ -60,7 +64,13 @@ def write_report(
         problem = "a result from modal parameters has no FRF, and no report."
         raise DovetailError(Fault(type(result).__name__, problem, remedy="Show its 'table' and its 'modes'."))
     drawing = None if assembly is None else _drawing(assembly)
-    page = environment().get_template("report.html.jinja").render(_context(result, truth), drawing=drawing)
+    page = (
+        environment()
+        .get_template("report.html.jinja")
+        .render(
+            _context(result, truth), drawing=drawing, shapes=None if assembly is None else _shapes(result, assembly)
+        )
+    )
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
 
@@ -138,8 +148,6 @@ def _mean_coherence(result: Identification) -> str:
 
 def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
     """Return of each response the name of its chart, its point (empty if there is one only), its data and its phase."""
-    from markupsafe import Markup
-
     natural = [mode.natural_frequency for mode in result.modes]
     bands = result.adequacy.bands if result.adequacy is not None and not result.believable else ()
     figures = []
@@ -147,9 +155,8 @@ def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
         both = {"measured": ("measured", response.measured), "model": ("reconstructed", response.frf)}
         title = f"Measured and reconstructed FRF and their agreement, {response.point or 'the response'}"
         content = chart_data(title, both, coherence=response.coherence, natural=natural, bands=bands, most=_MOST_LINES)
-        text = json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c")
         point = response.point if result.further else ""
-        figures.append((f"chart-{index + 1}", point, Markup(text), response.measured.has_phase))
+        figures.append((f"chart-{index + 1}", point, _as_data(content), response.measured.has_phase))
     return figures
 
 
@@ -191,9 +198,24 @@ def _drawing(assembly: Assembly) -> Any:
     """Return the drawing of an assembly as markup, its text for those who cannot see it."""
     from markupsafe import Markup
 
-    from dovetail.report.drawing import assembly_figure, drawing_text
-
     return Markup(inline_svg(assembly_figure(assembly), "assembly", drawing_text(assembly), themed=True))
+
+
+def _shapes(result: Identification, assembly: Assembly) -> Any:
+    """Return the shapes of the modes that are listed, as data of the page; None without any."""
+    if [parameter.name for parameter in assembly.parameters] != list(result.parameters):
+        return None
+    listed = [mode.natural_frequency for mode in result.modes]
+    computed = mode_shapes(assembly, result.theta, _MOST_SHAPES)
+    shapes = [mode for mode in computed if np.isclose(mode["frequency"], listed, rtol=1e-4).any()]
+    return _as_data(shapes) if shapes else None
+
+
+def _as_data(content: object) -> Any:
+    """Return plain values as JSON that can stand in an element of a page."""
+    from markupsafe import Markup
+
+    return Markup(json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"))
 
 
 def _pretty(description: object) -> str | None:

@@ -392,6 +392,47 @@ var DovetailCharts = (function () {
     }
   }
 
+  /* Mode shapes as lines that swing, unless somebody prefers them to stand still; the button holds them. */
+  function drawModes(host, modes) {
+    const [width, height, edge] = [280, 90, 12];
+    const along = modes.flatMap((mode) => mode.parts.flatMap((part) => part.along));
+    const [first, last] = [Math.min(...along), Math.max(...along)];
+    const x = (place) => (last > first ? edge + ((width - 2 * edge) * (place - first)) / (last - first) : width / 2);
+    const y = (motion) => height / 2 - (height / 2 - edge) * motion;
+    const svg = (name, attributes, ...children) => {
+      const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+      Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value));
+      made.append(...children);
+      return made;
+    };
+    const moving = [];
+    const figures = modes.map((mode) => {
+      const lines = mode.parts.map((part, number) => {
+        const line = svg("polyline", { class: `shape shape-${number % 4}` });
+        moving.push((swing) => line.setAttribute("points", (part.along.length > 1 ? part.along : [part.along[0], part.along[0]]).map((place, node) => `${x(place).toFixed(1)},${y(swing * part.across[node % part.across.length]).toFixed(1)}`).join(" ")));
+        return line;
+      });
+      const words = `Mode at ${number(mode.frequency, 5)} Hz: ${mode.parts.map((part) => part.name).join(", ")}`;
+      const drawing = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": words }, svg("line", { class: "axis", x1: edge, x2: width - edge, y1: height / 2, y2: height / 2 }), ...lines);
+      return element("figure", { class: "mode" }, drawing, element("figcaption", {}, `${number(mode.frequency, 5)} Hz`));
+    });
+    const names = modes.length ? modes[0].parts.map((part, number) => element("span", { class: `key shape-key-${number % 4}` }, part.name)) : [];
+    const still = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const move = (swing) => moving.forEach((set) => set(swing));
+    host.moving = host.moving ?? !still;
+    const hold = element("button", { type: "button", "aria-pressed": String(!host.moving) }, "hold still");
+    hold.addEventListener("click", () => { host.moving = !host.moving; hold.setAttribute("aria-pressed", String(!host.moving)); if (host.moving) swing(); else move(1); });
+    const began = (host.drawing = performance.now());
+    function swing() {
+      if (host.drawing !== began || !host.moving || !host.isConnected) return;
+      move(Math.sin((performance.now() - began) / 300));
+      requestAnimationFrame(swing);
+    }
+    host.replaceChildren(element("div", { class: "chart-head" }, element("div", { class: "chart-legend" }, ...names), element("div", { class: "chart-buttons" }, hold)), element("div", { class: "modes" }, ...figures));
+    move(1);
+    swing();
+  }
+
   function redraw() {
     charts.forEach((chart) => chart.plots.forEach((plot) => plot.redraw(false, true)));
   }
@@ -409,10 +450,11 @@ var DovetailCharts = (function () {
       const chart = new FrfChart(host, JSON.parse(document.getElementById(host.dataset.chart).textContent));
       chart.fit();
     }
+    for (const host of document.querySelectorAll("[data-modes]")) drawModes(host, JSON.parse(document.getElementById(host.dataset.modes).textContent));
   }
 
   dark.addEventListener("change", redraw);
   window.addEventListener("beforeprint", () => printing(true));
   window.addEventListener("afterprint", () => printing(false));
-  return { FrfChart, charts, colour, drawAll, decode, element, number };
+  return { FrfChart, charts, colour, drawAll, drawModes, decode, element, number };
 })();

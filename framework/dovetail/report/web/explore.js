@@ -1,7 +1,7 @@
 "use strict";
 /* The explorer's page: a slider and a number field a parameter; each input is a request, and the newest one wins. */
 (async function () {
-  const { FrfChart, element, number } = DovetailCharts;
+  const { FrfChart, drawModes, element, number } = DovetailCharts;
   const PAUSE = 80;  /* ms */
   const SHOWN_MARK = { good: "\u2713", rough: "\u2248", bad: "\u2717", open: "?" };
   const byId = (id) => document.getElementById(id);
@@ -64,9 +64,11 @@
 
   /* Natural frequencies take longer than a curve, so they follow when the hand rests. */
   async function showModes() {
-    let natural = [];
-    try { ({ natural } = await (await ask("modes", { values })).json()); } catch { return; }
+    let natural = [], shapes = [];
+    try { ({ natural, shapes } = await (await ask("modes", { values })).json()); } catch { return; }
     chart.showNatural(natural);
+    byId("modes").hidden = !shapes.length;
+    if (shapes.length) drawModes(byId("modes"), shapes);
     figure("natural", "Natural frequencies", natural.length ? `${natural.map((value) => value.toFixed(1)).join(", ")} Hz` : "\u2013");
   }
 
