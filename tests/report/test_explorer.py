@@ -17,6 +17,7 @@ import yaml
 
 import dovetail
 from dovetail.errors import DovetailError
+from dovetail.identification.fitting import refine
 from dovetail.report.explorer import Explorer
 from dovetail.report.page_server import PageServer
 
@@ -235,3 +236,21 @@ def test_it_ends_when_the_last_page_is_closed(explorer: Explorer, monkeypatch: p
         connection.close()
         thread.join(timeout=10)
         assert not thread.is_alive()
+
+
+def test_a_start_is_one_of_the_fit(assemblies: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assembly = dovetail.load(assemblies / "sdof.yaml")
+    measured = dovetail.noisy_frf(assembly.simulate(TRUE), 1e-3, 0)
+    taken: list[Any] = []
+
+    def recorded(*arguments: Any, **options: Any) -> Any:
+        taken.append(arguments[2])
+        return refine(*arguments, **options)
+
+    monkeypatch.setattr("dovetail.identification.methods.refine", recorded)
+    for options in ({}, {"start": {"k": 3.1e6, "c": 41.0}}):
+        dovetail.identify(assembly, measured, "refined", cause_seconds=0.0, **options)
+    assert taken[0] == []
+    assert [start.tolist() for start in taken[1]] == [[3.1e6, 41.0]]
+    with pytest.raises(DovetailError, match="no such parameter"):
+        dovetail.identify(assembly, measured, "refined", start={"q": 1.0})

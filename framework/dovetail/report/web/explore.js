@@ -44,6 +44,7 @@
     if (asking) return;
     asking = true;
     while (waiting) {
+      byId("modes").drawing = 0;  // stand still until the hand rests
       const { began: start } = waiting;
       waiting = null;
       try {
