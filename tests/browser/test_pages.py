@@ -19,6 +19,7 @@ import dovetail
 from dovetail.report.explorer import Explorer
 from dovetail.report.page_server import PageServer
 
+pytest.importorskip("fcntl", reason="the browser is reached over pipes, as POSIX has them")
 sys.path.insert(0, str(Path(__file__).parent))
 from chromium import Browser, Page, find_chromium
 
