@@ -74,7 +74,7 @@ def test_help_lists_every_command(shell):
     groups = dict(re.findall(r"^(\w[^\n]*):\n((?:  .*\n)+)", done.stdout.partition("--help")[2], flags=re.M))
     listed = {group: re.findall(r"^  (\S+)", rows, flags=re.M) for group, rows in groups.items()}
     assert listed == {
-        "Describe an assembly": ["new-assembly", "check", "describe", "simulate", "schema"],
+        "Describe an assembly": ["new-assembly", "check", "describe", "simulate", "explore", "schema"],
         "Measure": ["plot", "convert", "frf", "spindle"],
         "Identify a joint": ["identify", "train", "generate", "merge"],
         "Use the result": ["predict", "validate"],

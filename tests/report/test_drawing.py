@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import StepPatch
 
 import dovetail
-from dovetail.report.drawing import assembly_figure, drawing_text
+from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
 
 ASSEMBLIES = Path(__file__).resolve().parents[2] / "assemblies"
 UNLIKE = ("h0", "h2_t3", "sf_h2_t1", "spindle", "t1")
@@ -111,3 +111,18 @@ def test_the_outline_of_a_plugin_that_is_wrong_is_its_fault(collet, monkeypatch)
     monkeypatch.setattr(type(part), "outline", [(0.0, 0.1)])
     with pytest.raises(dovetail.PluginError, match="timoshenko_beam"):
         assembly_figure(collet)
+
+
+def test_mode_shapes_are_the_motion_of_the_nodes(assemblies: Path) -> None:
+    assembly = dovetail.load(assemblies / "bt40_er32.yaml")
+    theta = assembly.vector(None)
+    shapes = mode_shapes(assembly, theta, 3)
+    assert [mode["frequency"] for mode in shapes] == pytest.approx(assembly.natural_frequencies(theta), rel=1e-5)
+    tool, holder = shapes[0]["parts"]
+    assert (tool["name"], holder["name"]) == ("tool", "holder")
+    assert max(abs(u) for u in tool["across"] + holder["across"]) == 1.0
+    assert np.abs(tool["across"]).argmax() == 0  # the tip of a slender tool in a stiff holder
+    assert len(tool["along"]) == len(tool["across"]) == len(assembly.description.substructures["tool"].nodes)
+    oscillator = dovetail.load(assemblies / "sdof.yaml")
+    (mode,) = mode_shapes(oscillator, oscillator.vector(None), 3)
+    assert [(part["name"], part["across"]) for part in mode["parts"]] == [("mass", [1.0])]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
 import os
 import re
 import subprocess
@@ -14,15 +17,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+import dovetail
 from dovetail.errors import DovetailError
 from dovetail.frf import Frf
-from dovetail.identification import Identification, Mode
+from dovetail.identification import Adequacy, AtPoint, Identification, Mode, ModelError
 from dovetail.report import report
 from dovetail.report.report import write_report
 from dovetail.report.truth import Truth
 
-LARGEST = 1_500_000
-"""Bytes that a report may have."""
+LARGEST = 400_000
+"""Bytes that a report with two responses may have."""
 
 CROSS = "\N{MULTIPLICATION SIGN}"
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(1)>{{ 7 * 7 }}&'
@@ -61,17 +65,26 @@ def after(text: str, phrase: str) -> list[str]:
 
 def assert_nothing_is_loaded(page: Page) -> None:
     names = {tag for tag, _ in page.tags}
-    assert not names & {"script", "link", "img", "image", "iframe", "object", "embed", "base", "form", "video", "audio"}
+    assert not names & {"link", "img", "image", "iframe", "object", "embed", "base", "form", "video", "audio"}
     loading = [value for name in ("src", "href", "xlink:href", "data", "srcset") for value in page.attribute(name)]
     assert all(value.startswith("#") for value in loading)
     assert not [name for _, attributes in page.tags for name in attributes if name.startswith("on")]
     assert not re.search(r"url\((?!#)|@import|@font-face", page.source)
+    scripts = re.findall(r"<script>(.*?)</script>", page.source, flags=re.S)
+    (policy,) = [text for text in page.attribute("content") if "script-src" in text]
+    allowed = re.findall(r"'sha256-([^']*)'", policy)
+    assert [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts] == allowed
+    assert "unsafe" not in policy.partition("script-src")[2]
+    others = [attributes for tag, attributes in page.tags if tag == "script" and attributes]
+    assert len(others) + len(scripts) == sum(tag == "script" for tag, _ in page.tags)
+    assert all(attributes["type"] == "application/json" for attributes in others)
 
 
 def test_the_report_loads_nothing(result: Identification, truth: Truth, tmp_path: Path) -> None:
     page = written(result, tmp_path, truth)
     assert_nothing_is_loaded(page)
-    assert not re.search(r"https?://", page.source)
+    names = ["http://www.w3.org/2000/svg", "https://github.com/leeoniya/uPlot"]  # of a namespace, and in a comment
+    assert sorted(re.findall(r"https?://[\w./]+", page.source)) == names
 
 
 def test_hostile_names_are_only_text(result: Identification, tmp_path: Path) -> None:
@@ -220,22 +233,42 @@ def test_parameters_of_several_joints_stand_by_joint(result: Identification, tmp
     assert "Of collet" not in written(result, tmp_path).text
 
 
-def test_a_noisy_measurement_makes_no_large_file(result: Identification, tmp_path: Path) -> None:
+def test_a_noisy_measurement_at_two_points_makes_no_large_file(result: Identification, tmp_path: Path) -> None:
     noise = np.random.default_rng(0).standard_normal((2, result.measured.frequency.size))
     values = result.measured.values * (1 + noise[0] + 1j * noise[1])
     noisy = Frf(result.measured.frequency, values, "accelerance", label="noisy")
-    path = write_report(replace(result, measured=noisy), tmp_path / "report.html")
+    two = replace(result, measured=noisy, further=(AtPoint("tool, 60 mm", result.frf, noisy),))
+    path = write_report(two, tmp_path / "report.html")
     assert path.stat().st_size < LARGEST
 
 
-def test_ids_are_unique_and_every_reference_resolves(result: Identification, tmp_path: Path) -> None:
+def test_the_chart_has_the_peaks_of_the_measurement(result: Identification, tmp_path: Path) -> None:
     page = written(result, tmp_path)
+    chart = json.loads(re.search(r'<script type="application/json" id="chart-1">(.*?)</script>', page.source)[1])
+    arrays = {c["role"]: np.frombuffer(base64.b64decode(c["amplitude"]), "<f4") for c in chart["curves"]}
+    assert arrays["measured"].max() == pytest.approx(result.measured.amplitude.max(), rel=1e-6)
+    assert arrays["model"].max() == pytest.approx(result.frf.amplitude.max(), rel=1e-6)
+    assert arrays["model"].size <= 3000 < result.frf.frequency.size
+    assert chart["natural"] == [1352.0, 6540.0, 8330.0]
+
+
+def test_the_verdict_stands_before_everything_else(result: Identification, tmp_path: Path) -> None:
+    text = written(result, tmp_path).text
+    assert text.index("Whether the model explains the measurement was not judged") < text.index("12 parameters of")
+    good = replace(result, adequacy=Adequacy("good", ModelError(0.002)))
+    said = written(good, tmp_path).text
+    assert "The model explains the measurement well (natural frequencies are off by 0.2 %)" in said
+    bad = replace(result, adequacy=Adequacy("does not fit", ModelError(0.2)))
+    assert "The model does not explain the measurement: do not believe the numbers." in written(bad, tmp_path).text
+
+
+def test_ids_are_unique_and_every_reference_resolves(result: Identification, assemblies: Path, tmp_path: Path) -> None:
+    assembly = dovetail.load(assemblies / "bt40_er32.yaml")
+    page = Page(write_report(result, tmp_path / "report.html", assembly=assembly))
     ids = page.attribute("id")
-    assert len(ids) == len(set(ids)) > 0
-    assert all(name.startswith("frf-") for name in ids)  # room for a second figure in the page
+    assert len(ids) == len(set(ids)) > 1
     references = {value[1:] for value in page.attribute("href")} | set(re.findall(r"url\(#([^)]*)\)", page.source))
-    assert references
-    assert references <= set(ids)
+    assert references | set(page.attribute("data-chart")) <= set(ids)
 
 
 def test_a_report_replaces_an_earlier_one(result: Identification, tmp_path: Path) -> None:
@@ -246,16 +279,16 @@ def test_a_report_replaces_an_earlier_one(result: Identification, tmp_path: Path
     assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
 
 
-@pytest.mark.parametrize(("where", "error"), [("inline_svg", RuntimeError), ("replace", DovetailError)])
+@pytest.mark.parametrize(("where", "error"), [("chart_data", RuntimeError), ("replace", DovetailError)])
 def test_a_failure_leaves_what_was_there(
     result: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, error: type[Exception]
 ) -> None:
-    def fail(*_: Any) -> str:
-        raise RuntimeError if where == "inline_svg" else OSError("disk full")
+    def fail(*_: Any, **__: Any) -> str:
+        raise RuntimeError if where == "chart_data" else OSError("disk full")
 
     path = tmp_path / "report.html"
     path.write_text("earlier")
-    monkeypatch.setattr(report if where == "inline_svg" else os, where, fail)
+    monkeypatch.setattr(report if where == "chart_data" else os, where, fail)
     with pytest.raises(error):
         write_report(result, path)
     assert path.read_text() == "earlier"

@@ -226,6 +226,35 @@ class Description:
         joints, parts, chains = map(changed, (self.joints, self.unknown_parts, self.calibrations))
         return replace(self, joints=joints, unknown_parts=parts, calibrations=chains)
 
+    def with_known(self, known: Mapping[tuple[str, str], float]) -> Description:
+        """Return the description with known values [SI] of some parameters, by owner and name, also in its text."""
+        whole = json.loads(self.text)
+
+        def changed(entries: Mapping[str, Any]) -> dict[str, Any]:
+            fixed = {owner: {name: value for (of, name), value in known.items() if of == owner} for owner in entries}
+            return {owner: replace(entry, fixed={**entry.fixed, **fixed[owner]}) for owner, entry in entries.items()}
+
+        for (owner, name), value in known.items():
+            unit = next(parameter.unit for parameter in self.entries[owner].parameters if parameter.name == name)
+            section, last = self._section_of(whole, owner, name)
+            section[last] = {"value": format_quantity(value, unit, 9)}
+        joints, parts, chains = map(changed, (self.joints, self.unknown_parts, self.calibrations))
+        return replace(self, text=_as_json(whole), joints=joints, unknown_parts=parts, calibrations=chains)
+
+    def _section_of(self, whole: dict[str, Any], owner: str, name: str) -> tuple[Any, str | int]:
+        """Return the section of the text in which a parameter is stated, and its key there."""
+        if owner in self.joints:
+            return whole["joints"][owner].setdefault("parameters", {}), name
+        if owner in self.calibrations:
+            names = [response.name for response in self.responses]
+            section = whole["responses"][names.index(owner)] if "responses" in whole else whole["response"]
+            return section["calibration"], name
+        section = whole["substructures"][owner]
+        *steps, last = (int(step) if step.isdecimal() else step for step in name.split("."))
+        for step in steps:
+            section = section[step]
+        return section, last
+
     @property
     def known_parts(self) -> Mapping[str, SubstructureModel]:
         """The substructures without unknown options."""

@@ -21,6 +21,7 @@ from dovetail.cli.commands import Commands, report_bug
 from dovetail.cli.compare import compare
 from dovetail.cli.components import describe, plugins
 from dovetail.cli.convert import convert
+from dovetail.cli.explore import explore
 from dovetail.cli.frf import frf
 from dovetail.cli.generate import generate
 from dovetail.cli.identify import identify
@@ -88,7 +89,7 @@ def dovetail(
 
 
 COMMANDS = {
-    "Describe an assembly": (new_assembly, check, describe, simulate, schema),
+    "Describe an assembly": (new_assembly, check, describe, simulate, explore, schema),
     "Measure": (plot, convert, frf, spindle),
     "Identify a joint": (identify, train, generate, merge),
     "Use the result": (predict, validate),

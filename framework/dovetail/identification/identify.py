@@ -89,8 +89,9 @@ def identify(
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
     **options
-        Of the method: ``seed`` for all but the network; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or
-        ``"weighted"``) for ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
+        Of the method: ``seed`` for all but the network; ``start``, one more start [SI], for ``"refined"`` and
+        ``"posterior"``; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or ``"weighted"``) for
+        ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
         ``samples`` and ``model_error`` for ``"posterior"``; ``cause_seconds``, the time after which no further cause
         of a misfit is tried (20 by default, none with 0), for all but the network. For a plugin's method those of its
         `Config`, in place of the description's, ``seed``, ``model_error`` and ``cause_seconds``.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, Theta
 from dovetail.errors import Fault, MeasurementError, ParameterError, PluginError, did_you_mean, listing
 from dovetail.identification.adequacy import CAUSE_SECONDS, Adequacy, assess
 from dovetail.identification.fitting import Objective, fit_at, multistart, refine
@@ -114,6 +114,7 @@ def by_refined_fit(
     measured: MeasuredLines,
     trained: TrainedNetwork | None = None,
     *,
+    start: Theta = None,
     model_error: float | None = None,
     cause_seconds: float = CAUSE_SECONDS,
     seed: int | None = None,
@@ -126,6 +127,8 @@ def by_refined_fit(
     measured : MeasuredLines
     trained : TrainedNetwork, optional
         Its answer is one more start, if the measurement covers its frequencies.
+    start : (n_params,) array or mapping of names to values, optional
+        One more start.
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed; what the measurement shows, by default.
     cause_seconds : float
@@ -139,7 +142,8 @@ def by_refined_fit(
     _check(model_error, cause_seconds)
     progress("fit", 0, 1)
     network, warnings = _network_answer(measured, trained)
-    starts = [] if network is None else [network]
+    starts = [] if start is None else [assembly.vector(start)]
+    starts += [] if network is None else [network]
     fit = refine(assembly, frfs, starts, seed=settings.seed if seed is None else seed, progress=progress)
     adequacy, fit = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     origin = provenance(measured.described, measured.whole, trained.evaluation if trained is not None else None)
@@ -242,6 +246,7 @@ def by_posterior(
     *,
     form: Form = "samples",
     samples: int = 400,
+    start: Theta = None,
     model_error: float | None = None,
     cause_seconds: float = CAUSE_SECONDS,
     seed: int | None = None,
@@ -257,6 +262,8 @@ def by_posterior(
     form : {"samples", "laplace"}
         Samples of the posterior, or a Gaussian at its most probable place: faster, and straight.
     samples : int
+    start : (n_params,) array or mapping of names to values, optional
+        One more start of the fit.
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed; by default what the measurement shows, or 5e-4
         if it shows none.
@@ -270,7 +277,7 @@ def by_posterior(
         problem = f"'{form}' is no form of the posterior."
         raise ParameterError(Fault("form", problem, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
     limits: dict[str, Any] = {"model_error": model_error, "cause_seconds": cause_seconds}
-    fitted = by_refined_fit(measured, trained, **limits, seed=seed, progress=progress)
+    fitted = by_refined_fit(measured, trained, start=start, **limits, seed=seed, progress=progress)
     assert fitted.fit is not None
     allowed = _allowed(fitted.adequacy)
     posterior = _FORMS[form](

@@ -10,6 +10,7 @@ from typing import Any
 from dovetail.atomic_files import write_whole
 from dovetail.evaluation import Compared, Comparison
 from dovetail.identification.posterior import NOT_BELIEVED
+from dovetail.report.charts import web_text
 from dovetail.report.comparison_figures import frf_comparison, parameter_comparison
 from dovetail.report.report import environment
 from dovetail.report.svg import inline_svg
@@ -47,6 +48,7 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
         .render(
             title=comparison.title,
             caveat=comparison.caveat,
+            chart_styles=Markup(web_text("charts.css")),
             series=comparison.series,
             cases=[case.name for case in comparison.cases],
             methods=comparison.methods,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -26,11 +27,13 @@ __all__ = [
     "fit_sentence",
     "is_synthetic",
     "known_rows",
+    "misfit_sentence",
     "mode_rows",
     "parameter_rows",
     "posterior_sentence",
     "provenance_rows",
     "truth_sentence",
+    "verdict",
     "warnings_of",
 ]
 
@@ -45,6 +48,22 @@ _ELSEWHERE = ("description", "evaluation")
 """Entries of the provenance that have a place of their own in the report."""
 
 _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a laboratory."
+
+
+_PIECES = 20
+"""Parts of the band of which the one with the least agreement is named."""
+
+_EXPLAINED = {
+    "to the noise": ("good", "The model explains the measurement down to its noise"),
+    "good": ("good", "The model explains the measurement well"),
+    "rough": ("rough", "The model explains the measurement roughly"),
+    "does not fit": ("bad", "The model does not explain the measurement: do not believe the numbers."),
+    "not judged": ("open", "Whether the model explains the measurement was not judged"),
+}
+"""Mark and words for each word of the adequacy."""
+
+_KNOWN = {"identified": "well known", "weakly identified": "roughly known", "not identifiable": "not told by it"}
+"""Words for the verdicts on parameters."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +141,31 @@ def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
     if is_synthetic(result, truth) and not any("synthetic" in warning.lower() for warning in warnings):
         warnings.insert(0, _SYNTHETIC)
     return warnings
+
+
+def verdict(result: Identification) -> tuple[str, str]:
+    """Return the verdict on a result: a mark, and whether the model explains the measurement and what is known.
+
+    Returns
+    -------
+    mark : {"good", "rough", "bad", "open"}
+    sentence : str
+    """
+    word = "not judged" if result.adequacy is None else result.adequacy.word
+    size = None if result.adequacy is None else result.adequacy.size
+    mark, explained = _EXPLAINED[word]
+    if mark == "bad":
+        return mark, explained
+    within = "" if size is None else f" (natural frequencies are off by {100.0 * size.natural_frequency:.2g} %)"
+    counts = Counter(row.verdict for row in result.table)
+    told = [f"{counts[word]} {words}" for word, words in _KNOWN.items() if counts[word]]
+    count = len(result.parameters)
+    known = (
+        f"of {count} parameter{'s' * (count > 1)}, {listing(told)}"
+        if told
+        else "how well each parameter is known was not asked"
+    )
+    return mark, readable(f"{explained}{within}; {known}.")
 
 
 def adequacy_sentences(result: Identification | ModalIdentification) -> list[str]:
@@ -207,6 +251,19 @@ def truth_sentence(rows: Sequence[ParameterRow]) -> str:
     if not missed:
         return f"All {len(known)} true values lie within their 90 % intervals."
     return f"Outside their 90 % intervals, as one of ten is expected to be: the true values of {listing(missed)}."
+
+
+def misfit_sentence(result: Identification) -> str:
+    """Say in which part of the band measured and reconstructed FRF agree least; empty where they agree everywhere."""
+    worst = []
+    for response in result.responses:
+        pieces = np.array_split(np.arange(response.frf.frequency.size), min(_PIECES, response.frf.frequency.size))
+        agreement = [float(response.coherence[lines].mean()) for lines in pieces]
+        lines = pieces[int(np.argmin(agreement))]
+        low, high = response.frf.frequency[lines[[0, -1]]]
+        where = f" at {response.point}" if result.further else ""
+        worst.append(f"from {low:.5g} to {high:.5g} Hz{where}, with a mean of {min(agreement):.3f}")
+    return f"The agreement is least {'; '.join(worst)}."
 
 
 def posterior_sentence(posterior: Posterior) -> str:

@@ -7,20 +7,21 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dovetail.assembly import Assembly, Description
 from dovetail.assembly.description import Place
-from dovetail.errors import Fault, PluginError, listing
-from dovetail.interfaces import SubstructureModel, plugin_errors
+from dovetail.errors import DovetailError, Fault, PluginError, listing
+from dovetail.interfaces import DIRECTIONS, StructuralMatrices, SubstructureModel, plugin_errors
 from dovetail.plain_text import terminal_text
 from dovetail.report.figures import INK, LINES, WIDTH, new_figure, set_title, style_axes
-from dovetail.synthesis import Attachment
+from dovetail.synthesis import Attachment, assembly_matrices, elastic_shapes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["assembly_figure", "drawing_text"]
+__all__ = ["assembly_figure", "drawing_text", "mode_shapes"]
 
 _ALONG, _LEAST, _MOST = WIDTH - 1.0, 0.9, 3.5
 """Inches along the axis, and across it over all rows: what is thinner is stretched, what is thicker made smaller."""
@@ -171,6 +172,42 @@ def _note(drawn: Mapping[str, _Part], stretch: int, rows: int) -> str:
     said += ["Boxes: parts without an outline."] * (stretch > 0 and not all(part.pieces for part in drawn.values()))
     said += ["Hatched: does not move."] * any(part.model.grounded for part in drawn.values())
     return " ".join([*said, "Dots: nodes. Diamonds: joints."])
+
+
+def mode_shapes(assembly: Assembly, theta: ArrayLike, count: int) -> list[dict[str, Any]]:
+    """Return the motion of the parts' nodes across their axis in the lowest elastic modes, as plain values.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    theta : (n_params,) array
+        SI.
+    count : int
+
+    Returns
+    -------
+    list of dict
+        ``frequency`` [Hz], and for each part that moves its ``name``, the nodes' places ``along`` the axis of all [mm]
+        and their motion ``across`` it, of which the largest is 1. Empty where the assembly has no dense matrices.
+    """
+    try:
+        matrices = assembly_matrices(assembly.graph, assembly.by_joint(theta))
+        modes = elastic_shapes(matrices, count) if isinstance(matrices, StructuralMatrices) else []
+    except DovetailError:
+        return []
+    drawn, shapes = _parts(assembly.description), []
+    for frequency, shape in modes:
+        moved = np.append(shape, 0.0)  # what is held has the number -1
+        numbers = {name: assembly.graph.substructure_dofs(name)[:: len(DIRECTIONS)] for name in drawn}
+        across = {name: moved[of_part] for name, of_part in numbers.items() if (of_part >= 0).any()}
+        largest = max((values[np.argmax(np.abs(values))] for values in across.values()), key=abs)
+        scaled = {name: np.round(values / (largest or 1.0), 4) for name, values in across.items()}
+        parts = [
+            {"name": name, "along": np.round(drawn[name].at(), 2).tolist(), "across": values.tolist()}
+            for name, values in scaled.items()
+        ]
+        shapes.append({"frequency": round(float(frequency), 2), "parts": parts})
+    return shapes
 
 
 @dataclass

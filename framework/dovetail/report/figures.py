@@ -27,6 +27,7 @@ __all__ = [
     "LINES",
     "MARKERS",
     "MEASURED",
+    "PHASE_CENTRE",
     "RECONSTRUCTED",
     "WIDTH",
     "draw_amplitude",
@@ -52,7 +53,7 @@ LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
-_PHASE_CENTRE = {"receptance": -90.0, "mobility": 0.0, "accelerance": 90.0}
+PHASE_CENTRE = {"receptance": -90.0, "mobility": 0.0, "accelerance": 90.0}
 """Degrees; the phase of a passive drive point stays within 90 of it, so that is where it is not cut."""
 
 _WORST_R2, _WORST_RMSE = -0.6, 0.45
@@ -308,7 +309,7 @@ def draw_amplitude(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
 
 def draw_phase(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
     """Draw the phase of an FRF in degrees, cut where a passive drive point never is."""
-    centre = _PHASE_CENTRE[frf.quantity]
+    centre = PHASE_CENTRE[frf.quantity]
     phase = (np.rad2deg(frf.phase) - centre + 180.0) % 360.0 - 180.0 + centre
     axes.plot(*_broken_at_jumps(frf.frequency, phase), **style)
     drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.get_lines()])

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import shlex
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from dovetail.assembly import Assembly
 from dovetail.atomic_files import write_whole
@@ -13,6 +16,9 @@ from dovetail.errors import DovetailError, Fault
 from dovetail.identification import Identification
 from dovetail.plain_text import terminal_text
 from dovetail.report import content
+from dovetail.report.charts import chart_data, script_hash, web_text
+from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
+from dovetail.report.pair_plot import pair_plot
 from dovetail.report.svg import inline_svg
 from dovetail.report.truth import Truth
 from dovetail.report.wording import number
@@ -23,11 +29,15 @@ if TYPE_CHECKING:
 
 __all__ = ["environment", "write_report"]
 
+_MOST_SHAPES = 10
+_MOST_LINES = 3000
+"""Of an FRF, which a screen can show; peaks and dips are among them."""
+
 
 def write_report(
     result: Identification, path: str | Path, *, truth: Truth | None = None, assembly: Assembly | None = None
 ) -> Path:
-    """Write an identification as one self-contained HTML file: no script, nothing loaded from anywhere.
+    """Write an identification as one self-contained HTML file, with its own scripts and nothing loaded from anywhere.
 
     Parameters
     ----------
@@ -54,7 +64,13 @@ def write_report(
         problem = "a result from modal parameters has no FRF, and no report."
         raise DovetailError(Fault(type(result).__name__, problem, remedy="Show its 'table' and its 'modes'."))
     drawing = None if assembly is None else _drawing(assembly)
-    page = environment().get_template("report.html.jinja").render(_context(result, truth), drawing=drawing)
+    page = (
+        environment()
+        .get_template("report.html.jinja")
+        .render(
+            _context(result, truth), drawing=drawing, shapes=None if assembly is None else _shapes(result, assembly)
+        )
+    )
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
 
@@ -78,6 +94,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
     rows = content.parameter_rows(result, truth)
     low, high = min(axis[0] for axis in axes), max(axis[-1] for axis in axes)
     evaluation = result.provenance.get("evaluation")
+    mark, verdict = content.verdict(result)
     return {
         "assembly": str(result.provenance.get("assembly", result.frf.label)),
         "measurement": _measurements(result),
@@ -103,6 +120,12 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "known": content.known_rows(result),
         "modes": content.mode_rows(result, truth),
         "figures": _figures(result),
+        **_scripts(),
+        "mark": mark,
+        "verdict": verdict,
+        "misfit": content.misfit_sentence(result),
+        "pairs": pair_plot(result),
+        "again": _again(result),
         "evaluation": content.evaluation_rows(result),
         "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
         "provenance": content.provenance_rows(result.provenance),
@@ -123,27 +146,76 @@ def _mean_coherence(result: Identification) -> str:
     return ", ".join(f"{at_point.mean_coherence:.3f} ({at_point.point})" for at_point in result.responses)
 
 
-def _figures(result: Identification) -> list[tuple[str, Any, bool]]:
-    """Return the point of each response, empty if there is one only, its figure as markup, and whether it has phase."""
-    from markupsafe import Markup
-
-    from dovetail.report.plots import plot_frf
-
+def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
+    """Return of each response the name of its chart, its point (empty if there is one only), its data and its phase."""
+    natural = [mode.natural_frequency for mode in result.modes]
+    bands = result.adequacy.bands if result.adequacy is not None and not result.believable else ()
     figures = []
     for index, response in enumerate(result.responses):
-        name, which = (f"frf{index + 1}", f", response {index + 1}") if index else ("frf", "")
-        svg = inline_svg(plot_frf(result, index), name, f"Measured and reconstructed FRF and their coherence{which}")
-        figures.append((response.point if result.further else "", Markup(svg), response.measured.has_phase))
+        both = {"measured": ("measured", response.measured), "model": ("reconstructed", response.frf)}
+        title = f"Measured and reconstructed FRF and their agreement, {response.point or 'the response'}"
+        content = chart_data(title, both, coherence=response.coherence, natural=natural, bands=bands, most=_MOST_LINES)
+        point = response.point if result.further else ""
+        figures.append((f"chart-{index + 1}", point, _as_data(content), response.measured.has_phase))
     return figures
+
+
+def _again(result: Identification) -> str:
+    """Return the lines of Python that make a result again, and the command; empty where the program did not make it."""
+    origin, options = result.provenance, ""
+    if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
+        return ""
+    if origin.get("posterior_form") == "laplace":
+        options += ', form="laplace"'
+    if "start" in origin:
+        options += f", start={dict(origin['start'])!r}"
+    labels = [str(response.measured.label) for response in result.responses]
+    known = "".join(f"# held: {name} = {value:.9g}\n" for name, value in dict(origin.get("locked", {})).items())
+    files = list(dict.fromkeys(labels))
+    if len(files) < len(labels):
+        known += "# read the FRF of each response from its file: dovetail.read_frf(file, index=1), and so on\n"
+    lines = [
+        "import dovetail",
+        'assembly = dovetail.load("assembly.yaml")',
+        f'result = dovetail.identify(assembly, {labels!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
+        'dovetail.write_report(result, "report.html", assembly=assembly)',
+    ]
+    command = f"dovetail identify assembly.yaml {shlex.join(files)} --method {result.method} -o results/"
+    return known + "\n".join(lines) + ("" if "start" in origin else f"\n\n# or, on the command line:\n# {command}")
+
+
+def _scripts() -> dict[str, Any]:
+    """Return the scripts that draw the charts, their hashes for the page's policy, and the charts' styles."""
+    from markupsafe import Markup
+
+    scripts = [web_text("vendor/uPlot.iife.min.js"), web_text("charts.js"), "DovetailCharts.drawAll();\n"]
+    styles = web_text("vendor/uPlot.min.css") + "\n" + web_text("charts.css")
+    hashes = Markup(" ".join(script_hash(script) for script in scripts))
+    return {"scripts": [Markup(s) for s in scripts], "hashes": hashes, "chart_styles": Markup(styles)}
 
 
 def _drawing(assembly: Assembly) -> Any:
     """Return the drawing of an assembly as markup, its text for those who cannot see it."""
     from markupsafe import Markup
 
-    from dovetail.report.drawing import assembly_figure, drawing_text
+    return Markup(inline_svg(assembly_figure(assembly), "assembly", drawing_text(assembly), themed=True))
 
-    return Markup(inline_svg(assembly_figure(assembly), "assembly", drawing_text(assembly)))
+
+def _shapes(result: Identification, assembly: Assembly) -> Any:
+    """Return the shapes of the modes that are listed, as data of the page; None without any."""
+    if [parameter.name for parameter in assembly.parameters] != list(result.parameters):
+        return None
+    listed = [mode.natural_frequency for mode in result.modes]
+    computed = mode_shapes(assembly, result.theta, _MOST_SHAPES)
+    shapes = [mode for mode in computed if np.isclose(mode["frequency"], listed, rtol=1e-4).any()]
+    return _as_data(shapes) if shapes else None
+
+
+def _as_data(content: object) -> Any:
+    """Return plain values as JSON that can stand in an element of a page."""
+    from markupsafe import Markup
+
+    return Markup(json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"))
 
 
 def _pretty(description: object) -> str | None:

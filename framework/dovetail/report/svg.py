@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from dovetail.plain_text import html_text
-from dovetail.report.figures import png_bytes
+from dovetail.report.figures import INK, png_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,7 +21,7 @@ _PATH = re.compile(r'\bd="[^"]*"')
 _DIGITS = re.compile(r"(\.\d\d)\d+")
 
 
-def inline_svg(figure: Figure, name: str, title: str) -> str:
+def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -> str:
     """Return a figure as an ``<svg>`` element.
 
     Parameters
@@ -31,6 +31,8 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
         Put before every id, so that several figures can stand in one page.
     title : str
         What a screen reader says.
+    themed : bool
+        Take ink from the page, which may be dark, and leave out the white paper.
 
     Returns
     -------
@@ -51,6 +53,8 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
     text = f'<svg viewBox="{start[1]}" role="img" aria-label="{html_text(title)}">{text[start.end() :]}'
     text = text.replace("xlink:href", "href")
     text = _REFERENCE.sub(rf"\g<1>{name}-", text)
+    if themed:
+        text = text.replace(INK, "currentColor").replace("#ffffff", "none").replace("#000000", "currentColor")
     return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text)
 
 

@@ -4,7 +4,7 @@ from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Attachment, Connection, Graph
 from dovetail.synthesis.interpolation import InterpolatedEngine
-from dovetail.synthesis.natural_frequencies import DampedModes, elastic_frequencies
+from dovetail.synthesis.natural_frequencies import DampedModes, elastic_frequencies, elastic_shapes
 from dovetail.synthesis.reference import LiteralSynthesis, assembly_matrices, direct_receptance
 
 __all__ = [
@@ -19,4 +19,5 @@ __all__ = [
     "assembly_matrices",
     "direct_receptance",
     "elastic_frequencies",
+    "elastic_shapes",
 ]

@@ -17,7 +17,7 @@ from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.joint_evaluation import joint_jacobian, joint_matrices
 from dovetail.synthesis.reference import assembly_matrices
 
-__all__ = ["DampedModes", "elastic_frequencies"]
+__all__ = ["DampedModes", "elastic_frequencies", "elastic_shapes"]
 
 _RIGID_BODY_MODES = 6
 _STRAIN_FLOOR = 1e-13
@@ -66,6 +66,17 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
     if isinstance(matrices, SparseMatrices):
         return _sparse_elastic_frequencies(matrices, count)
     return np.array([frequency for frequency, _ in islice(_dense_modes(matrices.K, matrices.M), count)])
+
+
+def elastic_shapes(matrices: StructuralMatrices, count: int) -> list[tuple[float, NDArray[np.float64]]]:
+    """Return frequency [Hz] and shape (d,) of the lowest modes that deform the structure, from dense matrices.
+
+    Raises
+    ------
+    DovetailError
+        The structure is not stable.
+    """
+    return list(islice(_dense_modes(matrices.K, matrices.M), count))
 
 
 def _dense_modes(K: NDArray[np.float64], M: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:

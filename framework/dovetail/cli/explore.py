@@ -1,0 +1,105 @@
+"""``dovetail explore``: a page with a slider for each parameter, whose FRF follows."""
+
+from __future__ import annotations
+
+import webbrowser
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dovetail.cli.completion import complete_files
+from dovetail.cli.options import AssemblyFile, PluginFiles, note_doubts, quantity_in
+from dovetail.cli.reading import (
+    Columns,
+    ForceDofs,
+    Indices,
+    Names,
+    QuantityOfFile,
+    Reader,
+    ResponseDofs,
+    UnitOfFile,
+    read_measured,
+    read_selected,
+)
+from dovetail.cli.terminal import note, say
+
+__all__ = ["explore"]
+
+
+def explore(
+    assembly: AssemblyFile,
+    measured: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[MEASURED]...",
+            help="The measured FRF that stands behind, one for each response.",
+            autocompletion=complete_files,
+            show_default=False,
+        ),
+    ] = None,
+    port: Annotated[
+        int, typer.Option(metavar="N", min=0, max=65535, help="Of this machine; 0 for any that is free.")
+    ] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    quantity: QuantityOfFile = None,
+    unit: UnitOfFile = None,
+    index: Indices = None,
+    response: ResponseDofs = None,
+    force: ForceDofs = None,
+    names: Names = None,
+    columns: Columns = None,
+    reader: Reader = None,
+    accelerometer_mass: Annotated[
+        float,
+        typer.Option(
+            metavar="MASS",
+            parser=quantity_in("kg"),
+            show_default=False,
+            help="At the drive point, such as '1.2 g'; it is removed from the FRF.",
+        ),
+    ] = 0.0,
+    plugin: PluginFiles = None,
+) -> None:
+    """Move parameters by hand in a page; the FRF follows.
+
+    The page opens in the browser of this machine, and nobody else can reach it. It has a slider and a number field for
+    each parameter. The measured FRF stands behind; "Fit from here" fits to it and shows intervals. The values can be
+    saved as JSON, as a description and as a report. The command ends with Ctrl-C, or when the page is closed.
+    """
+    import dovetail
+    from dovetail.report.explorer import Explorer
+    from dovetail.report.page_server import PageServer
+
+    loaded = dovetail.load(assembly, plugins=plugin or ())
+    note_doubts(loaded)
+    read = partial(
+        read_measured,
+        names=names,
+        columns=columns,
+        quantity=quantity,
+        unit=unit,
+        accelerometer_mass=accelerometer_mass,
+        reader=reader,
+        plugins=plugin or (),
+    )
+    frfs = read_selected(read, measured, index, response, force) if measured else []
+    explorer = Explorer(loaded, frfs)
+    try:
+        server = PageServer(explorer, port)
+    except OSError as error:
+        from dovetail.errors import DovetailError, Fault
+
+        problem = f"this port cannot be had: {error.strerror}."
+        raise DovetailError(Fault(f"--port {port}", problem, remedy="Choose another, or leave it out.")) from None
+    with server:
+        say(server.address)
+        note("Open this address in a browser on this machine. End with Ctrl-C, or close the page.")
+        if browser:
+            webbrowser.open(server.address)
+        try:
+            server.serve_forever(poll_interval=0.2)
+            note("The page was closed.")
+        except KeyboardInterrupt:
+            note("Ended.")

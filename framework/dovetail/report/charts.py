@@ -1,0 +1,121 @@
+"""Data of interactive charts, and the scripts and styles that draw them in a page: uPlot and what is ours."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dovetail.frf import Frf
+from dovetail.plain_text import terminal_text
+from dovetail.report.figures import PHASE_CENTRE
+from dovetail.report.wording import unit_text
+
+__all__ = ["chart_data", "curve_data", "packed", "script_hash", "thinned", "web_text"]
+
+_WEB = Path(__file__).parent / "web"
+
+
+def chart_data(
+    title: str,
+    curves: Mapping[str, tuple[str, Frf]],
+    *,
+    coherence: ArrayLike | None = None,
+    natural: Iterable[float] = (),
+    bands: Iterable[tuple[float, float]] = (),
+    most: int | None = None,
+) -> dict[str, Any]:
+    """Return what `DovetailCharts.FrfChart` draws, as plain values.
+
+    Parameters
+    ----------
+    title : str
+        What a screen reader says.
+    curves : mapping of str to (str, Frf)
+        Label and FRF by role: "measured", "model" or "before"; all of one quantity and on the same lines.
+    coherence : (n_freq,) array, optional
+        Of the measured and the reconstructed FRF.
+    natural : iterable of float
+        Hz, marked.
+    bands : iterable of (float, float)
+        Hz, shaded.
+    most : int, optional
+        Lines that are kept, about; peaks and dips are among them.
+
+    Returns
+    -------
+    dict
+    """
+    first = next(iter(curves.values()))[1]
+    lines = np.arange(first.frequency.size)
+    if most is not None:
+        lines = thinned([frf.amplitude for _, frf in curves.values()], most)
+    return {
+        "title": terminal_text(title),
+        "frequency": packed(first.frequency[lines]),
+        "quantity": first.quantity.capitalize(),
+        "unit": unit_text(first.unit),
+        "centre": PHASE_CENTRE[first.quantity],
+        "curves": [
+            {"role": role, "label": terminal_text(label), **curve_data(frf.values[lines], phase=frf.has_phase)}
+            for role, (label, frf) in curves.items()
+        ],
+        "coherence": None if coherence is None else packed(np.asarray(coherence)[lines]),
+        "natural": [round(float(frequency), 2) for frequency in natural if np.isfinite(frequency)],
+        "bands": [[float(low), float(high)] for low, high in bands],
+    }
+
+
+def curve_data(values: NDArray[np.complex128], *, phase: bool = True) -> dict[str, str | None]:
+    """Return amplitude and phase [deg] of complex values, packed."""
+    return {
+        "amplitude": packed(np.abs(values)),
+        "phase": packed(np.rad2deg(np.angle(values))) if phase else None,
+    }
+
+
+def packed(values: ArrayLike) -> str:
+    """Return numbers as base64 of little-endian 32-bit floats."""
+    return base64.b64encode(np.asarray(values).astype("<f4").tobytes()).decode("ascii")
+
+
+def thinned(amplitudes: Sequence[NDArray[np.float64]], most: int) -> NDArray[np.intp]:
+    """Return the numbers of the lines that a screen can show: of each bin the highest and the lowest of each curve.
+
+    Parameters
+    ----------
+    amplitudes : sequence of (n_freq,) arrays
+    most : int
+        Lines that are kept, about.
+
+    Returns
+    -------
+    (<= most,) array
+        Increasing, the first and the last line among them; all lines if there are no more than `most`.
+    """
+    count = amplitudes[0].size
+    if count <= most:
+        return np.arange(count)
+    bins = np.array_split(np.arange(count), max(1, (most - 2) // (2 * len(amplitudes))))
+    kept = {0, count - 1}
+    for values in amplitudes:
+        for lines in bins:
+            kept |= {int(lines[np.argmin(values[lines])]), int(lines[np.argmax(values[lines])])}
+    return np.array(sorted(kept), dtype=np.intp)
+
+
+@cache
+def web_text(name: str) -> str:
+    """Return a script or a style that ships with the report, such as ``"charts.js"``."""
+    return (_WEB / name).read_text(encoding="utf-8")
+
+
+def script_hash(script: str) -> str:
+    """Return a script as a content security policy names it."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"

@@ -1,0 +1,276 @@
+"""What the explorer shows: an assembly's FRFs for chosen parameters over measured ones, a fit from there, files."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from dovetail.assembly import Assembly
+from dovetail.errors import DovetailError, Fault, ParameterError
+from dovetail.frf import Frf, coherence_spectrum
+from dovetail.identification import Identification, identify
+from dovetail.identification.fitting.observations import MeasuredLines
+from dovetail.identification.provenance import provenance
+from dovetail.identification.reconstruction import reconstruct
+from dovetail.interfaces import Progress, silent
+from dovetail.report.charts import chart_data, curve_data
+from dovetail.report.content import verdict
+from dovetail.report.drawing import mode_shapes
+from dovetail.report.report import write_report
+from dovetail.report.wording import display_unit
+
+__all__ = ["SAVED", "Explorer"]
+
+SAVED = {"json": "application/json", "yaml": "application/yaml", "html": "text/html"}
+"""What can be saved, by suffix, and its media type."""
+
+_MODES = 6
+"""Natural frequencies that are marked, within the band."""
+_CAUSE_SECONDS = 5.0
+"""Time for causes of a misfit: somebody waits."""
+_BY_HAND = "by hand"
+
+
+class Explorer:
+    """An assembly and, if there are any, its measured FRFs.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With parameters to choose.
+    measured : sequence of Frf
+        None, or one for each response. The assembly's FRFs are then computed on the measured lines within its band.
+
+    Raises
+    ------
+    ParameterError
+        The assembly has no parameters.
+    MeasurementError
+        There are more or fewer measurements than responses, or some have no lines within the band.
+    """
+
+    def __init__(self, assembly: Assembly, measured: Sequence[Frf] = ()) -> None:
+        if not assembly.parameters:
+            raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to explore."))
+        self._given = tuple(measured)
+        self._lines = MeasuredLines.of(assembly, self._given) if self._given else None
+        self._assembly = assembly if self._lines is None else self._lines.assembly
+        pairs = zip(self._lines.frfs, assembly.description.responses, strict=True) if self._lines is not None else ()
+        self._measured = tuple(frf.to(response.quantity) for frf, response in pairs)
+        self._result: Identification | None = None
+        self._computing = threading.Lock()  # an engine computes for one caller at a time
+        self.frfs([p.from_unit(np.array(0.5)) for p in assembly.parameters], 0)  # compiles the engine
+
+    @property
+    def name(self) -> str:
+        """The assembly's name."""
+        return self._assembly.name
+
+    def start(self) -> dict[str, Any]:
+        """Return what the page needs once: parameters with their units and ranges, and the charts of the responses."""
+        middle = self._assembly.vector(None)
+        parameters = []
+        for parameter, value in zip(self._assembly.parameters, middle.tolist(), strict=True):
+            shown = display_unit(parameter.unit, parameter.lower, parameter.upper)
+            parameters.append(
+                {
+                    "name": parameter.name,
+                    "description": parameter.description,
+                    "unit": shown.text,
+                    "factor": shown.factor,
+                    "lower": parameter.lower,
+                    "upper": parameter.upper,
+                    "scale": parameter.scale,
+                    "value": value,
+                }
+            )
+        labels = self._assembly.description.response_labels
+        return {
+            "name": self.name,
+            "measured": bool(self._measured),
+            "parameters": parameters,
+            "responses": list(labels),
+            "charts": [self._chart(index, middle) for index in range(len(labels))],
+        }
+
+    def _chart(self, index: int, theta: NDArray[np.float64]) -> dict[str, Any]:
+        simulated = self._assembly.each_response[index].simulate(theta)
+        curves = {"measured": ("measured", self._measured[index])} if self._measured else {}
+        label = self._assembly.description.response_labels[index]
+        return chart_data(f"FRF at {label}", {**curves, "model": ("model", simulated)}, natural=self._natural(theta))
+
+    def frfs(self, values: Sequence[Any], response: int) -> dict[str, Any]:
+        """Return the FRF at a response for parameter values [SI], and how far it is from the measured one.
+
+        Raises
+        ------
+        ParameterError
+            Wrong number of values, values that are not finite, or no such response.
+        """
+        theta = self._theta(values)
+        if not 0 <= response < len(self._assembly.description.responses):
+            raise ParameterError(Fault("response", f"there is no response {response + 1}."))
+        with self._computing:
+            frf = self._assembly.each_response[response].frf(theta)
+        answer: dict[str, Any] = curve_data(frf)
+        if self._measured:
+            measured = self._measured[response]
+            model, known = (frf, measured.values) if measured.has_phase else (np.abs(frf), measured.amplitude)
+            answer["coherence"] = float(coherence_spectrum(known, model).mean())
+            answer["misfit"] = _decibels(np.abs(frf), measured.amplitude)
+        return answer
+
+    def modes(self, values: Sequence[Any]) -> dict[str, Any]:
+        """Return natural frequencies and mode shapes for parameter values [SI], which take longer than an FRF."""
+        theta = self._theta(values)
+        low, high = self._assembly.frequency[[0, -1]]
+        shapes = [mode for mode in mode_shapes(self._assembly, theta, _MODES) if low <= mode["frequency"] <= high]
+        return {"natural": [mode["frequency"] for mode in shapes] or self._natural(theta), "shapes": shapes}
+
+    def _theta(self, values: Sequence[Any]) -> NDArray[np.float64]:
+        if not isinstance(values, (list, tuple)) or any(isinstance(value, (str, bool)) for value in values):
+            raise ParameterError(Fault("values", "a list of numbers is expected."))
+        return self._assembly.vector(values)
+
+    def _natural(self, theta: NDArray[np.float64]) -> list[float]:
+        """Return the natural frequencies [Hz] within the band; none where the assembly has no matrices."""
+        low, high = self._assembly.frequency[[0, -1]]
+        try:
+            frequencies = self._assembly.natural_frequencies(theta, _MODES)
+        except DovetailError:
+            return []
+        return [round(float(frequency), 2) for frequency in frequencies if low <= frequency <= high]
+
+    def fit(self, values: Sequence[Any], locked: Sequence[str], progress: Progress = silent) -> dict[str, Any]:
+        """Fit to the measured FRFs from parameter values [SI] on, by refined with a Gaussian for the intervals.
+
+        Parameters
+        ----------
+        values : sequence of float
+        locked : sequence of str
+            Names of the parameters that keep their values.
+        progress : Progress
+
+        Returns
+        -------
+        dict
+            ``values`` [SI], ``intervals`` [SI] and ``verdicts`` by parameter, and a ``verdict`` in words.
+        """
+        if not self._given:
+            raise DovetailError(Fault(self.name, "there is no measured FRF to fit to.", remedy="Give its file too."))
+        theta, names = self._theta(values), [parameter.name for parameter in self._assembly.parameters]
+        described = (self._assembly if self._lines is None else self._lines.described).description
+        owners = described.identified_parameters
+        held = {name: value for name, value in zip(names, theta.tolist(), strict=True) if name in locked}
+        known = {owner: held[name] for name, owner in zip(names, owners, strict=True) if name in held}
+        sought = Assembly(described.with_known(known))  # of its own: an engine computes for one caller at a time
+        start = [value for name, value in zip(names, theta.tolist(), strict=True) if name not in held]
+        options: dict[str, Any] = {"form": "laplace", "cause_seconds": _CAUSE_SECONDS, "start": start}
+        result = identify(sought, self._given, "posterior", progress=progress, **options)
+        origin = {**result.provenance, "start": _by_name(names, theta), "locked": held}
+        self._result = result = replace(result, provenance=origin)
+        fitted = dict(zip([p.name for p in sought.parameters], result.theta.tolist(), strict=True))
+        rows = {row.name: row for row in result.table}
+        mark, sentence = verdict(result)
+        return {
+            "values": [fitted.get(name, value) for name, value in zip(names, theta.tolist(), strict=True)],
+            "intervals": {
+                name: [row.interval_low, row.interval_high]
+                for name, row in rows.items()
+                if row.interval_low is not None
+            },
+            "verdicts": {name: row.verdict for name, row in rows.items()},
+            "mark": mark,
+            "verdict": sentence,
+            "warnings": list(result.warnings),
+        }
+
+    def saved(self, kind: str, values: Sequence[Any], fitted: bool) -> bytes:
+        """Return a file of parameter values: JSON, a description in YAML with these values, or a report.
+
+        Parameters
+        ----------
+        kind : str
+            One of `SAVED`.
+        values : sequence of float
+            SI.
+        fitted : bool
+            Whether they are those of the latest fit.
+
+        Raises
+        ------
+        DovetailError
+            There is no report, since nothing was measured.
+        """
+        theta = self._theta(values)
+        makers: dict[str, Callable[[], bytes]] = {
+            "json": lambda: self._json(theta, fitted=fitted),
+            "yaml": lambda: self._yaml(theta),
+            "html": lambda: self._report(theta, fitted=fitted),
+        }
+        return makers[kind]()
+
+    def _json(self, theta: NDArray[np.float64], *, fitted: bool) -> bytes:
+        if fitted and self._result is not None:
+            content = self._result.to_dict()
+        else:
+            natural = {"natural_frequencies_Hz": self._natural(theta)}
+            content = {
+                "name": self.name,
+                "method": _BY_HAND,
+                "parameters": {
+                    parameter.name: {"value": value, "unit": parameter.unit}
+                    for parameter, value in zip(self._assembly.parameters, theta.tolist(), strict=True)
+                },
+                **natural,
+            }
+        return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+    def _yaml(self, theta: NDArray[np.float64]) -> bytes:
+        """Return the whole description with these values as known ones, its files by their full paths."""
+        description = self._assembly.description
+        pairs = zip(description.identified_parameters, theta.tolist(), strict=True)
+        whole = json.loads(description.with_known(dict(pairs)).text)
+        for (*steps, last), file in description.files.items():
+            section = whole
+            for step in steps:
+                section = section[step]
+            section[last] = str(Path(file).resolve())
+        head = "# Saved by 'dovetail explore': every parameter has the value that its slider had.\n"
+        text: str = yaml.safe_dump(whole, sort_keys=False, allow_unicode=True, width=120)
+        return (head + text).encode()
+
+    def _report(self, theta: NDArray[np.float64], *, fitted: bool) -> bytes:
+        if self._lines is None:
+            raise DovetailError(Fault(self.name, "there is no measured FRF to report on."))
+        result = self._result if fitted else None
+        if result is None:
+            origin = provenance(self._lines.described, self._lines.whole, None)
+            frfs, band = self._lines.frfs, self._lines.band
+            with self._computing:
+                result = reconstruct(self._assembly, theta, frfs, method=_BY_HAND, provenance=origin, band=band)
+        with TemporaryDirectory() as folder:
+            file = write_report(result, Path(folder) / "report.html", assembly=self._assembly)
+            content: bytes = file.read_bytes()
+        return content
+
+
+def _by_name(names: Sequence[str], theta: NDArray[np.float64]) -> dict[str, float]:
+    return dict(zip(names, theta.tolist(), strict=True))
+
+
+def _decibels(model: NDArray[np.float64], measured: NDArray[np.float64]) -> float | None:
+    """Return the root mean square of the difference of two amplitudes in dB, where both are above zero."""
+    both = (model > 0) & (measured > 0)
+    if not both.any():
+        return None
+    return float(np.sqrt(np.mean((20.0 * np.log10(model[both] / measured[both])) ** 2)))

@@ -1,0 +1,244 @@
+"""The server of the explorer's page: on this machine only, behind a token, until its page is closed."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import threading
+import time
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from dovetail.errors import DovetailError
+from dovetail.report.charts import web_text
+from dovetail.report.explorer import SAVED, Explorer
+from dovetail.report.report import environment
+from dovetail.version import __version__
+
+__all__ = ["PageServer"]
+
+_ASSETS = {
+    "uPlot.js": ("vendor/uPlot.iife.min.js", "text/javascript"),
+    "uPlot.css": ("vendor/uPlot.min.css", "text/css"),
+    "charts.js": ("charts.js", "text/javascript"),
+    "charts.css": ("charts.css", "text/css"),
+    "explore.js": ("explore.js", "text/javascript"),
+    "explore.css": ("explore.css", "text/css"),
+}
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+_LONGEST_BODY = 64 * 1024
+"""Bytes of a request."""
+_BEAT = 0.5
+"""Seconds between two signs of life to an open page."""
+_PATIENCE = 3.0
+"""Seconds without any page, after there was one, at which the server ends: a page loaded anew is back sooner."""
+
+
+class PageServer(ThreadingHTTPServer):
+    """Serves one explorer at `address`, to a browser on this machine that knows the token in it.
+
+    Parameters
+    ----------
+    explorer : Explorer
+    port : int
+        Of the loopback interface; 0 for any that is free.
+
+    Notes
+    -----
+    A request is answered only if its Host is this server (which stops DNS rebinding), its path begins with the token,
+    and its Origin, if it states one, is this server; those that compute must state it. The page may load nothing
+    but this server's scripts and styles, and none that stands in the page itself.
+    """
+
+    daemon_threads = True
+    block_on_close = False
+
+    def __init__(self, explorer: Explorer, port: int = 0) -> None:
+        super().__init__(("127.0.0.1", port), _Handler)
+        self.explorer = explorer
+        self.token = secrets.token_urlsafe(24)
+        self.hosts = tuple(f"{name}:{self.server_address[1]}" for name in ("127.0.0.1", "localhost"))
+        self.progress = ""
+        self.fitting = threading.Lock()
+        self._pages, self._left = 0, float("inf")
+        self._counting = threading.Lock()
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        return f"http://{self.hosts[0]}/{self.token}/"
+
+    def count_page(self, change: int) -> None:
+        """Note that a page was opened (1) or closed (-1)."""
+        with self._counting:
+            self._pages += change
+            self._left = float("inf") if self._pages else time.monotonic()
+
+    def service_actions(self) -> None:
+        """End when the last page has been closed for a while."""
+        with self._counting:
+            ends = time.monotonic() - self._left > _PATIENCE
+        if ends:
+            self._left = float("inf")
+            threading.Thread(target=self.shutdown, daemon=True).start()
+
+    def report_progress(self, stage: str, done: int, total: int, note: str = "") -> None:
+        """Keep how far a fit is, for the page."""
+        self.progress = f"{stage} {done} of {total} {note}".rstrip() if total > 1 else stage
+
+    def handle_error(self, request: Any, client_address: Any) -> None:  # a browser that went away is no error
+        """Say nothing."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers one request."""
+
+    server: PageServer
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = f"dovetail/{__version__}", ""
+    timeout = 60
+    disable_nagle_algorithm = True
+    wbufsize = -1  # headers and body in one packet
+
+    def log_message(self, *arguments: Any) -> None:
+        """Say nothing: the terminal is the user's."""
+
+    def do_GET(self) -> None:
+        """Answer with the page, a script, a style, or signs of life."""
+        path = self._allowed(stating_origin=False)
+        if path is None:
+            return
+        if path == "":
+            page = environment().get_template("explore.html.jinja").render(name=self.server.explorer.name)
+            self._send(page.encode("utf-8", "replace"), "text/html; charset=utf-8")
+        elif path in _ASSETS:
+            name, kind = _ASSETS[path]
+            self._send(web_text(name).encode(), f"{kind}; charset=utf-8")
+        elif path == "favicon.ico":  # a browser asks for it unasked
+            self._send(b"", "image/x-icon")
+        elif path == "start":
+            self._send_json(self.server.explorer.start())
+        elif path == "alive":
+            self._stay()
+        else:
+            self._refuse(HTTPStatus.NOT_FOUND)
+
+    def do_POST(self) -> None:
+        """Compute."""
+        path = self._allowed(stating_origin=True)
+        if path is None:
+            return
+        request = self._body()
+        if request is None:
+            return
+        answers: dict[str, Callable[[Mapping[str, Any]], None]] = {
+            "frf": self._frf,
+            "modes": lambda of_page: self._send_json(self.server.explorer.modes(of_page["values"])),
+            "fit": self._fit,
+            "save": self._save,
+        }
+        if path not in answers:
+            self._refuse(HTTPStatus.NOT_FOUND)
+            return
+        try:
+            answers[path](request)
+        except DovetailError as error:
+            self._send_json({"error": str(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
+        except (KeyError, TypeError, ValueError, OverflowError):
+            self._refuse(HTTPStatus.BAD_REQUEST)
+
+    def _frf(self, request: Mapping[str, Any]) -> None:
+        self._send_json(self.server.explorer.frfs(request["values"], int(request.get("response", 0))))
+
+    def _fit(self, request: Mapping[str, Any]) -> None:
+        if not self.server.fitting.acquire(blocking=False):
+            self._send_json({"error": "A fit is under way."}, HTTPStatus.CONFLICT)
+            return
+        try:
+            locked = [str(name) for name in request.get("locked", [])]
+            answer = self.server.explorer.fit(request["values"], locked, self.server.report_progress)
+        finally:
+            self.server.progress = ""
+            self.server.fitting.release()
+        self._send_json(answer)
+
+    def _save(self, request: Mapping[str, Any]) -> None:
+        kind = str(request["kind"])
+        content = self.server.explorer.saved(kind, request["values"], bool(request.get("fitted")))
+        self._send(content, f"{SAVED[kind]}; charset=utf-8")
+
+    def _allowed(self, *, stating_origin: bool) -> str | None:
+        """Return the path behind the token, or refuse the request and return None."""
+        host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
+        site = self.headers.get("Sec-Fetch-Site", "same-origin")
+        foreign = host not in self.server.hosts or site not in ("same-origin", "none")
+        if foreign or (origin != f"http://{host}" and (origin is not None or stating_origin)):
+            self._refuse(HTTPStatus.FORBIDDEN)
+            return None
+        token, slash, path = self.path.removeprefix("/").partition("/")
+        if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            self._refuse(HTTPStatus.FORBIDDEN)
+            return None
+        return path
+
+    def _body(self) -> Mapping[str, Any] | None:
+        """Return the request's JSON object, or refuse it and return None."""
+        length = self.headers.get("Content-Length", "")
+        kind = self.headers.get("Content-Type", "").partition(";")[0].strip()
+        if not length.isdecimal() or int(length) > _LONGEST_BODY or kind != "application/json":
+            self._refuse(HTTPStatus.BAD_REQUEST)
+            return None
+        try:
+            content = json.loads(self.rfile.read(int(length)))
+        except (ValueError, RecursionError):
+            content = None
+        if not isinstance(content, dict):
+            self._refuse(HTTPStatus.BAD_REQUEST)
+            return None
+        return content
+
+    def _stay(self) -> None:
+        """Keep a line open to the page until it is closed, and tell it how far a fit is."""
+        self.server.count_page(1)
+        self.close_connection = True
+        try:
+            self._head("text/event-stream", {"Connection": "close"})
+            while True:
+                self.wfile.write(f"data: {json.dumps(self.server.progress)}\n\n".encode())
+                self.wfile.flush()
+                time.sleep(_BEAT)
+        except OSError:
+            pass
+        finally:
+            self.server.count_page(-1)
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        self.close_connection = True  # what it still sends is not read
+        self._send(f"{status.phrase}\n".encode(), "text/plain; charset=utf-8", status)
+
+    def _send_json(self, content: Mapping[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:
+        self._send(json.dumps(content, ensure_ascii=False, allow_nan=False).encode(), "application/json", status)
+
+    def _send(self, content: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
+        self._head(kind, {"Content-Length": str(len(content))}, status)
+        self.wfile.write(content)
+        self.wfile.flush()
+
+    def _head(self, kind: str, further: Mapping[str, str], status: HTTPStatus = HTTPStatus.OK) -> None:
+        self.send_response(status)
+        for name, value in {"Content-Type": kind, **further, **_HEADERS}.items():
+            self.send_header(name, value)
+        if self.close_connection and "Connection" not in further:
+            self.send_header("Connection", "close")
+        self.end_headers()
