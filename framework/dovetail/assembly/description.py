@@ -128,6 +128,13 @@ class IdentificationSettings:
     method: IdentificationMethod | None = None
 
 
+def follow(entries: Mapping[str, ParameterEntry], tie: Tie) -> Tie:
+    """Return the tie to the parameter, known or sought, to which a chain of ties leads in the end."""
+    while (further := entries[tie.owner].ties.get(tie.parameter)) is not None:
+        tie = Tie(further.owner, further.parameter, tie.ratio * further.ratio)
+    return tie
+
+
 @dataclass(frozen=True)
 class Description:
     """A description without faults.

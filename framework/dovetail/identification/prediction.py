@@ -136,7 +136,11 @@ class _Value:
 def _values(result: Identification | Mapping[str, float]) -> list[_Value]:
     if not isinstance(result, Identification):
         return [_Value(*_split_name(name), float(value)) for name, value in result.items()]
-    identified = [_Value(p.joint, p.bare_name, p.value, p.unit) for p in result.parameters.values()]
+    identified = [
+        _Value(*_split_name(name), value, p.unit)
+        for p in result.parameters.values()
+        for name, value in p.with_followers(p.value).items()
+    ]
     return identified + [_Value(*_split_name(name), value) for name, value in result.known.items()]
 
 
@@ -248,8 +252,10 @@ def predicted_band(assembly: Assembly, result: Identification, level: float = LE
 
 def _frfs(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of the assembly with samples (n, p) of the identified joint."""
-    joints = [f"{parameter.joint}.{parameter.bare_name}" for parameter in result.parameters.values()]
-    samples = [{**result.known, **dict(zip(joints, row, strict=True))} for row in theta.tolist()]
+    samples: list[dict[str, float]] = []
+    for row in theta.tolist():
+        values = zip(result.parameters.values(), row, strict=True)
+        samples.append({**result.known, **{k: v for p, at in values for k, v in p.with_followers(at).items()}})
     return assembly.frf(np.stack([assembly.vector(joint_values(assembly, sample)) for sample in samples]))
 
 
