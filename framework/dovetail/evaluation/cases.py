@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -39,7 +39,7 @@ class Measurement:
 
     file: Path
     accelerometer_mass: float
-    options: Mapping[str, Any]
+    options: Mapping[str, Any] = field(hash=False)
 
     def read(self, *, compensated: bool) -> Frf:
         """Return the FRF as measured, or without the accelerometer's mass.
