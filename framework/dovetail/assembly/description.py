@@ -155,7 +155,9 @@ class Description:
     unknown_parts : mapping of str to JointEntry
         The substructures of which options are sought. In `substructures` they have the middle of the ranges.
     calibrations : mapping of str to ParameterEntry
-        What is sought or known of the measurement chain of each response, by the response's name.
+        What is sought or known of the measurement chain of each response, by the response's name, and of all.
+    sensors : tuple of Place
+        The nodes with a sensor in the measurements of all responses.
     left_out : tuple of (float, float)
         Hz; between these ends nothing is compared.
     identification : IdentificationSettings
@@ -173,6 +175,7 @@ class Description:
     identification: IdentificationSettings
     unknown_parts: Mapping[str, JointEntry] = field(default_factory=dict)
     calibrations: Mapping[str, ParameterEntry] = field(default_factory=dict)
+    sensors: tuple[Place, ...] = ()
     left_out: tuple[tuple[float, float], ...] = ()
     files: Mapping[tuple[str | int, ...], str] = field(default_factory=dict)
 
@@ -218,6 +221,12 @@ class Description:
             section = whole["responses"][index]
             whole = {"response" if key == "responses" else key: value for key, value in whole.items()}
             whole["response"] = {"name": self.responses[index].name, **section} if self.calibrations else section
+        if self.sensors:
+            nodes = {name: part.nodes for name, part in self.substructures.items()}
+            places = [
+                {"at": s.substructure, "position": f"node {nodes[s.substructure][s.node].label}"} for s in self.sensors
+            ]
+            whole["calibration"] = {**whole["calibration"], "at": places}
         return replace(self, text=_as_json(whole), responses=(self.responses[index],))
 
     def with_range(self, owner: str, parameter: str, lower: float, upper: float) -> Description:
@@ -266,6 +275,5 @@ def fingerprint(text: str) -> str:
     """Return the fingerprint of a description that is given as JSON."""
     whole = json.loads(text)
     physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
-    if "responses" in whole:
-        physics["responses"] = whole["responses"]
+    physics |= {key: whole[key] for key in ("responses", "calibration") if key in whole}
     return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()

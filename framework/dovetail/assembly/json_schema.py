@@ -19,6 +19,7 @@ from dovetail.assembly.sections import (
     IdentificationSection,
     ParameterSection,
     ResponseSection,
+    SensorSection,
 )
 from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, Port, SubstructureModel, option_schema
 from dovetail.registry import Offer, Registry
@@ -56,7 +57,7 @@ def description_schema(registry: Registry) -> Schema:
     has no examples.
     """
     definitions: dict[str, Schema] = {}
-    sections = (FrequencySection, ForceSection, ResponseSection, AttachmentSection, ParameterSection)
+    sections = (FrequencySection, ForceSection, ResponseSection, SensorSection, AttachmentSection, ParameterSection)
     for model in (*sections, IdentificationSection):
         _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
     _complete_sections(definitions)
@@ -89,6 +90,7 @@ def _description() -> Schema:
         "joints": {"type": "object", "additionalProperties": {"$ref": "#/$defs/joint"}},
         "response": {"$ref": "#/$defs/response"},
         "responses": {"type": "array", "items": {"$ref": "#/$defs/response"}, "minItems": 1},
+        "calibration": {"$ref": "#/$defs/shared_calibration"},
         "identification": {"$ref": "#/$defs/identification"},
     }
     for name, entry in properties.items():
@@ -116,6 +118,13 @@ def _complete_sections(definitions: dict[str, Schema]) -> None:
     for key in ("about", "sd"):
         parameter[key] |= _QUANTITY
     definitions["calibration"] = _calibration()
+    places = {
+        "type": "array",
+        "items": {"$ref": "#/$defs/sensor"},
+        "description": "Of sensors; those of the responses.",
+    }
+    properties = {**definitions["calibration"]["properties"], "at": places}
+    definitions["shared_calibration"] = {**definitions["calibration"], "properties": properties}
     response = definitions["response"]["properties"]
     response["force"] = {**response["force"], "$ref": "#/$defs/force"}
     response["calibration"] = {**response["calibration"], "$ref": "#/$defs/calibration"}

@@ -85,7 +85,7 @@ def read_description(
     frequency, left_out = read_frequency(faults)
     substructures, unknown_parts = _read_substructures(faults, registry)
     joints = _read_joints(substructures, faults, registry)
-    responses, calibrations = read_responses(substructures, faults)
+    responses, calibrations, sensors = read_responses(substructures, faults)
     identification = _read_identification(faults, registry)
     faults.raise_if_any()
     sound_substructures = {key: model for key, model in substructures.items() if model is not None}
@@ -107,6 +107,7 @@ def read_description(
         identification=identification,
         unknown_parts=MappingProxyType(unknown_parts),
         calibrations=MappingProxyType(calibrations),
+        sensors=sensors,
         left_out=left_out,
         files=MappingProxyType(faults.files),
     )

@@ -27,6 +27,7 @@ __all__ = [
     "NodePlace",
     "ParameterSection",
     "ResponseSection",
+    "SensorSection",
 ]
 
 FORMAT = 1
@@ -163,6 +164,21 @@ class ForceSection(_Section):
     direction: Literal["x", "rz"] = "x"
 
 
+class SensorSection(_Section):
+    """A node with a sensor in every measurement.
+
+    Attributes
+    ----------
+    at : str
+        Name of the substructure.
+    position : place
+        Of its node, a position [m] or a label.
+    """
+
+    at: str
+    position: NodePlace
+
+
 class ResponseSection(_Section):
     """Where the FRF is measured, and its quantity.
 
@@ -289,6 +305,8 @@ class DescriptionSection(_Section):
         The drive point and the quantity.
     responses : sequence of sections
         In place of `response`: several drive points, each of which is measured.
+    calibration : section
+        What all responses share of their measurement chains, and sensors that are on the structure in every measurement.
     identification : section
         How the network is trained.
     """
@@ -307,6 +325,7 @@ class DescriptionSection(_Section):
     joints: dict[str, Any] = Field(default={})
     response: Any
     responses: Any = None
+    calibration: Any = None
     identification: Any = None
 
 
