@@ -38,6 +38,7 @@ from .evaluation import plan as plan
 from .evaluation import read_cases as read_cases
 from .evaluation import read_truths as read_truths
 from .evaluation import robustness as robustness
+from .evaluation import study as study
 from .evaluation import validate as validate
 from .frf import Frf as Frf
 from .frf import coherence_spectrum as coherence_spectrum

@@ -261,7 +261,7 @@ def test_sensors_that_all_responses_share_are_all_there_at_once():
         lumped["substructures"][f"sensor{number}"] = {"model": "lumped", "masses": [{"mass": "20 g"}]}
         connect = {"a": {"to": "arm", "at": f"node {node}"}, "b": {"to": f"sensor{number}", "at": 0}}
         lumped["joints"][f"glue{number}"] = {"model": "rigid", "direction": "x", "connect": connect}
-    lumped["responses"] = [{key: v for key, v in r.items()} for r in json.loads(assembly.description.text)["responses"]]
+    lumped["responses"] = [dict(r.items()) for r in json.loads(assembly.description.text)["responses"]]
     del lumped["response"]
     expected = dovetail.load(lumped).frfs()
     assert [p.name for p in assembly.parameters] == ["calibration.mass"]

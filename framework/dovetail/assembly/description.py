@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.sections import AugmentationSection
+from dovetail.assembly.study_section import StudySection
 from dovetail.frf import Quantity
 from dovetail.interfaces import DIRECTIONS, IdentificationMethod, Parameter, Reducer, Regressor, SubstructureModel
 from dovetail.synthesis import Connection, Point
@@ -161,6 +162,7 @@ class Description:
     left_out : tuple of (float, float)
         Hz; between these ends nothing is compared.
     identification : IdentificationSettings
+    study : StudySection or None
     files : mapping of tuple to str
         The files that options of components name, by the places of these options in the text.
     """
@@ -177,6 +179,7 @@ class Description:
     calibrations: Mapping[str, ParameterEntry] = field(default_factory=dict)
     sensors: tuple[Place, ...] = ()
     left_out: tuple[tuple[float, float], ...] = ()
+    study: StudySection | None = None
     files: Mapping[tuple[str | int, ...], str] = field(default_factory=dict)
 
     @property

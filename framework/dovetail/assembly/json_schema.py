@@ -21,6 +21,7 @@ from dovetail.assembly.sections import (
     ResponseSection,
     SensorSection,
 )
+from dovetail.assembly.study_section import StudySection
 from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, Port, SubstructureModel, option_schema
 from dovetail.registry import Offer, Registry
 from dovetail.units import format_quantity
@@ -58,7 +59,7 @@ def description_schema(registry: Registry) -> Schema:
     """
     definitions: dict[str, Schema] = {}
     sections = (FrequencySection, ForceSection, ResponseSection, SensorSection, AttachmentSection, ParameterSection)
-    for model in (*sections, IdentificationSection):
+    for model in (*sections, IdentificationSection, StudySection):
         _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
     _complete_sections(definitions)
     for kind in (kind for kind in KINDS if kind != "reader"):  # readers stand in no description
@@ -92,6 +93,7 @@ def _description() -> Schema:
         "responses": {"type": "array", "items": {"$ref": "#/$defs/response"}, "minItems": 1},
         "calibration": {"$ref": "#/$defs/shared_calibration"},
         "identification": {"$ref": "#/$defs/identification"},
+        "study": {"$ref": "#/$defs/study"},
     }
     for name, entry in properties.items():
         entry.setdefault("description", schema["properties"].get(name, {}).get("description", ""))

@@ -32,6 +32,7 @@ from dovetail.assembly.sections import (
     FrequencySection,
     IdentificationSection,
 )
+from dovetail.assembly.study_section import read_study
 from dovetail.assembly.unknown_parts import add_unknown_part, take_unknown_options
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
@@ -87,6 +88,7 @@ def read_description(
     joints = _read_joints(substructures, faults, registry)
     responses, calibrations, sensors = read_responses(substructures, faults)
     identification = _read_identification(faults, registry)
+    study = read_study(faults)
     faults.raise_if_any()
     sound_substructures = {key: model for key, model in substructures.items() if model is not None}
     sound_joints = {key: joint for key, joint in joints.items() if joint is not None}
@@ -109,6 +111,7 @@ def read_description(
         calibrations=MappingProxyType(calibrations),
         sensors=sensors,
         left_out=left_out,
+        study=study,
         files=MappingProxyType(faults.files),
     )
 

@@ -306,9 +306,11 @@ class DescriptionSection(_Section):
     responses : sequence of sections
         In place of `response`: several drive points, each of which is measured.
     calibration : section
-        What all responses share of their measurement chains, and sensors that are on the structure in every measurement.
+        Of all measurement chains, and of sensors that are on the structure in every measurement.
     identification : section
         How the network is trained.
+    study : section
+        Which settings of the training `dovetail study` tries.
     """
 
     lines_to_add: ClassVar[Mapping[str, str]] = {
@@ -327,6 +329,7 @@ class DescriptionSection(_Section):
     responses: Any = None
     calibration: Any = None
     identification: Any = None
+    study: Any = None
 
 
 class DescriptionSectionOfSeveral(DescriptionSection):
