@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,8 @@ _FIRST_PART = 0.25
 """Share of the samples on which a search's proposal is tried first."""
 _PAUSE = 1.0
 """Seconds between two looks at what the others are doing."""
+_WARM, _LARGE = 400, 1000
+"""Samples on which a process trains once before it takes the time of a trial, and from how many on it does."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,8 @@ class _Work:
     def run(self, progress: Progress) -> None:
         """Work on trials until all have ended."""
         search = 0 if self.plan.section.search is None else self.plan.section.search.trials
+        if not all(trial.ended for trial in self.ledger.trials()) or not self.ledger.trials():
+            self._load_libraries(progress)
         while True:
             trial = self.ledger.claim(self.plan.propose)
             trials = self.ledger.trials()
@@ -145,6 +150,12 @@ class _Work:
             else:
                 progress("waiting", ended, len(trials), "for trials of other processes")
                 time.sleep(_PAUSE)
+
+    def _load_libraries(self, progress: Progress) -> None:
+        """Train once on few samples, so that the first trial's times are not those of loading and compiling."""
+        if self.plan.settings.samples - self.plan.test_samples >= _LARGE:
+            with suppress(DovetailError):
+                train_and_evaluate(self.plan.variant({}), self._dataset(_WARM, self.plan.settings.seed, progress))
 
     def _try(self, trial: Trial, progress: Progress) -> None:
         with self.ledger.signs_of_life(trial):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["TRIAL_HEADERS", "option_rows", "search_figure", "study_markdown", "sweeps_figure", "trial_rows"]
 
-TRIAL_HEADERS = ("trial", "kind", "settings", "MAE [% of range]", "R2", "reducer [s]", "regressor [s]", "outcome")
+TRIAL_HEADERS = ("trial", "kind", "settings", "MAE, % of range", "R2", "reducer, s", "regressor, s", "outcome")
 _OPTION_HEADERS = ("option", "tried", "best of its sweep", "chosen")
 _COLUMNS = 2
 
@@ -70,7 +70,7 @@ def study_markdown(study: Study) -> str:
         _markdown(_OPTION_HEADERS, option_rows(study)),
         _markdown(TRIAL_HEADERS, trial_rows(study)),
         test_sentence(study) + "\n",
-        _markdown(("parameter", "MAE [% of range]", "R2"), tested),
+        _markdown(("parameter", "MAE, % of range", "R2"), tested),
     ]
     return "\n".join(parts)
 
