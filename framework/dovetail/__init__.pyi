@@ -31,6 +31,9 @@ from .evaluation import Comparison as Comparison
 from .evaluation import Plan as Plan
 from .evaluation import PlannedPoint as PlannedPoint
 from .evaluation import RobustnessRow as RobustnessRow
+from .evaluation import Study as Study
+from .evaluation import Sweep as Sweep
+from .evaluation import Trial as Trial
 from .evaluation import Validation as Validation
 from .evaluation import calibrate as calibrate
 from .evaluation import compare as compare

@@ -66,13 +66,13 @@ def study_markdown(study: Study) -> str:
         [name, f"{100 * errors['mae']:.2f}", "" if errors["r2"] is None else f"{errors['r2']:.3f}"]
         for name, errors in answer.get("parameters", {}).items()
     ]
-    parts = [
+    tables = [
         _markdown(_OPTION_HEADERS, option_rows(study)),
         _markdown(TRIAL_HEADERS, trial_rows(study)),
         test_sentence(study) + "\n",
         _markdown(("parameter", "MAE, % of range", "R2"), tested),
     ]
-    return "\n".join(parts)
+    return "\n".join(tables)
 
 
 def test_sentence(study: Study) -> str:
@@ -138,23 +138,23 @@ def study_times(axes: Axes) -> list[Any]:
 
 def _draw_sweep(axes: Axes, study: Study, sweep: Sweep) -> None:
     style_axes(axes)
-    places = list(range(len(sweep.values)))
+    positions = list(range(len(sweep.values)))
     answers = [study.trials[number].answer for number in sweep.trials]
     times = axes.twinx()
-    bottom = [0.0] * len(places)
+    bottom = [0.0] * len(positions)
     for stages, label, colour in (
         (("reducer", "reduction"), "reducer [s]", MEASURED),
         (("regressor",), "regressor [s]", "#c9b18a"),
     ):
         height = [0.0 if a is None else sum(a["seconds"].get(stage, 0.0) for stage in stages) for a in answers]
-        times.bar(places, height, 0.5, bottom, color=colour, alpha=0.6, label=label)
+        times.bar(positions, height, 0.5, bottom, color=colour, alpha=0.6, label=label)
         bottom = [low + high for low, high in zip(bottom, height, strict=True)]
     times.tick_params(labelsize=7.5)
     axes.set_zorder(times.get_zorder() + 1)
     axes.patch.set_visible(False)
     errors = [float("nan") if error is None else 100 * error for error in _errors(study, sweep)]
-    axes.plot(places, errors, "o-", color=RECONSTRUCTED, linewidth=1.6, markersize=4, label="error, validation")
-    axes.set_xticks(places, [_text(value) for value in sweep.values], fontsize=7.5)
+    axes.plot(positions, errors, "o-", color=RECONSTRUCTED, linewidth=1.6, markersize=4, label="error, validation")
+    axes.set_xticks(positions, [_text(value) for value in sweep.values], fontsize=7.5)
     axes.set_title(sweep.option, fontsize=9, color=INK, loc="left", parse_math=False)
 
 
