@@ -321,6 +321,9 @@ def test_what_is_shared_is_not_stated_again_by_a_response():
     response = {**PLAIN["response"], "calibration": {"gain": 1.1}}
     with pytest.raises(dovetail.DescriptionError, match="'calibration' has 'gain' for all responses"):
         dovetail.load({**PLAIN, "response": response, "calibration": {"gain": 1.2}})
+    joints = {"calibration": PLAIN["joints"]["foot"], "weld": PLAIN["joints"]["weld"]}
+    with pytest.raises(dovetail.DescriptionError, match="a joint has the name 'calibration' too"):
+        dovetail.load({**PLAIN, "joints": joints, "calibration": {"gain": {"about": 1, "sd": "5 %"}}})
 
 
 @pytest.mark.parametrize("chain", [{}, {"window": "0 1/s"}, {"mass": "0 g"}])

@@ -66,6 +66,7 @@ def description_schema(registry: Registry) -> Schema:
         for offer in registry.offers(kind):
             _define(definitions, f"{kind}.{offer.component.name}", _component_schema(offer))
         definitions[kind] = _choice(kind, registry.offers(kind))
+    _name_options(definitions, registry)
     definitions["description"] = _description()
     partial = {f"{name}{_PARTIAL}": _without_required(definition) for name, definition in definitions.items()}
     return {
@@ -134,6 +135,17 @@ def _complete_sections(definitions: dict[str, Schema]) -> None:
     identification["reducer"]["$ref"] = "#/$defs/reducer"
     identification["regressor"]["$ref"] = "#/$defs/regressor"
     identification["method"]["$ref"] = "#/$defs/method"
+
+
+def _name_options(definitions: dict[str, Schema], registry: Registry) -> None:
+    """Say which options a study may name: those of the models that there are."""
+    options = {"augmentation": set(definitions["identification.AugmentationSection"]["properties"])}
+    for kind in ("reducer", "regressor"):
+        schemas = (definitions[f"{kind}.{offer.component.name}"] for offer in registry.offers(kind))
+        options[kind] = {name for schema in schemas for name in schema["properties"]} - {"model"}
+    patterns = [rf"{kind}(\.({'|'.join(sorted(names))})(\.\w+)*)?" for kind, names in options.items()]
+    for section, key in (("study", "sweeps"), ("study.SearchSection", "options")):
+        definitions[section]["properties"][key]["propertyNames"] = {"pattern": f"^({'|'.join(patterns)})$"}
 
 
 def _calibration() -> Schema:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.assembly.calibration import SHARED
 from dovetail.assembly.component_sections import build_component, read_property
 from dovetail.assembly.description import (
     Description,
@@ -129,8 +130,11 @@ def _check_parameters(
             faults.add(("substructures", name), problem, key=True)
     for name in calibrations:
         if name in joints or name in substructures:
-            problem = f"the response has the name of a {'joint' if name in joints else 'substructure'}, '{name}'."
-            faults.add(RESPONSE, problem, remedy="Give it another one with 'name:'.", key=True)
+            kind = "joint" if name in joints else "substructure"
+            problem, remedy = f"the response has the name of a {kind}, '{name}'.", "Give it another one with 'name:'."
+            if name == SHARED:
+                problem, remedy = f"a {kind} has the name '{name}' too.", f"Give the {kind} another one."
+            faults.add((SHARED,) if name == SHARED else RESPONSE, problem, remedy=remedy, key=True)
     places: dict[str, Path] = {name: ("joints", name, "parameters") for name in joints}
     places |= {name: ("substructures", name) for name in substructures}
     places |= {name: calibration_place(name, faults) for name in calibrations}
