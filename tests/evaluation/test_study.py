@@ -69,7 +69,7 @@ def test_a_finished_study_is_read_back_and_tries_nothing(swept, sdof):
         dovetail.load(described(sdof, sweeps=SWEEPS)), folder, progress=lambda stage, *_: stages.append(stage)
     )
     assert again.to_dict() == done.to_dict()
-    assert set(stages) == {"trials"}
+    assert set(stages) == {"settings", "trials"}
 
 
 def test_another_study_is_refused_in_the_same_folder(swept, sdof):

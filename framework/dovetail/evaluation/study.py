@@ -117,17 +117,18 @@ def study(
     DovetailError
         The folder holds another study; a search needs Optuna, which is not installed; or no trial succeeded.
     """
-    work = _Work(as_assembly(assembly), Path(folder), components(plugins))
-    with progress_reporter(progress) as report, work.ledger.at_work():
-        work.run(report)
+    with progress_reporter(progress) as report:
+        work = _Work(as_assembly(assembly), Path(folder), components(plugins), report)
+        with work.ledger.at_work():
+            work.run(report)
     return work.result()
 
 
 class _Work:
     """A study at which this process is."""
 
-    def __init__(self, assembly: Assembly, folder: Path, registry: Registry) -> None:
-        self.plan = StudyPlan(assembly, registry)
+    def __init__(self, assembly: Assembly, folder: Path, registry: Registry, progress: Progress) -> None:
+        self.plan = StudyPlan(assembly, registry, progress)
         self._folder = folder
         self.ledger = Ledger(folder, self.plan.about(), self.plan.section.lease)
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, SearchRange
 from dovetail.assembly.reader import read_description
 from dovetail.dataset import Storage
 from dovetail.errors import DescriptionError, DovetailError, Fault
 from dovetail.evaluation.study_ledger import Proposal, Trial
 from dovetail.evaluation.study_search import SearchSpace
 from dovetail.identification.network.training import needs_phase
+from dovetail.interfaces import Progress, silent
 from dovetail.registry import Registry
 
 __all__ = ["StudyPlan", "Sweep"]
@@ -46,6 +46,8 @@ class StudyPlan:
     assembly : Assembly
         With a study in its description.
     registry : Registry
+    progress : callable
+        Told of each value that is looked at.
 
     Attributes
     ----------
@@ -63,7 +65,7 @@ class StudyPlan:
         There is no study, or an option cannot have a value that it is to be tried with.
     """
 
-    def __init__(self, assembly: Assembly, registry: Registry) -> None:
+    def __init__(self, assembly: Assembly, registry: Registry, progress: Progress = silent) -> None:
         section = assembly.description.study
         if section is None:
             remedy = "Add, for example: study: {sweeps: {reducer.n_components: [10, 30, 100]}}"
@@ -74,6 +76,9 @@ class StudyPlan:
         self._plain = json.loads(assembly.description.text)
         varied = [*section.sweeps, *(section.search.options if section.search else ())]
         self.described = {option: _value_at(self.settings, option) for option in varied}
+        search = {} if section.search is None else section.search.options
+        self._values = sum(map(len, section.sweeps.values())) + sum(len(_ends(tried)) for tried in search.values())
+        self._seen, self._needs_phase, self._progress = 0, needs_phase(assembly), progress
         self.first, self.sweeps = self._planned()
         self.space = self._search_space()
 
@@ -100,7 +105,7 @@ class StudyPlan:
             trials = []
             for index, value in enumerate(values):
                 try:
-                    key = _key(self.variant({option: value}))
+                    key = _key(self._looked_at({option: value}))
                 except DescriptionError as error:
                     place = f"{self.assembly.description.source}  study.sweeps.{option}[{index}]"
                     faults += [replace(fault, where=place) for fault in error.faults]
@@ -120,15 +125,22 @@ class StudyPlan:
             return None
         faults = list[Fault]()
         for option, tried in search.options.items():
-            for value in tried if isinstance(tried, tuple) else tried.range:
+            for value in _ends(tried):
                 try:
-                    self.variant({option: value})
+                    self._looked_at({option: value})
                 except DescriptionError as error:
                     place = f"{self.assembly.description.source}  study.search.options.{option}"
                     faults += [replace(fault, where=place) for fault in error.faults]
         if faults:
             raise DescriptionError(*faults)
         return SearchSpace(search.options, self.described, search.trials, self.settings.seed)
+
+    def _looked_at(self, changes: Mapping[str, Any]) -> Assembly:
+        self._progress("settings", self._seen, self._values)
+        self._seen += 1
+        variant = self.variant(changes)
+        self._needs_phase = self._needs_phase or needs_phase(variant)
+        return variant
 
     def variant(self, changes: Mapping[str, Any]) -> Assembly:
         """Return the assembly with other settings, and with the validation part in place of the test part."""
@@ -203,13 +215,15 @@ class StudyPlan:
         """Samples of the test part, a dataset of its own."""
         return round(self.settings.test_fraction * self.settings.samples)
 
-    @cached_property
+    @property
     def storage(self) -> Storage:
         """What is stored of each FRF: with its phase where a setting needs it."""
-        variants = [self.variant(proposal.changes) for proposal in self.first]
-        searched = self.space is not None and self.section.search is not None
-        mass = searched and any("mass" in place for place in getattr(self.section.search, "options", ()))
-        return "complex" if mass or any(map(needs_phase, variants)) else "amplitude"
+        return "complex" if self._needs_phase else "amplitude"
+
+
+def _ends(tried: SearchRange | tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the choices of an option, or the ends of its range."""
+    return tried if isinstance(tried, tuple) else tried.range
 
 
 def _key(assembly: Assembly) -> str:
