@@ -18,7 +18,7 @@ from dovetail.evaluation.study_ledger import Trial
 __all__ = ["SearchSpace"]
 
 _FEWEST = 4
-"""Trials with which a median means something."""
+"""Trials that have ended on all samples, with which a median on the first part means something."""
 
 
 class SearchSpace:
@@ -76,7 +76,7 @@ class SearchSpace:
             sampler = optuna.samplers.TPESampler(
                 seed=self._seed + number, n_startup_trials=self._startup, constant_liar=True
             )
-        study = optuna.create_study(sampler=sampler, pruner=optuna.pruners.MedianPruner(_FEWEST))
+        study = optuna.create_study(sampler=sampler, pruner=optuna.pruners.MedianPruner(0, n_min_trials=_FEWEST))
         states = optuna.trial.TrialState
         for trial in trials:
             state = {"done": states.COMPLETE, "pruned": states.PRUNED, "running": states.RUNNING}.get(trial.state)
