@@ -31,6 +31,9 @@ from .evaluation import Comparison as Comparison
 from .evaluation import Plan as Plan
 from .evaluation import PlannedPoint as PlannedPoint
 from .evaluation import RobustnessRow as RobustnessRow
+from .evaluation import Study as Study
+from .evaluation import Sweep as Sweep
+from .evaluation import Trial as Trial
 from .evaluation import Validation as Validation
 from .evaluation import calibrate as calibrate
 from .evaluation import compare as compare
@@ -38,6 +41,7 @@ from .evaluation import plan as plan
 from .evaluation import read_cases as read_cases
 from .evaluation import read_truths as read_truths
 from .evaluation import robustness as robustness
+from .evaluation import study as study
 from .evaluation import validate as validate
 from .frf import Frf as Frf
 from .frf import coherence_spectrum as coherence_spectrum

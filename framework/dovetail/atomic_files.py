@@ -28,6 +28,7 @@ __all__ = [
     "check_room",
     "check_target",
     "held",
+    "is_held",
     "new_files",
     "new_folder",
     "read_bounded",
@@ -300,6 +301,24 @@ def held(path: Path, wait: float = _LONGEST_WRITING, tell: Callable[[str], None]
             with suppress(OSError):  # Windows removes it itself
                 marker.unlink()
             lock.release()
+
+
+def is_held(path: Path) -> bool:
+    """Return whether a process that is alive holds a path; what a killed one has left of its lock is removed."""
+    from filelock import FileLock, Timeout
+
+    marker = path.absolute().with_name(f".{path.name}.lock")
+    if not marker.exists():
+        return False
+    lock = FileLock(marker)
+    try:
+        lock.acquire(timeout=0)
+    except (Timeout, OSError):
+        return True
+    with suppress(OSError):
+        marker.unlink()
+    lock.release()
+    return False
 
 
 def _sign(marker: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 26_000
+LINES_OF_CODE = 27_100
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -23,7 +23,9 @@ measured files, completion and what looks wrong in a description took nine hundr
 with defaults that plugins give took six hundred, parameters from modal tables five hundred, drawings and new
 descriptions as much, progress, logs and tables in notebooks three hundred and fifty, and a network that tells
 intervals, endless data and shards three hundred and fifty. Charts that answer, a report that begins with its verdict,
-and the explorer with its server took seven hundred. A feature that is worth more code raises the limit, and
+and the explorer with its server took seven hundred. A study of settings that several processes share, with its
+tables and figures, took eight hundred and fifty; chains that all responses share, values that follow others and
+results of modal tables read back two hundred. A feature that is worth more code raises the limit, and
 says here what it was. The conformance kit is left out: it grows with every mistake that it learns to see.
 """
 

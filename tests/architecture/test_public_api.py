@@ -80,7 +80,8 @@ def test_the_page_of_the_api_has_every_public_name():
 
 
 @pytest.mark.parametrize(
-    "command", ["calibrate", "compare", "generate", "identify", "plan", "predict", "robustness", "train", "validate"]
+    "command",
+    ["calibrate", "compare", "generate", "identify", "plan", "predict", "robustness", "study", "train", "validate"],
 )
 def test_what_a_command_does_is_a_public_function(command):
     assert inspect.isfunction(getattr(dovetail, command))

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+import dovetail
+
 OSCILLATOR = Path(__file__).resolve().parents[2] / "assemblies" / "oscillator.yaml"
 TABLE = "frequency_Hz,damping_percent,frequency_sd_Hz,damping_sd_percent\n212.1,0.31,0.02,0.02\n"
 
@@ -32,6 +34,22 @@ def test_the_table_the_modes_and_what_frequencies_do_not_tell(run, modes, tmp_pa
     header, row = (tmp_path / "result" / "modes.csv").read_text().splitlines()
     assert header == "natural_frequency,damping_ratio,measured_frequency,measured_damping"
     assert float(row.split(",")[2]) == 212.1
+
+
+def test_what_was_written_is_read_back_and_predicts(run, modes, tmp_path):
+    run("identify", OSCILLATOR, modes, "--form", "laplace", "-o", tmp_path / "result")
+    written = json.loads((tmp_path / "result" / "result.json").read_text())
+    result = dovetail.load_result(tmp_path / "result")
+    again = json.loads(json.dumps(result.to_dict()))
+    for name in ("known", "measured", "modes", "parameters", "adequacy", "chi_squared", "warnings", "provenance"):
+        assert again[name] == written[name]
+    for row, before in zip(again["table"], written["table"], strict=True):
+        assert row["estimate"] == pytest.approx(before["estimate"])
+        assert row["verdict"] == before["verdict"]
+    assert "predicted with the joint identified from" in run("predict", OSCILLATOR, tmp_path / "result").output
+    broken = {**written, "measured": {**written["measured"], "frequency": [-1.0]}}
+    (tmp_path / "result" / "result.json").write_text(json.dumps(broken))
+    assert "frequency" in run("predict", OSCILLATOR, tmp_path / "result", code=1).stderr
 
 
 def test_a_table_that_the_model_cannot_follow_ends_with_three(run, modes):

@@ -42,6 +42,20 @@ def test_what_cannot_be_used_is_said_and_nothing_is_written(run, arguments, tmp_
     assert not (tmp_path / "flange.npz").exists()
 
 
+def test_tables_without_a_header_are_read_by_columns_and_unit(run, arguments, tmp_path):
+    bare = []
+    for number, file in enumerate(arguments[2:5]):
+        frf = dovetail.read_frf(file)
+        bare.append(tmp_path / f"bare{number}.txt")
+        np.savetxt(bare[-1], np.column_stack([frf.frequency, frf.values.imag / 9.80665, frf.values.real / 9.80665]))
+    run(*arguments)
+    from_uff = dovetail.read_receptance(tmp_path / "flange.npz").values
+    tables = [*arguments[:2], *bare, *arguments[5:], "--columns", "frequency,imag,real", "--overwrite"]
+    assert "mobility" in run(*tables, code=1).stderr
+    run(*tables, "--unit", "g/N")
+    np.testing.assert_allclose(dovetail.read_receptance(tmp_path / "flange.npz").values, from_uff, rtol=1e-6)
+
+
 def test_an_existing_file_stays(run, arguments, tmp_path):
     (tmp_path / "flange.npz").write_text("mine")
     assert "add --overwrite" in run(*arguments, code=1).stderr

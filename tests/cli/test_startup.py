@@ -78,7 +78,7 @@ def test_help_lists_every_command(shell):
         "Measure": ["plot", "convert", "frf", "spindle"],
         "Identify a joint": ["identify", "train", "generate", "merge"],
         "Use the result": ["predict", "validate"],
-        "Study what can be known": ["plan", "calibrate", "compare", "robustness"],
+        "Study what can be known": ["plan", "calibrate", "compare", "robustness", "study"],
         "Extend": ["plugins", "new-plugin", "check-plugin"],
     }
     assert "..." not in done.stdout.partition("--help")[2]

@@ -14,13 +14,13 @@ from safetensors import SafetensorError
 import dovetail
 from dovetail import atomic_files
 
-STUDIES = ("identify", "train", "generate", "calibrate", "validate", "compare", "robustness")
+STUDIES = ("identify", "train", "generate", "calibrate", "validate", "compare", "robustness", "study")
 
 
 @pytest.fixture
 def untouched(monkeypatch):
     """Fail where long work begins."""
-    for name in ("train", "identify", "calibrate", "validate", "compare", "robustness"):
+    for name in ("train", "identify", "calibrate", "validate", "compare", "robustness", "study"):
         monkeypatch.setattr(dovetail, name, lambda *_, name=name, **__: pytest.fail(f"{name} began"))
 
 
@@ -31,7 +31,9 @@ def arguments(bench, tmp_path):
     cases.write_text(
         f"dovetail_cases: 1\ntitle: one\ncases:\n  one: {{assembly: {bench.description}, measured: {bench.measured}}}\n"
     )
-    of_assembly = {name: [name, bench.description] for name in ("train", "generate", "calibrate", "robustness")}
+    of_assembly = {
+        name: [name, bench.description] for name in ("train", "generate", "calibrate", "robustness", "study")
+    }
     of_cases = {name: [name, cases] for name in ("validate", "compare")}
     return {"identify": ["identify", bench.model, bench.measured, "--method", "network"], **of_assembly, **of_cases}
 

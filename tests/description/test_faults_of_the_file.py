@@ -43,7 +43,7 @@ CASES = {
         "test.yaml:23:1  responce\n"
         "  'responce' is not a key of the description.\n"
         "  Did you mean 'response'?  Accepted: dovetail, name, frequency, substructures, joints, "
-        "response, responses, identification",
+        "response, responses, calibration, identification, study",
     ),
     "section_missing": (
         {
@@ -131,7 +131,7 @@ CASES = {
         "test.yaml:3:1  units\n"
         "  'units' is not a key of the description.\n"
         "  Did you mean 'joints'?  Accepted: dovetail, name, frequency, substructures, joints, "
-        "response, responses, identification",
+        "response, responses, calibration, identification, study",
     ),
 }
 

@@ -39,8 +39,18 @@ def test_names_are_taken_from_the_files_folder(tmp_path):
     assert (first.name, first.value, first.assembly) == ("first", 20.0, tmp_path / "a.yaml")
     assert (first.measured.file, first.measured.accelerometer_mass) == (tmp_path / "m/first.uff", 1.2e-3)
     assert (first.joint.assembly, first.joint.result) == (tmp_path / "b.yaml", None)
-    assert (first.joint.measured.accelerometer_mass, first.joint.measured.index) == (2e-3, 3)
-    assert (second.measured.quantity, second.joint.result) == ("mobility", tmp_path / "results")
+    assert (first.joint.measured.accelerometer_mass, first.joint.measured.options) == (2e-3, {"index": 3})
+    assert (second.measured.options["quantity"], second.joint.result) == ("mobility", tmp_path / "results")
+
+
+def test_a_table_without_a_header_is_read_by_what_the_case_or_the_caller_states(tmp_path):
+    (tmp_path / "second.csv").write_text("10,1,2\n20,3,4\n")
+    stated = SOUND.replace("quantity: mobility}", "quantity: mobility, columns: [frequency, imag, real]}")
+    for text, reading in ((stated, {"columns": ("frequency", "real", "imag")}),
+                          (SOUND, {"columns": ("frequency", "imag", "real"), "quantity": "accelerance"})):  # fmt: skip
+        _, second = read_cases(written(tmp_path, text), **reading).cases
+        frf = second.measured.read(compensated=False)
+        assert (frf.quantity, frf.values.tolist()) == ("mobility", [2 + 1j, 4 + 3j])
 
 
 BROKEN = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -34,6 +35,7 @@ MASSES: dict[str, Any] = {
         },
     },
 }
+NECK = {"k": {"same_as": "foot.k", "ratio": 0.5}}
 DRIVE: dict[str, Any] = {"at": "low", "position": 0, "quantity": "receptance"}
 TRANSFER: dict[str, Any] = {
     "at": "high",
@@ -89,6 +91,38 @@ def test_masses_ties_and_a_chain_with_a_transfer_frf():
     assert sum(holds(result, name, value) for name, value in truth.items()) >= 4
     assert result.parameters["tip.gain"].joint == "tip"
     assert result.parameters["high.masses.0.mass"].joint == "high"
+
+
+def test_what_follows_an_identified_parameter_is_told_with_its_value(tmp_path):
+    description = {**MASSES, "response": DRIVE, "joints": {**MASSES["joints"]}}
+    description["joints"]["neck"] = {**MASSES["joints"]["neck"], "parameters": {**NECK, "c": {"value": 60}}}
+    description["joints"]["foot"] = {
+        **MASSES["joints"]["foot"],
+        "parameters": {"k": {"range": [1e5, 1e7], "scale": "log"}, "c": {"same_as": "neck.c", "ratio": 2}},
+    }
+    assembly = dovetail.load(description)
+    frf = assembly.simulate({"foot.k": 1.3e6, "high.masses.0.mass": 2.3})
+    result = dovetail.identify(assembly, frf, "posterior", form="laplace")
+    assert result.known == {"neck.c": 60.0, "foot.c": 120.0}
+    free, _, tied = result.table
+    assert (tied.name, tied.follows, tied.unit, tied.verdict, tied.joint) == (
+        "neck.k", "foot.k", "N/m", free.verdict, "neck")  # fmt: skip
+    for name in ("estimate", "interval_low", "interval_high", "range_low", "range_high", "best_fit"):
+        assert getattr(tied, name) == 0.5 * getattr(free, name)
+    (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
+    loaded = dovetail.load_result(tmp_path)
+    assert loaded.table[2].estimate == pytest.approx(tied.estimate)
+    parts = {**MASSES["substructures"], "high": {"model": "lumped", "masses": [{"mass": "2.3 kg"}]}}
+    elsewhere = {**MASSES, "response": DRIVE, "substructures": parts, "joints": {**MASSES["joints"]}}
+    elsewhere["joints"]["neck"] = {**MASSES["joints"]["foot"], "connect": MASSES["joints"]["neck"]["connect"]}
+    other = dovetail.load(elsewhere)
+    predicted = dovetail.predict(other, loaded)
+    own = {"foot.k": free.best_fit, "foot.c": 120.0, "neck.k": tied.best_fit, "neck.c": 60.0}
+    np.testing.assert_allclose(predicted.values, other.frf(own), rtol=1e-9)
+    assert dovetail.predict_band(other, loaded).upper.shape == predicted.values.shape
+    page = dovetail.write_report(result, tmp_path / "report.html").read_text()
+    assert "neck.k" in page
+    assert "follows foot.k" in page
 
 
 def test_a_normal_prior_decides_what_the_measurement_does_not():

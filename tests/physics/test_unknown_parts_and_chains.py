@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -241,6 +242,88 @@ def test_responses_with_a_chain_of_their_own_and_in_common():
     without = dovetail.load({**several, "responses": plain})
     assert difference(assembly.frfs([1.0])[0], without.frfs()[0]) < 1e-13
     assert difference(assembly.frfs([1.0])[1], without.frfs()[1]) > 1e-3
+
+
+def in_common(chain: dict[str, object], **more: object) -> dovetail.Assembly:
+    """The plain assembly with two responses, and a chain that they share."""
+    responses = [
+        {"at": "arm", "position": "node n8", "name": "near"},
+        {"at": "arm", "position": "node n5", "force": {"position": "node n8"}},
+    ]
+    several = {key: value for key, value in PLAIN.items() if key != "response"}
+    return dovetail.load({**several, "responses": responses, "calibration": chain, **more})
+
+
+def test_sensors_that_all_responses_share_are_all_there_at_once():
+    assembly = in_common({"mass": {"range": ["0 g", "50 g"]}})
+    lumped = copy.deepcopy(PLAIN)
+    for number, node in enumerate(("n8", "n5")):
+        lumped["substructures"][f"sensor{number}"] = {"model": "lumped", "masses": [{"mass": "20 g"}]}
+        connect = {"a": {"to": "arm", "at": f"node {node}"}, "b": {"to": f"sensor{number}", "at": 0}}
+        lumped["joints"][f"glue{number}"] = {"model": "rigid", "direction": "x", "connect": connect}
+    lumped["responses"] = [dict(r.items()) for r in json.loads(assembly.description.text)["responses"]]
+    del lumped["response"]
+    expected = dovetail.load(lumped).frfs()
+    assert [p.name for p in assembly.parameters] == ["calibration.mass"]
+    assert difference(assembly.frfs([0.02]), expected) < 1e-8
+    assert difference(assembly.frfs([0.0]), expected) > 1e-2
+    first, second = assembly.each_response
+    assert first.shares_structure_with(second)
+    both = first.together(assembly.description.responses)
+    assert difference(both.frfs(np.array([[0.02]]))[0], expected) < 1e-8
+    jacobian = both.jacobian(np.array([[0.02]]))[1]
+    for response in (0, 1):
+        alone = assembly.each_response[response]
+        assert difference(jacobian[0, response, :, 0], by_differences(alone, np.array([0.02]), 0)) < 1e-6
+    again = dovetail.load(json.loads(second.description.text))
+    assert difference(again.frf([0.02]), expected[1]) < 1e-8
+    stated = in_common({"mass": "20 g", "at": [{"at": "arm", "position": "node n8"}]})
+    assert difference(stated.frfs()[0], expected[0]) > 1e-3
+    assert second.description.fingerprint != stated.at(1).description.fingerprint
+
+
+def test_a_window_a_gain_and_a_delay_for_all_responses():
+    shared = in_common({"window": {"range": ["0 1/s", "40 1/s"]}, "gain": {"value": 1.1}, "delay": "10 us", "sign": -1})
+    own = {"window": {"range": ["0 1/s", "40 1/s"]}, "gain": 1.1, "delay": "10 us", "sign": -1}
+    responses = json.loads(shared.description.text)["responses"]
+    responses = [{**response, "calibration": own} for response in responses]
+    responses[1]["calibration"] = {**own, "window": {"same_as": "near.window"}}
+    apart = dovetail.load({**{k: v for k, v in PLAIN.items() if k != "response"}, "responses": responses})
+    assert [p.name for p in shared.parameters] == ["calibration.window"]
+    assert difference(shared.frfs([12.0]), apart.frfs([12.0])) < 1e-12
+    first, second = shared.each_response
+    assert first.shares_structure_with(second)
+    responses[1]["calibration"] = own
+    first_alone, second_alone = dovetail.load(
+        {**{k: v for k, v in PLAIN.items() if k != "response"}, "responses": responses}
+    ).each_response
+    assert not first_alone.shares_structure_with(second_alone)
+    jacobian = first.together(shared.description.responses).jacobian(np.array([[12.0]]))[1]
+    assert difference(jacobian[0, 1, :, 0], by_differences(second, np.array([12.0]), 0)) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("chain", "fault"),
+    [
+        ({"mas": "3 g"}, "'mas' is not a key of a calibration"),
+        ({"gain": 1.0, "at": []}, "sensors have places and no 'mass'"),
+        ({"mass": "3 g", "at": "n8"}, "is not a list of places"),
+        ({"mass": "3 g", "at": [{"at": "leg", "position": 0}]}, "there is no substructure 'leg'"),
+        ({"mass": "-3 g"}, "mass must be 0 or more"),
+    ],
+)
+def test_faults_of_what_responses_share(chain, fault):
+    with pytest.raises(dovetail.DescriptionError, match=fault):
+        in_common(chain)
+
+
+def test_what_is_shared_is_not_stated_again_by_a_response():
+    response = {**PLAIN["response"], "calibration": {"gain": 1.1}}
+    with pytest.raises(dovetail.DescriptionError, match="'calibration' has 'gain' for all responses"):
+        dovetail.load({**PLAIN, "response": response, "calibration": {"gain": 1.2}})
+    joints = {"calibration": PLAIN["joints"]["foot"], "weld": PLAIN["joints"]["weld"]}
+    with pytest.raises(dovetail.DescriptionError, match="a joint has the name 'calibration' too"):
+        dovetail.load({**PLAIN, "joints": joints, "calibration": {"gain": {"about": 1, "sd": "5 %"}}})
 
 
 @pytest.mark.parametrize("chain", [{}, {"window": "0 1/s"}, {"mass": "0 g"}])

@@ -8,6 +8,7 @@ from dovetail.assembly.loading import AssemblySource, as_assembly, load
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.assembly.regression_check import FRF_TOLERANCE, largest_frf_difference
 from dovetail.assembly.sections import AugmentationSection
+from dovetail.assembly.study_section import SearchRange, StudySection
 
 __all__ = [
     "FRF_TOLERANCE",
@@ -17,6 +18,8 @@ __all__ = [
     "Description",
     "IdentificationSettings",
     "ParameterSpace",
+    "SearchRange",
+    "StudySection",
     "Theta",
     "as_assembly",
     "description_schema",

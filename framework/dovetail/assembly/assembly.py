@@ -57,6 +57,7 @@ class Assembly:
         self._connected = entries_at_response(description)
         tied = {name: entry for name, entry in self._connected.items() if name not in description.entries}
         self._space = ParameterSpace(description.entries, description.joints, self._connected, tied)
+        self._added = {name: entry.ties for name, entry in tied.items()}
         self._rigid = rigid
         self._interpolation = interpolation
         further = len(description.responses) - 1
@@ -101,9 +102,7 @@ class Assembly:
     def shares_structure_with(self, other: Assembly) -> bool:
         """Return whether another of `each_response` sees the same structure on the same lines."""
         same = type(self) is type(other) is Assembly and self._rigid == other._rigid
-        described = self.description.entries.keys()
-        plain = self._connected.keys() <= described and other._connected.keys() <= described
-        return same and plain and _same_axes(self._axes[:1], other._axes[:1])
+        return same and self._added == other._added and _same_axes(self._axes[:1], other._axes[:1])
 
     def together(self, responses: Sequence[Response]) -> ResponseFrfs:
         """Return the FRFs of some responses that see the same structure as the first, at its frequencies."""

@@ -8,13 +8,13 @@ in place of i omega where a quantity is the derivative of the displacement.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.description import Description, JointEntry, ParameterEntry, Tie
+from dovetail.assembly.description import Description, JointEntry, ParameterEntry, Place, Tie
 from dovetail.assembly.parameter_sections import StatedParameters
 from dovetail.assembly.unknown_parts import NodesAlone, UnknownPart
 from dovetail.documents.fault_list import FaultList
@@ -28,12 +28,14 @@ from dovetail.units import format_quantity
 
 __all__ = [
     "CHAIN",
+    "SHARED",
     "SIGN",
     "chain_derivatives",
     "chain_factor",
     "entries_at_response",
     "graph_of",
     "read_calibration",
+    "shared_by",
     "unknown_signs",
     "with_signs",
 ]
@@ -47,6 +49,8 @@ CHAIN = (
 """What may be unknown of a response's measurement chain; a description states the ranges."""
 SIGN = Parameter("sign", "1", -1.0, 1.0, "linear", "1, or -1 where the sensor or the force points the other way")
 """Known, or told from the measurement before anything is sought; NaN until then."""
+SHARED = "calibration"
+"""Owner of the parameters that the chains of all responses share, and the key of a description where they stand."""
 
 
 class _SensorMass(JointModel):
@@ -111,8 +115,8 @@ class _Windowed(JointModel):
         return StructuralMatrices(plain.M, stiffness, plain.C + 2.0 * rate * plain.M, plain.D)
 
 
-def read_calibration(path: Path, faults: FaultList) -> ParameterEntry:
-    """Read what a description says of a response's measurement chain.
+def read_calibration(path: Path, faults: FaultList, others: Sequence[str] = ()) -> ParameterEntry:
+    """Read what a description says of a response's measurement chain, or of those of all responses.
 
     Parameters
     ----------
@@ -120,6 +124,8 @@ def read_calibration(path: Path, faults: FaultList) -> ParameterEntry:
         Of the section ``calibration:``, which need not be there.
     faults : FaultList
         Collects the faults.
+    others : sequence of str
+        Keys of the section that are read elsewhere.
     """
     section = faults.root.at(path)
     if section is None:
@@ -135,10 +141,10 @@ def read_calibration(path: Path, faults: FaultList) -> ParameterEntry:
         elif name == "sign":
             stated.known[name] = SIGN
             stated.fixed[name] = _read_sign((*path, name), entry.item, faults)
-        else:
-            accepted = listing([*(f"{p.name} [{p.unit}]" for p in CHAIN), "sign"])
+        elif name not in others:
+            accepted = listing([*(f"{p.name} [{p.unit}]" for p in CHAIN), "sign", *others])
             problem = f"{format_value(name)} is not a key of a calibration."
-            faults.add((*path, name), problem, accepted, did_you_mean(name, [*known, "sign"]), key=True)
+            faults.add((*path, name), problem, accepted, did_you_mean(name, [*known, "sign", *others]), key=True)
     for name, parameter in stated.known.items():
         lowest = stated.fixed.get(name, parameter.lower)
         if name in ("gain", "mass", "window") and (lowest < 0 or (name == "gain" and lowest == 0)):
@@ -147,6 +153,14 @@ def read_calibration(path: Path, faults: FaultList) -> ParameterEntry:
             remedy = "Write 'sign: unknown' or 'sign: -1' for the sign, and 'scale: log' with a wide 'sd'."
             faults.add((*path, name), problem, remedy=remedy if name == "gain" else "")
     return ParameterEntry(**stated.entry)
+
+
+def shared_by(shared: ParameterEntry, own: ParameterEntry) -> ParameterEntry:
+    """Return the entry of a response to whose chain what all responses share belongs, but for sensors' masses."""
+    common = [parameter for parameter in shared.parameters if parameter.name != "mass"]
+    ties = {parameter.name: Tie(SHARED, parameter.name) for parameter in common if parameter.name != "sign"}
+    sign = {"sign": shared.fixed["sign"]} if "sign" in shared.fixed else {}
+    return ParameterEntry(parameters=(*own.parameters, *common), fixed={**own.fixed, **sign}, ties={**own.ties, **ties})
 
 
 def _read_sign(path: Path, sign: Item, faults: FaultList) -> float:
@@ -162,7 +176,7 @@ def _read_sign(path: Path, sign: Item, faults: FaultList) -> float:
 def unknown_signs(description: Description) -> tuple[str, ...]:
     """Return the responses whose sign is to be told from the measurement."""
     calibrations = description.calibrations.items()
-    return tuple(name for name, entry in calibrations if np.isnan(entry.fixed.get("sign", 1.0)))
+    return tuple(name for name, entry in calibrations if name != SHARED and np.isnan(entry.fixed.get("sign", 1.0)))
 
 
 def with_signs(description: Description, signs: Mapping[str, float]) -> Description:
@@ -243,30 +257,34 @@ def entries_at_response(description: Description) -> dict[str, JointEntry]:
     chain = description.calibrations.get(response.name, ParameterEntry())
     names = {parameter.name for parameter in chain.parameters}
     if "mass" in names:
-        sensor = Connection(_SensorMass(), (Attachment(response.substructure, (response.node,)),))
-        ties = {"mass": Tie(response.name, "mass")}
-        entries[f"{response.name} sensor"] = JointEntry(connection=sensor, parameters=_SensorMass.parameters, ties=ties)
+        entries[f"{response.name} sensor"] = _sensor(response, response.name)
+    for place in description.sensors:
+        entries[f"sensor {place.substructure} {place.node}"] = _sensor(place, SHARED)
     if "window" not in names:
         return entries
     for name, part in description.substructures.items():
         if name not in description.unknown_parts and not part.grounded:
             nodes = Attachment(name, tuple(range(len(part.nodes))))
             entries[f"part {name}"] = JointEntry(connection=Connection(UnknownPart(part, ()), (nodes,)))
-    return {f"{name} windowed": _windowed(name, entry, response.name) for name, entry in entries.items()}
+    window = chain.ties.get("window", Tie(response.name, "window"))
+    return {f"{name} windowed": _windowed(name, entry, window) for name, entry in entries.items()}
 
 
-def _windowed(name: str, entry: JointEntry, response: str) -> JointEntry:
+def _sensor(place: Place, owner: str) -> JointEntry:
+    sensor = Connection(_SensorMass(), (Attachment(place.substructure, (place.node,)),))
+    return JointEntry(connection=sensor, parameters=_SensorMass.parameters, ties={"mass": Tie(owner, "mass")})
+
+
+def _windowed(name: str, entry: JointEntry, window: Tie) -> JointEntry:
     model = entry.connection.model
     if depends_on_frequency(model):
         problem = f"'{name}' has no matrices, so that the effect of the exponential window cannot be computed."
         remedy = "Remove the window from the measured FRF, or leave 'window' out."
-        raise ParameterError(Fault(f"{response}.window", problem, remedy=remedy))
+        raise ParameterError(Fault(f"{window.owner}.window", problem, remedy=remedy))
     ties = {parameter.name: entry.ties.get(parameter.name, Tie(name, parameter.name)) for parameter in model.parameters}
     windowed = _Windowed(model)
     connection = replace(entry.connection, model=windowed)
-    return JointEntry(
-        connection=connection, parameters=windowed.parameters, ties={**ties, "window": Tie(response, "window")}
-    )
+    return JointEntry(connection=connection, parameters=windowed.parameters, ties={**ties, "window": window})
 
 
 def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rigid: bool) -> Graph:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.sections import AugmentationSection
+from dovetail.assembly.study_section import StudySection
 from dovetail.frf import Quantity
 from dovetail.interfaces import DIRECTIONS, IdentificationMethod, Parameter, Reducer, Regressor, SubstructureModel
 from dovetail.synthesis import Connection, Point
@@ -128,6 +129,13 @@ class IdentificationSettings:
     method: IdentificationMethod | None = None
 
 
+def follow(entries: Mapping[str, ParameterEntry], tie: Tie) -> Tie:
+    """Return the tie to the parameter, known or sought, to which a chain of ties leads in the end."""
+    while (further := entries[tie.owner].ties.get(tie.parameter)) is not None:
+        tie = Tie(further.owner, further.parameter, tie.ratio * further.ratio)
+    return tie
+
+
 @dataclass(frozen=True)
 class Description:
     """A description without faults.
@@ -148,10 +156,13 @@ class Description:
     unknown_parts : mapping of str to JointEntry
         The substructures of which options are sought. In `substructures` they have the middle of the ranges.
     calibrations : mapping of str to ParameterEntry
-        What is sought or known of the measurement chain of each response, by the response's name.
+        What is sought or known of the measurement chain of each response, by the response's name, and of all.
+    sensors : tuple of Place
+        The nodes with a sensor in the measurements of all responses.
     left_out : tuple of (float, float)
         Hz; between these ends nothing is compared.
     identification : IdentificationSettings
+    study : StudySection or None
     files : mapping of tuple to str
         The files that options of components name, by the places of these options in the text.
     """
@@ -166,7 +177,9 @@ class Description:
     identification: IdentificationSettings
     unknown_parts: Mapping[str, JointEntry] = field(default_factory=dict)
     calibrations: Mapping[str, ParameterEntry] = field(default_factory=dict)
+    sensors: tuple[Place, ...] = ()
     left_out: tuple[tuple[float, float], ...] = ()
+    study: StudySection | None = None
     files: Mapping[tuple[str | int, ...], str] = field(default_factory=dict)
 
     @property
@@ -211,6 +224,12 @@ class Description:
             section = whole["responses"][index]
             whole = {"response" if key == "responses" else key: value for key, value in whole.items()}
             whole["response"] = {"name": self.responses[index].name, **section} if self.calibrations else section
+        if self.sensors:
+            nodes = {name: part.nodes for name, part in self.substructures.items()}
+            places = [
+                {"at": s.substructure, "position": f"node {nodes[s.substructure][s.node].label}"} for s in self.sensors
+            ]
+            whole["calibration"] = {**whole["calibration"], "at": places}
         return replace(self, text=_as_json(whole), responses=(self.responses[index],))
 
     def with_range(self, owner: str, parameter: str, lower: float, upper: float) -> Description:
@@ -288,6 +307,5 @@ def fingerprint(text: str) -> str:
     """Return the fingerprint of a description that is given as JSON."""
     whole = json.loads(text)
     physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
-    if "responses" in whole:
-        physics["responses"] = whole["responses"]
+    physics |= {key: whole[key] for key in ("responses", "calibration") if key in whole}
     return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()

@@ -19,7 +19,9 @@ from dovetail.assembly.sections import (
     IdentificationSection,
     ParameterSection,
     ResponseSection,
+    SensorSection,
 )
+from dovetail.assembly.study_section import StudySection
 from dovetail.interfaces import KINDS, Component, JointModel, Kind, Parameter, Port, SubstructureModel, option_schema
 from dovetail.registry import Offer, Registry
 from dovetail.units import format_quantity
@@ -56,14 +58,15 @@ def description_schema(registry: Registry) -> Schema:
     has no examples.
     """
     definitions: dict[str, Schema] = {}
-    sections = (FrequencySection, ForceSection, ResponseSection, AttachmentSection, ParameterSection)
-    for model in (*sections, IdentificationSection):
+    sections = (FrequencySection, ForceSection, ResponseSection, SensorSection, AttachmentSection, ParameterSection)
+    for model in (*sections, IdentificationSection, StudySection):
         _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
     _complete_sections(definitions)
     for kind in (kind for kind in KINDS if kind != "reader"):  # readers stand in no description
         for offer in registry.offers(kind):
             _define(definitions, f"{kind}.{offer.component.name}", _component_schema(offer))
         definitions[kind] = _choice(kind, registry.offers(kind))
+    _name_options(definitions, registry)
     definitions["description"] = _description()
     partial = {f"{name}{_PARTIAL}": _without_required(definition) for name, definition in definitions.items()}
     return {
@@ -89,7 +92,9 @@ def _description() -> Schema:
         "joints": {"type": "object", "additionalProperties": {"$ref": "#/$defs/joint"}},
         "response": {"$ref": "#/$defs/response"},
         "responses": {"type": "array", "items": {"$ref": "#/$defs/response"}, "minItems": 1},
+        "calibration": {"$ref": "#/$defs/shared_calibration"},
         "identification": {"$ref": "#/$defs/identification"},
+        "study": {"$ref": "#/$defs/study"},
     }
     for name, entry in properties.items():
         entry.setdefault("description", schema["properties"].get(name, {}).get("description", ""))
@@ -116,6 +121,13 @@ def _complete_sections(definitions: dict[str, Schema]) -> None:
     for key in ("about", "sd"):
         parameter[key] |= _QUANTITY
     definitions["calibration"] = _calibration()
+    places = {
+        "type": "array",
+        "items": {"$ref": "#/$defs/sensor"},
+        "description": "Of sensors; those of the responses.",
+    }
+    properties = {**definitions["calibration"]["properties"], "at": places}
+    definitions["shared_calibration"] = {**definitions["calibration"], "properties": properties}
     response = definitions["response"]["properties"]
     response["force"] = {**response["force"], "$ref": "#/$defs/force"}
     response["calibration"] = {**response["calibration"], "$ref": "#/$defs/calibration"}
@@ -123,6 +135,17 @@ def _complete_sections(definitions: dict[str, Schema]) -> None:
     identification["reducer"]["$ref"] = "#/$defs/reducer"
     identification["regressor"]["$ref"] = "#/$defs/regressor"
     identification["method"]["$ref"] = "#/$defs/method"
+
+
+def _name_options(definitions: dict[str, Schema], registry: Registry) -> None:
+    """Say which options a study may name: those of the models that there are."""
+    options = {"augmentation": set(definitions["identification.AugmentationSection"]["properties"])}
+    for kind in ("reducer", "regressor"):
+        schemas = (definitions[f"{kind}.{offer.component.name}"] for offer in registry.offers(kind))
+        options[kind] = {name for schema in schemas for name in schema["properties"]} - {"model"}
+    patterns = [rf"{kind}(\.({'|'.join(sorted(names))})(\.\w+)*)?" for kind, names in options.items()]
+    for section, key in (("study", "sweeps"), ("study.SearchSection", "options")):
+        definitions[section]["properties"][key]["propertyNames"] = {"pattern": f"^({'|'.join(patterns)})$"}
 
 
 def _calibration() -> Schema:

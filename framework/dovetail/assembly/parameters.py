@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.calibration import chain_derivatives, chain_factor
-from dovetail.assembly.description import ParameterEntry, Response
+from dovetail.assembly.description import ParameterEntry, Response, follow
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Parameter
@@ -201,10 +201,9 @@ def _source(
 ) -> _Source:
     """Follow the ties of a parameter to a known value or an identified parameter."""
     factor = 1.0
-    while parameter in entry.ties:
-        tie = entry.ties[parameter]
-        factor, owner, parameter = factor * tie.ratio, tie.owner, tie.parameter
-        entry = entries[owner]
+    if parameter in entry.ties:
+        tie = follow(entries, entry.ties[parameter])
+        factor, owner, parameter, entry = tie.ratio, tie.owner, tie.parameter, entries[tie.owner]
     if parameter in entry.fixed:
         return _Source(factor * entry.fixed[parameter])
     return _Source(factor, columns[owner, parameter])

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.assembly.calibration import SHARED
 from dovetail.assembly.component_sections import build_component, read_property
 from dovetail.assembly.description import (
     Description,
@@ -32,6 +33,7 @@ from dovetail.assembly.sections import (
     FrequencySection,
     IdentificationSection,
 )
+from dovetail.assembly.study_section import read_study
 from dovetail.assembly.unknown_parts import add_unknown_part, take_unknown_options
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
@@ -85,8 +87,9 @@ def read_description(
     frequency, left_out = read_frequency(faults)
     substructures, unknown_parts = _read_substructures(faults, registry)
     joints = _read_joints(substructures, faults, registry)
-    responses, calibrations = read_responses(substructures, faults)
+    responses, calibrations, sensors = read_responses(substructures, faults)
     identification = _read_identification(faults, registry)
+    study = read_study(faults)
     faults.raise_if_any()
     sound_substructures = {key: model for key, model in substructures.items() if model is not None}
     sound_joints = {key: joint for key, joint in joints.items() if joint is not None}
@@ -107,7 +110,9 @@ def read_description(
         identification=identification,
         unknown_parts=MappingProxyType(unknown_parts),
         calibrations=MappingProxyType(calibrations),
+        sensors=sensors,
         left_out=left_out,
+        study=study,
         files=MappingProxyType(faults.files),
     )
 
@@ -125,8 +130,11 @@ def _check_parameters(
             faults.add(("substructures", name), problem, key=True)
     for name in calibrations:
         if name in joints or name in substructures:
-            problem = f"the response has the name of a {'joint' if name in joints else 'substructure'}, '{name}'."
-            faults.add(RESPONSE, problem, remedy="Give it another one with 'name:'.", key=True)
+            kind = "joint" if name in joints else "substructure"
+            problem, remedy = f"the response has the name of a {kind}, '{name}'.", "Give it another one with 'name:'."
+            if name == SHARED:
+                problem, remedy = f"a {kind} has the name '{name}' too.", f"Give the {kind} another one."
+            faults.add((SHARED,) if name == SHARED else RESPONSE, problem, remedy=remedy, key=True)
     places: dict[str, Path] = {name: ("joints", name, "parameters") for name in joints}
     places |= {name: ("substructures", name) for name in substructures}
     places |= {name: calibration_place(name, faults) for name in calibrations}

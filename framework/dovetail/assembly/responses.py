@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from dovetail.assembly.calibration import read_calibration
+from dovetail.assembly.calibration import SHARED, read_calibration, shared_by
 from dovetail.assembly.description import ParameterEntry, Place, Response
 from dovetail.assembly.joints import Substructures, find_node
-from dovetail.assembly.sections import ForceSection, ResponseSection
+from dovetail.assembly.sections import ForceSection, ResponseSection, SensorSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_path, format_value
 from dovetail.documents.validation import validate
@@ -23,8 +23,8 @@ RESPONSES: Path = ("responses",)
 
 def read_responses(
     substructures: Substructures, faults: FaultList
-) -> tuple[tuple[Response, ...], dict[str, ParameterEntry]]:
-    """Return the responses in their order, without those that have faults, and their calibrations by name.
+) -> tuple[tuple[Response, ...], dict[str, ParameterEntry], tuple[Place, ...]]:
+    """Return the responses without those that have faults, calibrations by name, and where sensors always are.
 
     Parameters
     ----------
@@ -32,23 +32,56 @@ def read_responses(
         None in place of a substructure with faults.
     faults : FaultList
     """
+    shared = read_calibration((SHARED,), faults, ["at"])
+    responses, calibrations = _read_all(_paths(faults), shared, substructures, faults)
+    if shared.parameters:
+        calibrations[SHARED] = shared
+    return responses, calibrations, _read_sensors(shared, responses, substructures, faults)
+
+
+def _paths(faults: FaultList) -> list[Path]:
+    """Return where the sections of the responses are."""
     single, several = faults.root.at(RESPONSE), faults.root.at(RESPONSES)
     if several is None:
-        return _read_all([] if single is None else [RESPONSE], substructures, faults)
+        return [] if single is None else [RESPONSE]
     if single is not None:
         remedy = "Keep one of them: a single response, or the list of all."
         faults.add(RESPONSE, "the description has 'response' and 'responses'.", remedy=remedy, key=True)
     if not isinstance(several.value, tuple):
         remedy = "Begin each entry with '- at:'."
         faults.add(RESPONSES, f"{format_value(several.value)} is not a list of responses.", remedy=remedy, key=True)
-        return (), {}
+        return []
     if not several.value:
         faults.add(RESPONSES, "there are no responses.", key=True)
-    return _read_all([(*RESPONSES, index) for index in range(len(several.value))], substructures, faults)
+    return [(*RESPONSES, index) for index in range(len(several.value))]
+
+
+def _read_sensors(
+    shared: ParameterEntry, responses: Sequence[Response], substructures: Substructures, faults: FaultList
+) -> tuple[Place, ...]:
+    """Return the nodes with a sensor of the shared mass: those stated, or those of the responses, each once."""
+    path: Path = (SHARED, "at")
+    stated = faults.root.at(path)
+    if "mass" not in [parameter.name for parameter in shared.parameters]:
+        if stated is not None:
+            faults.add(path, "sensors have places and no 'mass'.", key=True)
+        return ()
+    if stated is None:
+        return tuple(dict.fromkeys(Place(r.substructure, r.node, "x") for r in responses))
+    if not isinstance(stated.value, tuple):
+        faults.add(path, f"{format_value(stated.value)} is not a list of places.", key=True)
+        return ()
+    places = [_read_sensor((*path, index), substructures, faults) for index in range(len(stated.value))]
+    return tuple(dict.fromkeys(place for place in places if place is not None))
+
+
+def _read_sensor(path: Path, substructures: Substructures, faults: FaultList) -> Place | None:
+    section = validate(SensorSection, path, faults, f"'{format_path(path)}'")
+    return None if section is None else _read_place(path, section.at, section.position, "x", substructures, faults)
 
 
 def _read_all(
-    paths: Sequence[Path], substructures: Substructures, faults: FaultList
+    paths: Sequence[Path], shared: ParameterEntry, substructures: Substructures, faults: FaultList
 ) -> tuple[tuple[Response, ...], dict[str, ParameterEntry]]:
     first_at: dict[tuple[Point, Point], Path] = {}
     responses, calibrations = list[Response](), dict[str, ParameterEntry]()
@@ -61,6 +94,13 @@ def _read_all(
         if name in [other.name for other in responses]:
             faults.add((*path, "name"), f"another response has the name '{name}'.")
         calibration = read_calibration((*path, "calibration"), faults)
+        for parameter in calibration.parameters:
+            if parameter.name in [other.name for other in shared.parameters]:
+                problem = f"'{SHARED}' has '{parameter.name}' for all responses."
+                faults.add((*path, "calibration", parameter.name), problem, remedy="Keep one of the two.", key=True)
+        if name == SHARED and shared.parameters:
+            faults.add(path, f"'{SHARED}' is the name of what all responses share.", remedy="Give it another 'name:'.")
+        calibration = shared_by(shared, calibration)
         if calibration.parameters:
             calibrations[name] = calibration
         if response is None:
@@ -75,7 +115,9 @@ def _read_all(
 
 
 def calibration_place(name: str, faults: FaultList) -> Path:
-    """Return where the calibration of the response with this name is."""
+    """Return where the calibration of the response with this name is, or that of all."""
+    if name == SHARED:
+        return (SHARED,)
     several = faults.root.at(RESPONSES)
     if several is None or not isinstance(several.value, tuple):
         return (*RESPONSE, "calibration")

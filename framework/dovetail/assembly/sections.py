@@ -27,6 +27,7 @@ __all__ = [
     "NodePlace",
     "ParameterSection",
     "ResponseSection",
+    "SensorSection",
 ]
 
 FORMAT = 1
@@ -163,6 +164,21 @@ class ForceSection(_Section):
     direction: Literal["x", "rz"] = "x"
 
 
+class SensorSection(_Section):
+    """A node with a sensor in every measurement.
+
+    Attributes
+    ----------
+    at : str
+        Name of the substructure.
+    position : place
+        Of its node, a position [m] or a label.
+    """
+
+    at: str
+    position: NodePlace
+
+
 class ResponseSection(_Section):
     """Where the FRF is measured, and its quantity.
 
@@ -293,8 +309,12 @@ class DescriptionSection(_Section):
         The drive point and the quantity.
     responses : sequence of sections
         In place of `response`: several drive points, each of which is measured.
+    calibration : section
+        Of all measurement chains, and of sensors that are on the structure in every measurement.
     identification : section
         How the network is trained.
+    study : section
+        Which settings of the training `dovetail study` tries.
     """
 
     lines_to_add: ClassVar[Mapping[str, str]] = {
@@ -311,7 +331,9 @@ class DescriptionSection(_Section):
     joints: dict[str, Any] = Field(default={})
     response: Any
     responses: Any = None
+    calibration: Any = None
     identification: Any = None
+    study: Any = None
 
 
 class DescriptionSectionOfSeveral(DescriptionSection):

@@ -36,6 +36,7 @@ from dovetail.cli.robustness import robustness
 from dovetail.cli.schema import schema
 from dovetail.cli.simulate import simulate
 from dovetail.cli.spindle import spindle
+from dovetail.cli.study import study
 from dovetail.cli.terminal import choose
 from dovetail.cli.train import train
 from dovetail.cli.validate import validate
@@ -93,7 +94,7 @@ COMMANDS = {
     "Measure": (plot, convert, frf, spindle),
     "Identify a joint": (identify, train, generate, merge),
     "Use the result": (predict, validate),
-    "Study what can be known": (plan, calibrate, compare, robustness),
+    "Study what can be known": (plan, calibrate, compare, robustness, study),
     "Extend": (plugins, new_plugin, check_plugin),
 }
 for group, commands in COMMANDS.items():

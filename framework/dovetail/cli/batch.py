@@ -99,7 +99,7 @@ def _summary(batch: Batch) -> list[dict[str, Any]]:
     """Return a row for each result: how well the model fits, and how many parameters it tells."""
     rows = []
     for name, result in batch.results.items():
-        verdicts = [row.verdict for row in result.table]
+        verdicts = [row.verdict for row in result.table if not row.follows]
         rows.append(
             {
                 "measurement": name,

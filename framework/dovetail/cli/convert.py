@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -83,19 +84,16 @@ def convert(
     others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
     if any(others.values()) and not accelerometer_mass:
         raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
-    other_frfs = {name: dovetail.read_frf(file) for name, file in others.items() if file is not None}
-    frf = read_measured(
+    read = partial(
+        read_measured, names=names, columns=columns, quantity=quantity, unit=unit, reader=reader, plugins=plugin or ()
+    )
+    other_frfs = {name: read(file) for name, file in others.items() if file is not None}
+    frf = read(
         source,
-        names,
-        columns,
-        quantity=quantity,
-        unit=unit,
         index=index,
         response=response,
         force=force,
         dofs=_dofs_of(dofs),
-        reader=reader,
-        plugins=plugin or (),
         accelerometer_mass=0.0 if other_frfs else accelerometer_mass,
     )
     if other_frfs:

@@ -362,7 +362,7 @@ def _print_parameters(
         "estimate": lambda row: row.estimate,
         "90 % interval": lambda row: row.interval,
         "unit": lambda row: row.unit,
-        "verdict": lambda row: ", ".join(filter(None, [row.verdict, "" if row.in_range else "outside its range"])),
+        "verdict": _verdict,
         "truth": lambda row: row.true_value if with_truth else "",
         "error [%]": lambda row: row.error if with_truth else "",
         "network": lambda row: row.network,
@@ -377,9 +377,16 @@ def _print_parameters(
         sentences.append(posterior_sentence(result.posterior))
     if result.believable:
         sentences += [
-            f"{row.name}: {row.verdict}. {row.why}" for row in rows if row.why and row.verdict != "identified"
+            f"{row.name}: {row.verdict}. {row.why}"
+            for row in rows
+            if row.why and row.verdict != "identified" and not row.follows
         ]
     if any(sentences):
         say()
     for sentence in filter(None, sentences):
         say(sentence)
+
+
+def _verdict(row: ParameterRow) -> str:
+    tied = f"follows {row.follows}" if row.follows else ""
+    return ", ".join(filter(None, [row.verdict, tied, "" if row.in_range else "outside its range"]))

@@ -29,6 +29,8 @@ __all__ = [
     "columns_of",
     "names_of",
     "read_measured",
+    "read_selected",
+    "reading_options",
     "selections",
 ]
 
@@ -104,6 +106,19 @@ def read_measured(file: Path, names: Sequence[str] | None, columns: str | None, 
     for warning in caught:
         note(f"Note: {warning.message}")
     return frf
+
+
+def reading_options(
+    quantity: str | None,
+    unit: str | None,
+    names: Sequence[str] | None,
+    columns: str | None,
+    reader: str | None,
+    plugins: Sequence[Path] | None,
+) -> dict[str, Any]:
+    """Return the options of `read_frf` that were given, for files that are read one after the other."""
+    given = {"quantity": quantity, "unit": unit, "names": names_of(names or []), "columns": columns_of(columns)}
+    return {name: value for name, value in {**given, "reader": reader, "plugins": plugins}.items() if value}
 
 
 def read_selected(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dovetail.cli.options import Overwrite, PluginFiles, check_new_files, quantity_in
+from dovetail.cli.reading import Columns, Names, QuantityOfFile, Reader, UnitOfFile, read_measured
 from dovetail.cli.terminal import note, say, title
 
 __all__ = ["spindle"]
@@ -36,6 +38,11 @@ def spindle(
     rotations: Annotated[
         str, typer.Option(metavar="HOW", help="model, or difference (first-order finite differences).")
     ] = "model",
+    quantity: QuantityOfFile = None,
+    unit: UnitOfFile = None,
+    names: Names = None,
+    columns: Columns = None,
+    reader: Reader = None,
     overwrite: Overwrite = False,
     plugin: PluginFiles = None,
 ) -> None:
@@ -53,7 +60,10 @@ def spindle(
         raise typer.BadParameter(f"'{rotations}' is not one of {', '.join(ROTATIONS)}.", param_hint="--rotations")
     check_new_files([output], [".npz"], overwrite)
     loaded = dovetail.load(holder, plugins=plugin or ())
-    aa, ab, bb = (on_grid(dovetail.read_frf(file), loaded.frequency) for file in (drive_a, transfer, drive_b))
+    read = partial(
+        read_measured, names=names, columns=columns, quantity=quantity, unit=unit, reader=reader, plugins=plugin or ()
+    )
+    aa, ab, bb = (on_grid(read(file), loaded.frequency) for file in (drive_a, transfer, drive_b))
     flange_receptance = dovetail.spindle_flange(
         loaded, (aa, ab, bb), (tip, at), flange, accelerometer_mass=accelerometer_mass, rotations=how
     )

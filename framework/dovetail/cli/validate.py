@@ -11,6 +11,7 @@ import typer
 
 from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles, chosen_method
+from dovetail.cli.reading import Columns, Names, QuantityOfFile, Reader, UnitOfFile, reading_options
 from dovetail.cli.terminal import print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell
 
@@ -37,6 +38,11 @@ def validate(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the table and the figures.")
     ] = None,
+    quantity: QuantityOfFile = None,
+    unit: UnitOfFile = None,
+    names: Names = None,
+    columns: Columns = None,
+    reader: Reader = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -50,10 +56,10 @@ def validate(
     from dovetail.cli.result_files import prepare_folder, writing
 
     chosen = chosen_method(method, plugin)
-    read = dovetail.read_cases(cases)
-    names = (*_FILES, _SERIES) if read.series else _FILES
+    read = dovetail.read_cases(cases, **reading_options(quantity, unit, names, columns, reader, plugin))
+    files = (*_FILES, _SERIES) if read.series else _FILES
     if output is not None:
-        prepare_folder(output, names, _FILES[0])
+        prepare_folder(output, files, _FILES[0])
     with progress_bars() as progress:
         done = dovetail.validate(read, _method(chosen, plugin or []), plugins=plugin or (), progress=progress)
     with writing(output, lambda folder: _write(done, folder), _FILES[0]):

@@ -5,6 +5,9 @@ from dovetail.evaluation.cases import Case, Cases, read_cases
 from dovetail.evaluation.comparison import Compared, Comparison, compare, read_truths
 from dovetail.evaluation.experiment_design import Plan, PlannedPoint, plan
 from dovetail.evaluation.robustness import LEVELS, RobustnessRow, robustness
+from dovetail.evaluation.study import Study, study
+from dovetail.evaluation.study_ledger import Trial
+from dovetail.evaluation.study_plan import Sweep
 from dovetail.evaluation.validation import PeakRow, ValidatedCase, Validation, validate
 
 __all__ = [
@@ -19,6 +22,9 @@ __all__ = [
     "Plan",
     "PlannedPoint",
     "RobustnessRow",
+    "Study",
+    "Sweep",
+    "Trial",
     "ValidatedCase",
     "Validation",
     "calibrate",
@@ -27,5 +33,6 @@ __all__ = [
     "read_cases",
     "read_truths",
     "robustness",
+    "study",
     "validate",
 ]

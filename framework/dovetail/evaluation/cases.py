@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -32,15 +33,13 @@ class Measurement:
     file : Path
     accelerometer_mass : float
         kg at the measured point, to be taken off.
-    quantity : str or None
-    index : int or None
-        As in `dovetail.read_frf`.
+    options : mapping
+        Further ones of `dovetail.read_frf`.
     """
 
     file: Path
     accelerometer_mass: float
-    quantity: str | None
-    index: int | None
+    options: Mapping[str, Any] = field(hash=False)
 
     def read(self, *, compensated: bool) -> Frf:
         """Return the FRF as measured, or without the accelerometer's mass.
@@ -50,7 +49,7 @@ class Measurement:
         MeasurementError
         """
         mass = self.accelerometer_mass if compensated else 0.0
-        return read_frf(self.file, quantity=self.quantity, index=self.index, accelerometer_mass=mass)
+        return read_frf(self.file, accelerometer_mass=mass, **self.options)
 
 
 @dataclass(frozen=True)
@@ -117,7 +116,13 @@ class _Measured(_Section):
     file: str
     accelerometer_mass: _Mass | None = None
     quantity: str | None = None
+    unit: str | None = None
     index: Annotated[int, Field(ge=1)] | None = None
+    response: str | None = None
+    force: str | None = None
+    names: dict[str, str] | None = None
+    columns: tuple[str, ...] | None = None
+    reader: str | None = None
 
 
 _MeasuredFile = Annotated[_Measured, BeforeValidator(_as_section)]
@@ -150,13 +155,15 @@ class _File(_Section):
     cases: Annotated[dict[str, Any], Field(min_length=1)]
 
 
-def read_cases(source: str | os.PathLike[str]) -> Cases:
+def read_cases(source: str | os.PathLike[str], **reading: Any) -> Cases:
     """Read a file of cases.
 
     Parameters
     ----------
     source : path
         YAML. File names in it are taken from its folder.
+    **reading
+        Options of `dovetail.read_frf`, such as `columns`, for measurements of which the file does not state them.
 
     Returns
     -------
@@ -174,8 +181,14 @@ def read_cases(source: str | os.PathLike[str]) -> Cases:
     sections = {} if read is None else {name: _section(name, bool(read.series), faults) for name in read.cases}
     faults.raise_if_any()
     assert read is not None
-    folder, mass = Path(source).parent, read.accelerometer_mass
-    cases = tuple(_case(name, case, folder, mass) for name, case in sections.items() if case is not None)
+
+    def measurement(measured: _Measured) -> Measurement:
+        own = measured.model_dump(exclude={"file"}, exclude_none=True)
+        options = {"accelerometer_mass": read.accelerometer_mass, **reading, **own}
+        return Measurement(folder / measured.file, options.pop("accelerometer_mass"), options)
+
+    folder = Path(source).parent
+    cases = tuple(_case(name, case, folder, measurement) for name, case in sections.items() if case is not None)
     return Cases(read.title, read.series, cases)
 
 
@@ -196,20 +209,13 @@ def _check_format(faults: FaultList) -> None:
         faults.add(("dovetail_cases",), problem, str(FORMAT))
 
 
-def _case(name: str, case: _Case, folder: Path, mass: float) -> Case:
+def _case(name: str, case: _Case, folder: Path, measurement: Callable[[_Measured], Measurement]) -> Case:
     joint = case.joint
     source = None
     if joint is not None:
         source = JointSource(
             assembly=None if joint.assembly is None else folder / joint.assembly,
-            measured=None if joint.measured is None else _measurement(joint.measured, folder, mass),
+            measured=None if joint.measured is None else measurement(joint.measured),
             result=None if joint.result is None else folder / joint.result,
         )
-    return Case(name, folder / case.assembly, _measurement(case.measured, folder, mass), source, case.value)
-
-
-def _measurement(measured: _Measured, folder: Path, mass: float) -> Measurement:
-    own_mass = measured.accelerometer_mass
-    return Measurement(
-        folder / measured.file, mass if own_mass is None else own_mass, measured.quantity, measured.index
-    )
+    return Case(name, folder / case.assembly, measurement(case.measured), source, case.value)

@@ -18,7 +18,7 @@ from dovetail.identification import Identification, identify
 from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
-from dovetail.identification.result_file import load_result
+from dovetail.identification.result_file import AnyIdentification, load_result
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band
 
@@ -83,7 +83,7 @@ class ValidatedCase:
     compensated: Frf
     predicted: Frf
     peaks: tuple[PeakRow, ...]
-    joint: Identification | None
+    joint: AnyIdentification | None
     natural: tuple[float, ...]
 
     @property
@@ -193,14 +193,14 @@ class _Joints:
     def __init__(self, identify: Identify, plugins: tuple[str | PathLike[str], ...]) -> None:
         self._identify = identify
         self._plugins = plugins
-        self._known: dict[JointSource, Identification] = {}
+        self._known: dict[JointSource, AnyIdentification] = {}
 
-    def get(self, source: JointSource) -> Identification:
+    def get(self, source: JointSource) -> AnyIdentification:
         if source not in self._known:
             self._known[source] = self._made(source)
         return self._known[source]
 
-    def _made(self, source: JointSource) -> Identification:
+    def _made(self, source: JointSource) -> AnyIdentification:
         if source.assembly is None or source.measured is None:
             assert source.result is not None
             return load_result(source.result)
@@ -217,7 +217,7 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
             )
         )
     joint = None if case.joint is None else joints.get(case.joint)
-    known: Identification | dict[str, float] = {} if joint is None else joint
+    known: AnyIdentification | dict[str, float] = {} if joint is None else joint
     quantity, left_out = assembly.description.response.quantity, assembly.description.left_out
     raw, bare = (
         within_band(case.measured.read(compensated=compensated), assembly.frequency, left_out).to(quantity)

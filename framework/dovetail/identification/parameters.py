@@ -6,7 +6,7 @@ Data frames of pandas and inference data of ArviZ are extras.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from dovetail.interfaces import Parameter, Prior, Scale
 
 __all__ = [
     "ROUNDING",
+    "Follower",
     "IdentifiedParameter",
     "TableRow",
     "dataframe",
@@ -42,6 +43,26 @@ def is_in_range(value: float, lower: float, upper: float, scale: Scale) -> bool:
 
 
 @dataclass(frozen=True)
+class Follower:
+    """A parameter that the description ties to one that was identified.
+
+    Parameters
+    ----------
+    name : str
+        ``owner.parameter``.
+    ratio : float
+        By which the identified value is multiplied.
+    description, joint : str
+        As in `IdentifiedParameter`.
+    """
+
+    name: str
+    ratio: float
+    description: str
+    joint: str
+
+
+@dataclass(frozen=True)
 class IdentifiedParameter:
     """One identified parameter.
 
@@ -62,6 +83,8 @@ class IdentifiedParameter:
         The joint it belongs to; the substructure or the response of another one.
     prior : {"uniform", "normal"}
         As in `Parameter`.
+    followers : tuple of Follower
+        The parameters that are tied to this one.
     """
 
     name: str
@@ -74,6 +97,7 @@ class IdentifiedParameter:
     description: str
     joint: str
     prior: Prior = "uniform"
+    followers: tuple[Follower, ...] = ()
 
     @property
     def definition(self) -> Parameter:
@@ -84,6 +108,11 @@ class IdentifiedParameter:
     def bare_name(self) -> str:
         """The name without the owner's."""
         return self.name.removeprefix(f"{self.joint}.")
+
+    def with_followers(self, value: float) -> dict[str, float]:
+        """Return a value of this parameter and what its followers then have, as ``owner.parameter``."""
+        values = {follower.name: follower.ratio * value for follower in self.followers}
+        return {f"{self.joint}.{self.bare_name}": value, **values}
 
 
 @dataclass(frozen=True)
@@ -115,6 +144,8 @@ class TableRow:
         As in `IdentifiedParameter`.
     believable : bool
         As in `Identification`.
+    follows : str
+        The identified parameter to which the description ties this one; empty for those that are sought.
     """
 
     name: str
@@ -133,6 +164,31 @@ class TableRow:
     joint: str
     description: str
     believable: bool
+    follows: str = ""
+
+    def of(self, follower: Follower) -> TableRow:
+        """Return the row of a parameter that follows this one."""
+
+        def times(*values: float | None) -> list[Any]:
+            return [None if value is None else follower.ratio * value for value in values]
+
+        ends = times(self.interval_low, self.interval_high), times(self.range_low, self.range_high)
+        (low, high), (lower, upper) = (pair[::-1] if follower.ratio < 0 else pair for pair in ends)
+        estimate, best_fit, network = times(self.estimate, self.best_fit, self.network)
+        return replace(
+            self,
+            name=follower.name,
+            estimate=estimate,
+            interval_low=low,
+            interval_high=high,
+            range_low=lower,
+            range_high=upper,
+            best_fit=best_fit,
+            network=network,
+            joint=follower.joint,
+            description=follower.description,
+            follows=self.name,
+        )
 
 
 def parameter_table(
@@ -143,7 +199,10 @@ def parameter_table(
     *,
     is_fitted: bool,
 ) -> tuple[TableRow, ...]:
-    """Return a row for each parameter, in their order; the caveat is that of the result, whose values may be a fit."""
+    """Return a row for each parameter in their order, then for each that follows one of them.
+
+    The caveat is that of the result, whose values may be a fit.
+    """
     intervals = {} if posterior is None or caveat else posterior.interval()
     estimates = {} if posterior is None else dict(zip(posterior.names, posterior.estimate.tolist(), strict=True))
     verdicts = {} if posterior is None else posterior.verdicts
@@ -175,7 +234,8 @@ def parameter_table(
                 believable=not caveat,
             )
         )
-    return tuple(rows)
+    pairs = zip(rows, parameters.values(), strict=True)
+    return (*rows, *(row.of(follower) for row, parameter in pairs for follower in parameter.followers))
 
 
 def _missing(library: str) -> DovetailError:

@@ -15,13 +15,12 @@ from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.posterior import LEVEL, error_shapes
 from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
-from dovetail.identification.result import Identification
-from dovetail.identification.result_file import load_result
+from dovetail.identification.result_file import AnyIdentification, load_result
 
 __all__ = ["Band", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]
 
 
-def predict(assembly: AssemblySource, result: Identification | str | Path | Mapping[str, float]) -> Frf:
+def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | Mapping[str, float]) -> Frf:
     """Predict the FRF of an assembly with a joint that was identified in another.
 
     Parameters
@@ -29,7 +28,7 @@ def predict(assembly: AssemblySource, result: Identification | str | Path | Mapp
     assembly : Assembly or path
         Or its description; for example another tool in the same holder and joint. Parameters that its description fixes
         keep their values.
-    result : Identification, path, or mapping of str to float
+    result : Identification, ModalIdentification, path, or mapping of str to float
         The identified joint, or where its result was written; or SI values by name, bare or as ``joint.parameter``.
 
     Returns
@@ -58,9 +57,9 @@ def predict(assembly: AssemblySource, result: Identification | str | Path | Mapp
     return predicted_frf(as_assembly(assembly), joint)
 
 
-def predicted_frf(assembly: Assembly, result: Identification | Mapping[str, float]) -> Frf:
+def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, float]) -> Frf:
     """Return what `predict` does, without a warning: its callers show the note of the FRF."""
-    values, caveat = joint_values(assembly, result), result.caveat if isinstance(result, Identification) else ""
+    values, caveat = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.caveat
     response, label = assembly.description.response, f"{assembly.name}, predicted"
     return Frf(
         assembly.frequency,
@@ -72,13 +71,13 @@ def predicted_frf(assembly: Assembly, result: Identification | Mapping[str, floa
     )
 
 
-def _warn(result: Identification | Mapping[str, float]) -> None:
+def _warn(result: AnyIdentification | Mapping[str, float]) -> None:
     """Warn whoever called the caller if the joint is not to be believed."""
-    if isinstance(result, Identification) and result.caveat:
+    if not isinstance(result, Mapping) and result.caveat:
         warnings.warn(f"predicted from {result.measured.label}: {result.caveat}", stacklevel=3)
 
 
-def joint_values(assembly: Assembly, result: Identification | Mapping[str, float]) -> dict[str, float]:
+def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, float]) -> dict[str, float]:
     """Return the values of an identified joint for the identified parameters of another assembly.
 
     Parameters
@@ -133,10 +132,14 @@ class _Value:
         return f"{self.joint}.{self.name}" if self.joint else self.name
 
 
-def _values(result: Identification | Mapping[str, float]) -> list[_Value]:
-    if not isinstance(result, Identification):
+def _values(result: AnyIdentification | Mapping[str, float]) -> list[_Value]:
+    if isinstance(result, Mapping):
         return [_Value(*_split_name(name), float(value)) for name, value in result.items()]
-    identified = [_Value(p.joint, p.bare_name, p.value, p.unit) for p in result.parameters.values()]
+    identified = [
+        _Value(*_split_name(name), value, p.unit)
+        for p in result.parameters.values()
+        for name, value in p.with_followers(p.value).items()
+    ]
     return identified + [_Value(*_split_name(name), value) for name, value in result.known.items()]
 
 
@@ -191,7 +194,11 @@ class Band:
 
 
 def predict_band(
-    assembly: AssemblySource, result: Identification | str | Path, *, level: float = LEVEL, seed: int = 0
+    assembly: AssemblySource,
+    result: AnyIdentification | str | Path,
+    *,
+    level: float = LEVEL,
+    seed: int = 0,
 ) -> Band:
     """Predict the amplitudes between which the FRF of another assembly with the identified joint lies.
 
@@ -227,7 +234,7 @@ def predict_band(
     return predicted_band(as_assembly(assembly), joint, level, seed)
 
 
-def predicted_band(assembly: Assembly, result: Identification, level: float = LEVEL, seed: int = 0) -> Band:
+def predicted_band(assembly: Assembly, result: AnyIdentification, level: float = LEVEL, seed: int = 0) -> Band:
     """Return what `predict_band` does, without a warning."""
     posterior = result.posterior
     if posterior is None:
@@ -246,15 +253,20 @@ def predicted_band(assembly: Assembly, result: Identification, level: float = LE
     return Band(assembly.frequency, lower, upper, level, result.caveat)
 
 
-def _frfs(assembly: Assembly, result: Identification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _frfs(assembly: Assembly, result: AnyIdentification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of the assembly with samples (n, p) of the identified joint."""
-    joints = [f"{parameter.joint}.{parameter.bare_name}" for parameter in result.parameters.values()]
-    samples = [{**result.known, **dict(zip(joints, row, strict=True))} for row in theta.tolist()]
+    samples: list[dict[str, float]] = []
+    for row in theta.tolist():
+        values = zip(result.parameters.values(), row, strict=True)
+        samples.append({**result.known, **{k: v for p, at in values for k, v in p.with_followers(at).items()}})
     return assembly.frf(np.stack([assembly.vector(joint_values(assembly, sample)) for sample in samples]))
 
 
 def _linearised_frfs(
-    assembly: Assembly, result: Identification, fraction: NDArray[np.float64], mode: NDArray[np.float64]
+    assembly: Assembly,
+    result: AnyIdentification,
+    fraction: NDArray[np.float64],
+    mode: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of samples, linear in the normal coordinates about the posterior mode."""
     parameters = [parameter.definition for parameter in result.parameters.values()]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -11,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.assembly.description import Tie, follow
 from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.fitting import Fit, one_per_response
-from dovetail.identification.parameters import IdentifiedParameter, is_in_range
+from dovetail.identification.parameters import Follower, IdentifiedParameter, is_in_range
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import AtPoint, Identification, Mode
+from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
 
 __all__ = ["identified_parameters", "known_parameters", "reconstruct"]
@@ -111,20 +114,38 @@ def _at_points(
 
 def identified_parameters(assembly: Assembly, theta: NDArray[np.float64]) -> dict[str, IdentifiedParameter]:
     """Return the assembly's parameters with the values that were identified, (n_params,) SI."""
-    pairs = zip(assembly.parameters, theta.tolist(), assembly.description.identified_parameters, strict=True)
+    description, followers = assembly.description, defaultdict[tuple[str, str], list[Follower]](list)
+    for owner, parameter, tie in _ties(assembly):
+        follower = Follower(f"{owner}.{parameter.name}", tie.ratio, parameter.description, owner)
+        followers[tie.owner, tie.parameter].append(follower)
     identified = {}
-    for parameter, value, (joint, _) in pairs:
+    for parameter, value, of in zip(
+        assembly.parameters, theta.tolist(), description.identified_parameters, strict=True
+    ):
         in_range = is_in_range(value, parameter.lower, parameter.upper, parameter.scale)
         identified[parameter.name] = IdentifiedParameter(
-            **asdict(parameter), value=value, in_range=in_range, joint=joint
+            **asdict(parameter), value=value, in_range=in_range, joint=of[0], followers=tuple(followers[of])
         )
     return identified
 
 
 def known_parameters(assembly: Assembly) -> dict[str, float]:
-    """Return the parameters that the description fixes."""
-    entries = assembly.description.entries.items()
-    return {f"{name}.{parameter}": float(value) for name, entry in entries for parameter, value in entry.fixed.items()}
+    """Return the parameters that the description fixes, and those that it ties to them."""
+    entries = assembly.description.entries
+    known = {f"{owner}.{name}": float(value) for owner, entry in entries.items() for name, value in entry.fixed.items()}
+    for owner, parameter, tie in _ties(assembly):
+        if tie.parameter in entries[tie.owner].fixed:
+            known[f"{owner}.{parameter.name}"] = tie.ratio * entries[tie.owner].fixed[tie.parameter]
+    return known
+
+
+def _ties(assembly: Assembly) -> Iterator[tuple[str, Parameter, Tie]]:
+    """Yield owner and parameter of each tie, and where it leads in the end."""
+    entries = assembly.description.entries
+    for owner, entry in entries.items():
+        for parameter in entry.parameters:
+            if parameter.name in entry.ties:
+                yield owner, parameter, follow(entries, entry.ties[parameter.name])
 
 
 def _modes(

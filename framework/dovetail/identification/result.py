@@ -35,9 +35,8 @@ class Mode:
     natural_frequency : float
         Hz, of the undamped model.
     reconstructed_peak, measured_peak : float or None
-        Hz; where the amplitude of the reconstructed and of the measured accelerance peaks. Damping in the joint shifts
-        a peak by some per cent from the natural frequency, so compare the two peaks. None where there is no clear
-        peak, as at a node of vibration.
+        Hz; where the amplitudes of the two accelerances peak, which damping shifts by some per cent from the natural
+        frequency: compare the two. None where there is no clear peak, as at a node of vibration.
     """
 
     natural_frequency: float
@@ -354,6 +353,7 @@ class ModalIdentification(_Answer):
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any]
     network: Mapping[str, float] | None = None
+    method: str = "modal parameters"
 
     def __repr__(self) -> str:
         """Return assembly, table and parameters in one line, the caveat before all numbers."""
@@ -364,7 +364,7 @@ class ModalIdentification(_Answer):
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON; the keys are those of `Identification` but for the FRFs."""
         return {
-            "method": "modal parameters",
+            "method": self.method,
             "believable": self.believable,
             "caveat": self.caveat,
             "adequacy": self.adequacy.to_dict(),
@@ -372,6 +372,7 @@ class ModalIdentification(_Answer):
             "table": [asdict(row) for row in self.table],
             "known": dict(self.known),
             "modes": [asdict(mode) for mode in self.modes],
+            "measured": self.measured.to_dict(),
             "chi_squared": self.chi_squared,
             "degrees_of_freedom": self.degrees_of_freedom,
             "warnings": list(self.warnings),
@@ -381,7 +382,7 @@ class ModalIdentification(_Answer):
         }
 
 
-def caveats_of(results: Iterable[tuple[str, Identification | None]]) -> str:
+def caveats_of(results: Iterable[tuple[str, _Answer | None]]) -> str:
     """Return the caveats of several results, each once and after the names of those that have it; empty if none has."""
     names: dict[str, list[str]] = {}
     for name, result in results:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
@@ -16,14 +18,21 @@ from dovetail.frf import Frf, Quantity
 from dovetail.identification.adequacy import Adequacy, AdequacyWord, Cause
 from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.identification.posterior import Form, ModelError, Posterior, typical_model_error
-from dovetail.identification.result import AtPoint, Identification, Mode
+from dovetail.identification.result import AtPoint, Identification, MatchedMode, ModalIdentification, Mode
+from dovetail.measurement import ModalParameters
 
-__all__ = ["RESULT_FILE", "load_result"]
+__all__ = ["RESULT_FILE", "AnyIdentification", "load_result"]
+
+AnyIdentification: TypeAlias = Identification | ModalIdentification
+"""From FRFs, or from a table of modal parameters."""
 
 RESULT_FILE = "result.json"
 """Name of the file within a folder of results."""
 
 _MOST_FAULTS = 5
+_HEAD = 200
+"""Bytes in which a result says by which method it was made."""
+_MODAL = re.compile(rb'"method":\s*"modal parameters"')
 
 
 class _Stored(BaseModel):
@@ -88,14 +97,34 @@ class _StoredMisspecification(_Stored):
     bands_Hz: tuple[tuple[float, float], ...]  # noqa: N815
 
 
-class _StoredIdentification(_StoredResponse):
-    point: str = ""
+class _StoredAnswer(_Stored):
     method: str
     parameters: dict[str, IdentifiedParameter]
     known: dict[str, float]
-    modes: tuple[Mode, ...]
     warnings: tuple[str, ...]
     provenance: dict[str, Any]
+
+
+class _StoredTable(_Stored):
+    frequency: list[float]
+    damping_ratio: list[float] | None
+    frequency_sd: list[float] | None
+    damping_sd: list[float] | None
+    label: str
+
+
+class _StoredModalIdentification(_StoredAnswer):
+    modes: tuple[MatchedMode, ...]
+    measured: _StoredTable
+    chi_squared: float | None
+    degrees_of_freedom: float
+    adequacy: _StoredAdequacy
+    posterior: _StoredPosterior
+
+
+class _StoredIdentification(_StoredResponse, _StoredAnswer):
+    point: str = ""
+    modes: tuple[Mode, ...]
     frequency_Hz: list[float]  # noqa: N815  the unit's own spelling
     band_Hz: tuple[float, float] | None = None  # noqa: N815
     posterior: _StoredPosterior | None = None
@@ -107,7 +136,7 @@ class _StoredIdentification(_StoredResponse):
     )
 
 
-def load_result(path: str | Path) -> Identification:
+def load_result(path: str | Path) -> AnyIdentification:
     """Read a result of an earlier identification.
 
     Parameters
@@ -117,7 +146,8 @@ def load_result(path: str | Path) -> Identification:
 
     Returns
     -------
-    Identification
+    Identification or ModalIdentification
+        The latter where the measurement was a table of modal parameters.
 
     Raises
     ------
@@ -131,11 +161,10 @@ def load_result(path: str | Path) -> Identification:
             raise DovetailError(Fault(str(path), f"this folder has no {RESULT_FILE}, so 'identify' did not write it."))
     content = read_bounded(file)
     try:
+        if _MODAL.search(content[:_HEAD]):
+            return _modal(file, _StoredModalIdentification.model_validate_json(content))
         stored = _StoredIdentification.model_validate_json(content)
     except ValidationError as error:
-        if b'"method": "modal parameters"' in content:
-            problem = "this is a result from modal parameters, in which there is no FRF."
-            raise DovetailError(Fault(str(file), problem, remedy="Read its 'table' as JSON.")) from None
         raise DovetailError(*_faults(file, error)) from None
     first = _at_point(file, stored.frequency_Hz, stored)
     further = [
@@ -158,6 +187,27 @@ def load_result(path: str | Path) -> Identification:
         band=stored.band_Hz,
         network=None if stored.network is None else MappingProxyType(stored.network),
     )
+
+
+def _modal(file: Path, stored: _StoredModalIdentification) -> ModalIdentification:
+    table: dict[str, Any] = stored.measured.model_dump()
+    result = ModalIdentification(
+        parameters=MappingProxyType(stored.parameters),
+        known=MappingProxyType(stored.known),
+        measured=ModalParameters(**table),
+        modes=stored.modes,
+        chi_squared=stored.chi_squared,
+        degrees_of_freedom=stored.degrees_of_freedom,
+        adequacy=_kept(stored.adequacy),
+        posterior=_posterior(file, stored.parameters, stored.posterior),
+        warnings=stored.warnings,
+        provenance=MappingProxyType(stored.provenance),
+    )
+    return replace(result, posterior=replace(result.posterior, caveat=result.caveat))
+
+
+def _kept(kept: _StoredAdequacy) -> Adequacy:
+    return Adequacy(kept.word, kept.model_error, kept.allowed, kept.causes, kept.reasons, kept.bands_Hz)
 
 
 def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored: _StoredPosterior) -> Posterior:
@@ -203,7 +253,7 @@ def _at_point(file: Path, frequency: list[float], response: _StoredResponse) -> 
 
 def _adequacy(stored: _StoredIdentification) -> Adequacy | None:
     if (kept := stored.adequacy) is not None:
-        return Adequacy(kept.word, kept.model_error, kept.allowed, kept.causes, kept.reasons, kept.bands_Hz)
+        return _kept(kept)
     if (earlier := stored.misspecification) is None:
         return None
     return Adequacy(

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,11 @@ class ModalParameters:
                 self._check(name, array)
         if self.damping_sd is not None and self.damping_ratio is None:
             raise MeasurementError(f"{self.label}: there are standard deviations of the damping, and no damping.")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, fit for JSON."""
+        columns = {name: getattr(self, name) for name in ("frequency", "damping_ratio", "frequency_sd", "damping_sd")}
+        return {name: None if at is None else at.tolist() for name, at in columns.items()} | {"label": self.label}
 
     def _check(self, name: str, array: NDArray[np.float64]) -> None:
         if array.ndim != 1 or array.shape != self.frequency.shape or not array.size:

@@ -83,6 +83,7 @@ class ParameterRow:
     si: str
     verdict: str
     why: str
+    follows: str
     best_fit: str
     network: str
     lower: str
@@ -183,7 +184,10 @@ def adequacy_sentences(result: Identification | ModalIdentification) -> list[str
 
 def parameter_rows(result: Identification | ModalIdentification, truth: Truth | None) -> list[ParameterRow]:
     """Return the table of parameters, in the assembly's order."""
-    true_values = truth.parameters if truth is not None else {}
+    true_values = {} if truth is None else dict(truth.parameters)
+    for parameter in result.parameters.values():
+        if parameter.name in true_values:
+            true_values |= parameter.with_followers(true_values[parameter.name])
     withheld = result.posterior is not None and not result.believable
     return [_parameter_row(row, withheld, true_values.get(row.name)) for row in result.table]
 
@@ -319,6 +323,7 @@ def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> Paramet
         si=f"{row.estimate:.6g} {row.unit}",
         verdict=row.verdict,
         why=row.why,
+        follows=row.follows,
         best_fit=text(row.best_fit),
         network=text(row.network),
         lower=number(row.range_low * shown.factor, padded=False),

@@ -106,7 +106,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "lines": " + ".join(str(size) for size in dict.fromkeys(axis.size for axis in axes)),
         "mean_coherence": _mean_coherence(result),
         "fit": "" if result.fit is None else content.fit_sentence(result.fit),
-        "joints": list(dict.fromkeys(parameter.joint for parameter in result.parameters.values())),
+        "joints": list(dict.fromkeys(row.joint for row in result.table)),
         "believable": result.believable,
         "adequacy": content.adequacy_sentences(result),
         "warnings": content.warnings_of(result, truth),

@@ -39,7 +39,7 @@ from dovetail.interfaces import (
     takes_context,
 )
 
-__all__ = ["draw_test_samples", "read_frfs", "train_network"]
+__all__ = ["draw_test_samples", "needs_phase", "read_frfs", "train_and_evaluate", "train_network"]
 
 _SPLIT_STREAM = 1
 """Keeps the split's random numbers apart from those that sampled the dataset with the same seed."""
@@ -71,7 +71,7 @@ def train_network(
         return _train(assembly, dataset, timer, progress)
     with tempfile.TemporaryDirectory(prefix="dovetail-") as folder:
         with timer.stage("dataset"):
-            storage: Storage = "complex" if _needs_stored_phase(assembly) else "amplitude"
+            storage: Storage = "complex" if needs_phase(assembly) else "amplitude"
             generated = generate(assembly, Path(folder) / "dataset.zarr", storage=storage, progress=progress)
         return _train(assembly, generated, timer, progress)
 
@@ -104,7 +104,7 @@ def _with_augmentation(assembly: Assembly, *, fresh: bool) -> Assembly:
     return Assembly(assembly.description.with_identification(section, augmentation=settings))
 
 
-def _needs_stored_phase(assembly: Assembly) -> bool:
+def needs_phase(assembly: Assembly) -> bool:
     """Whether a mass is to be left at the drive point of FRFs that come from the dataset."""
     augmentation = assembly.description.identification.augmentation
     return augmentation is not None and augmentation.mass > 0 and not augmentation.fresh
@@ -135,6 +135,43 @@ def draw_test_samples(samples: int, test_fraction: float, seed: int) -> NDArray[
 
 
 def _train(assembly: Assembly, dataset: Dataset, timer: _StageTimer, progress: Progress) -> TrainedNetwork:
+    network, evaluation = train_and_evaluate(assembly, dataset, progress, timer)
+    settings, theta = assembly.description.identification, np.asarray(dataset.parameters, dtype=np.float64)
+    is_test = draw_test_samples(len(dataset), settings.test_fraction, settings.seed)
+    novelty = None
+    progress("novelty", 0, 1)
+    with timer.stage("novelty"):
+        if len(assembly.description.responses) == 1:
+            rows = next(blocks(len(dataset)))
+            amplitude = np.asarray(dataset.amplitude[rows], dtype=np.float32)[~is_test[rows]]
+            with threadpool_limits(1, user_api="blas"):  # many small products, for which threads only wait
+                count = int(np.count_nonzero(~is_test))
+                novelty = learn_novelty(assembly, network, amplitude, theta[is_test], count, settings.seed)
+    return TrainedNetwork(assembly, network, evaluation, novelty)
+
+
+def train_and_evaluate(
+    assembly: Assembly, dataset: Dataset, progress: Progress = silent, timer: _StageTimer | None = None
+) -> tuple[Network, Evaluation]:
+    """Train a network on one part of a dataset, and evaluate it on the other.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    dataset : Dataset
+        Of this assembly.
+    progress : callable
+    timer : optional
+        Of the stages.
+
+    Raises
+    ------
+    DatasetError
+        The dataset is that of another assembly, or too small.
+    PluginError
+        Reducer or regressor fail.
+    """
+    timer = _StageTimer() if timer is None else timer
     dataset.require(assembly)
     settings = assembly.description.identification
     is_test = draw_test_samples(len(dataset), settings.test_fraction, settings.seed)
@@ -146,15 +183,6 @@ def _train(assembly: Assembly, dataset: Dataset, timer: _StageTimer, progress: P
         if not np.isfinite(predicted).all():
             label = component_label(settings.regressor)
             raise PluginError(Fault(label, "its answers to the test FRFs are not finite.", "finite numbers"))
-    novelty = None
-    progress("novelty", 0, 1)
-    with timer.stage("novelty"):
-        if len(assembly.description.responses) == 1:
-            rows = next(blocks(len(dataset)))
-            amplitude = np.asarray(dataset.amplitude[rows], dtype=np.float32)[~is_test[rows]]
-            with threadpool_limits(1, user_api="blas"):  # many small products, for which threads only wait
-                count = int(np.count_nonzero(~is_test))
-                novelty = learn_novelty(assembly, network, amplitude, theta[is_test], count, settings.seed)
     evaluation = Evaluation(
         parameters=parameter_metrics(assembly.parameters, theta[is_test], predicted),
         training_samples=int(np.count_nonzero(~is_test)),
@@ -162,7 +190,7 @@ def _train(assembly: Assembly, dataset: Dataset, timer: _StageTimer, progress: P
         seed=settings.seed,
         seconds=timer.seconds,
     )
-    return TrainedNetwork(assembly, network, evaluation, novelty)
+    return network, evaluation
 
 
 def _fit_network(
@@ -173,7 +201,7 @@ def _fit_network(
     theta = dataset.parameters[~is_test]
     noisy = None
     with timer.stage("features"):
-        features, test_amplitude = read_frfs(dataset, is_test, progress, phase=_needs_stored_phase(assembly))
+        features, test_amplitude = read_frfs(dataset, is_test, progress, phase=needs_phase(assembly))
         if settings.augmentation is not None:
             noisy = NoisyFeatures.of(assembly, features, theta)
             features, theta = noisy(0)

@@ -1,0 +1,108 @@
+"""The section ``study:`` of a description: which options of its training are tried, one by one or together."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from dovetail.documents.fault_list import FaultList
+from dovetail.documents.validation import validate
+from dovetail.units import InUnit
+
+__all__ = ["SearchRange", "StudySection", "read_study"]
+
+_OPTIONS = ("reducer", "regressor", "augmentation")
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def _place(value: str) -> str:
+    first, *steps = value.split(".")
+    if first not in _OPTIONS or not all(step.isidentifier() or step.isdecimal() for step in steps):
+        raise ValueError(f"'{value}' is no option such as 'reducer.n_neighbors': it begins with {', '.join(_OPTIONS)}")
+    return value
+
+
+_Place = Annotated[str, AfterValidator(_place)]
+
+
+class SearchRange(_Section):
+    """Numbers between which an option is sought; whole ones where both ends are whole.
+
+    Attributes
+    ----------
+    range : two numbers
+        Lowest and highest.
+    scale : 'linear' or 'log'
+        On which they are drawn.
+    """
+
+    range: tuple[int, int] | tuple[float, float]
+    scale: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Self:
+        if not self.range[0] < self.range[1]:
+            raise ValueError("the range is empty")
+        if self.scale == "log" and self.range[0] <= 0:
+            raise ValueError("a range on a logarithmic scale must be positive")
+        return self
+
+
+_Tried = Annotated[tuple[Any, ...], Field(min_length=1)]
+
+
+class SearchSection(_Section):
+    """A search over several options together.
+
+    Attributes
+    ----------
+    trials : int
+        Settings that are tried.
+    options : section
+        Of each option, by its place in `identification`, a list of choices or a range.
+    prune : bool
+        Train on a quarter of the samples first, and leave out what is then worse than the median of the others.
+    """
+
+    trials: Annotated[int, Field(ge=1, le=100_000)]
+    options: Annotated[dict[_Place, _Tried | SearchRange], Field(min_length=1)]
+    prune: bool = True
+
+
+class StudySection(_Section):
+    """Which settings of the training ``dovetail study`` tries.
+
+    Attributes
+    ----------
+    sweeps : section
+        Of each option, by its place in `identification` such as `reducer.n_neighbors`, the values that are tried while
+        all others stay as they are described.
+    search : section
+        Options that are varied together.
+    validation_fraction : float
+        Share of the samples that are not for testing, by which settings are chosen.
+    lease : float
+        Time after which a trial is taken from a process that gives no sign of life [s].
+    """
+
+    sweeps: dict[_Place, _Tried] = {}
+    search: SearchSection | None = None
+    validation_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.2
+    lease: Annotated[float, Field(ge=1), InUnit("s")] = 600.0
+
+    @model_validator(mode="after")
+    def _tries_something(self) -> Self:
+        if not self.sweeps and self.search is None:
+            raise ValueError("a study has 'sweeps', a 'search', or both")
+        return self
+
+
+def read_study(faults: FaultList) -> StudySection | None:
+    """Return the study of a description, or None if it has none or has faults there."""
+    if faults.root.at(("study",)) is None:
+        return None
+    return validate(StudySection, ("study",), faults, "'study'")

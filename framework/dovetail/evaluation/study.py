@@ -1,0 +1,236 @@
+"""A study of settings: which options of reducer and regressor give the least error, one by one and together.
+
+Settings are chosen by a validation part. The test part is a dataset of its own, generated when the choice is made, and
+used once, by the best settings.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dovetail.assembly import Assembly, AssemblySource, as_assembly
+from dovetail.atomic_files import held
+from dovetail.dataset import Dataset, generate
+from dovetail.errors import DatasetError, DovetailError, FileError
+from dovetail.evaluation.study_ledger import Ledger, Trial
+from dovetail.evaluation.study_plan import StudyPlan, Sweep
+from dovetail.identification.network.training import train_and_evaluate
+from dovetail.identification.provenance import Evaluation, parameter_metrics
+from dovetail.interfaces import Progress, progress_reporter
+from dovetail.registry import PluginPaths, Registry, components
+
+__all__ = ["Study", "study", "words"]
+
+_FIRST_PART = 0.25
+"""Share of the samples on which a search's proposal is tried first."""
+_PAUSE = 1.0
+"""Seconds between two looks at what the others are doing."""
+_WARM, _LARGE = 400, 1000
+"""Samples on which a process trains once before it takes the time of a trial, and from how many on it does."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What came out of a study.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        As described.
+    trials : tuple of Trial
+        All that have ended, by number.
+    sweeps : tuple of Sweep
+    best : Trial
+        With the least validation error.
+    test : Trial
+        The best settings on the test part.
+    identification : mapping
+        The section of a description with the best settings.
+    described : mapping of str to Any
+        What the description has for each option that was varied.
+    """
+
+    assembly: Assembly
+    trials: tuple[Trial, ...]
+    sweeps: tuple[Sweep, ...]
+    best: Trial
+    test: Trial
+    identification: Mapping[str, Any]
+    described: Mapping[str, Any]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, fit for JSON."""
+        plain = [_plain(trial) for trial in self.trials]
+        return {
+            "assembly": self.assembly.name,
+            "best": self.best.number,
+            "identification": dict(self.identification),
+            "test": self.test.answer,
+            "sweeps": [asdict(sweep) for sweep in self.sweeps],
+            "trials": plain,
+        }
+
+
+def _plain(trial: Trial) -> dict[str, Any]:
+    own = asdict(trial)
+    return {name: own[name] for name in ("number", "kind", "changes", "state", "first", "answer", "reason", "claims")}
+
+
+def study(
+    assembly: AssemblySource,
+    folder: str | os.PathLike[str],
+    *,
+    plugins: PluginPaths = (),
+    progress: Progress | bool | None = None,
+) -> Study:
+    """Try the settings that the section ``study:`` of a description names, and tell which are the best.
+
+    Parameters
+    ----------
+    assembly : Assembly or path
+        With a section ``study:``.
+    folder : path
+        For datasets and what is known so far. A study that was interrupted or killed goes on where it was. Several
+        processes may work on the same one.
+    plugins : path or iterable of paths
+        Plugin files with further reducers and regressors.
+    progress : bool or callable, optional
+        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
+
+    Returns
+    -------
+    Study
+        When all trials have ended, those of other processes too.
+
+    Raises
+    ------
+    DescriptionError
+        The description has no study, or a value that an option cannot have.
+    DovetailError
+        The folder holds another study; a search needs Optuna, which is not installed; or no trial succeeded.
+    """
+    with progress_reporter(progress) as report:
+        work = _Work(as_assembly(assembly), Path(folder), components(plugins), report)
+        with work.ledger.at_work():
+            work.run(report)
+    return work.result()
+
+
+class _Work:
+    """A study at which this process is."""
+
+    def __init__(self, assembly: Assembly, folder: Path, registry: Registry, progress: Progress) -> None:
+        self.plan = StudyPlan(assembly, registry, progress)
+        self._folder = folder
+        self.ledger = Ledger(folder, self.plan.about(), self.plan.section.lease)
+
+    def run(self, progress: Progress) -> None:
+        """Work on trials until all have ended."""
+        search = 0 if self.plan.section.search is None else self.plan.section.search.trials
+        if not all(trial.ended for trial in self.ledger.trials()) or not self.ledger.trials():
+            self._load_libraries(progress)
+        while True:
+            trial = self.ledger.claim(self.plan.propose)
+            trials = self.ledger.trials()
+            total = len(self.plan.first) + search + (len(self.plan.sweeps) > 1) + 1
+            ended = sum(trial.ended for trial in trials)
+            if trial is not None:
+                progress("trials", ended, max(total, len(trials)), f"{trial.number}: {words(trial)}")
+                self._try(trial, progress)
+            elif all(other.ended for other in trials):
+                progress("trials", total, total)
+                return
+            else:
+                progress("waiting", ended, len(trials), "for trials of other processes")
+                time.sleep(_PAUSE)
+
+    def _load_libraries(self, progress: Progress) -> None:
+        """Train once on few samples, so that the first trial's times are not those of loading and compiling."""
+        if self.plan.settings.samples - self.plan.test_samples >= _LARGE:
+            with suppress(DovetailError):
+                train_and_evaluate(self.plan.variant({}), self._dataset(_WARM, self.plan.settings.seed, progress))
+
+    def _try(self, trial: Trial, progress: Progress) -> None:
+        with self.ledger.signs_of_life(trial):
+            try:
+                answer = self._answer(trial, progress)
+            except DovetailError as error:  # of these settings
+                if trial.kind == "test" or isinstance(error, (DatasetError, FileError)):
+                    raise
+                self.ledger.note(trial, state="failed", reason=str(error.faults[0].problem))
+                return
+            if answer is not None:
+                self.ledger.note(trial, state="done", answer=answer)
+
+    def _answer(self, trial: Trial, progress: Progress) -> dict[str, Any] | None:
+        """Return errors and times of a trial, or None if it was pruned."""
+        assembly = self.plan.variant(trial.changes)
+        samples = self.plan.settings.samples - self.plan.test_samples
+        if trial.kind == "search" and self.plan.section.search is not None and self.plan.section.search.prune:
+            dataset = self._dataset(round(_FIRST_PART * samples), self.plan.settings.seed, progress)
+            first = _mean_error(train_and_evaluate(assembly, dataset, progress)[1])
+            assert self.plan.space is not None
+            hopeless = self.plan.space.is_hopeless(self.ledger.trials(), first)
+            self.ledger.note(trial, first=first, **({"state": "pruned"} if hopeless else {}))
+            if hopeless:
+                return None
+        dataset = self._dataset(samples, self.plan.settings.seed, progress)
+        network, evaluation = train_and_evaluate(assembly, dataset, progress)
+        if trial.kind == "test":
+            test = self._dataset(self.plan.test_samples, self.plan.settings.seed + 1, progress)
+            predicted = network.predict(np.asarray(test.amplitude[:], dtype=np.float32))
+            metrics = parameter_metrics(assembly.parameters, test.parameters, predicted)
+            evaluation = replace(evaluation, parameters=metrics, test_samples=len(test))
+        return _as_dict(evaluation)
+
+    def _dataset(self, samples: int, seed: int, progress: Progress) -> Dataset:
+        folder = self._folder / f"samples-{samples}-seed-{seed}.zarr"
+        with held(self._folder / "datasets", wait=-1):
+            if folder.exists() and (made := Dataset(folder)).complete:
+                return made
+            return generate(
+                self.plan.assembly,
+                folder,
+                samples=samples,
+                seed=seed,
+                storage=self.plan.storage,
+                resume=folder.exists(),
+                progress=progress,
+            )
+
+    def result(self) -> Study:
+        """Return what came out."""
+        plan, trials = self.plan, self.ledger.trials()
+        best = plan.best(trials)
+        test = next(trial for trial in trials if trial.kind == "test")
+        sections = plan.complete_sections(best.changes)
+        return Study(plan.assembly, tuple(trials), tuple(plan.sweeps), best, test, sections, dict(plan.described))
+
+
+def words(trial: Trial) -> str:
+    """Return what a trial tries, in a line."""
+    changes = ", ".join(f"{place} = {value}" for place, value in trial.changes.items())
+    return f"test of {changes or 'the description'}" if trial.kind == "test" else changes or "as described"
+
+
+def _mean_error(evaluation: Evaluation) -> float:
+    return float(np.mean([metrics.mae for metrics in evaluation.parameters.values()]))
+
+
+def _as_dict(evaluation: Evaluation) -> dict[str, Any]:
+    return {
+        "mae": _mean_error(evaluation),
+        "r2": None if np.isnan(evaluation.mean_r2) else evaluation.mean_r2,
+        "seconds": dict(evaluation.seconds),
+        "training_samples": evaluation.training_samples,
+        "samples": evaluation.test_samples,
+        "parameters": {name: {"mae": m.mae, "r2": m.r2} for name, m in evaluation.parameters.items()},
+    }

@@ -1,0 +1,256 @@
+"""What a study tries: the description, sweeps, the best of each together, a search, and at the end the test."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from dovetail.assembly import Assembly, SearchRange
+from dovetail.assembly.reader import read_description
+from dovetail.dataset import Storage
+from dovetail.errors import DescriptionError, DovetailError, Fault
+from dovetail.evaluation.study_ledger import Proposal, Trial
+from dovetail.evaluation.study_search import SearchSpace
+from dovetail.identification.network.training import needs_phase
+from dovetail.interfaces import Progress, silent
+from dovetail.registry import Registry
+
+__all__ = ["StudyPlan", "Sweep"]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One option over its values, all others as described.
+
+    Parameters
+    ----------
+    option : str
+        Its place in `identification`.
+    values : tuple
+    trials : tuple of int
+        Numbers of the trials.
+    """
+
+    option: str
+    values: tuple[Any, ...]
+    trials: tuple[int, ...]
+
+
+class StudyPlan:
+    """The trials of a study, as far as they are known from its description and from trials that have ended.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With a study in its description.
+    registry : Registry
+    progress : callable
+        Told of each value that is looked at.
+
+    Attributes
+    ----------
+    section : StudySection
+    first : list of Proposal
+        The trials known from the start.
+    sweeps : list of Sweep
+    described : dict of str to Any
+        What the description has for each option that is varied.
+    space : SearchSpace or None
+
+    Raises
+    ------
+    DescriptionError
+        There is no study, or an option cannot have a value that it is to be tried with.
+    """
+
+    def __init__(self, assembly: Assembly, registry: Registry, progress: Progress = silent) -> None:
+        section = assembly.description.study
+        if section is None:
+            remedy = "Add, for example: study: {sweeps: {reducer.n_components: [10, 30, 100]}}"
+            problem = "the description has no study."
+            raise DescriptionError(Fault(f"{assembly.description.source}  study", problem, remedy=remedy))
+        self.assembly, self.section, self._registry = assembly, section, registry
+        self.settings = assembly.description.identification
+        self._plain = json.loads(assembly.description.text)
+        varied = [*section.sweeps, *(section.search.options if section.search else ())]
+        self.described = {option: _value_at(self.settings, option) for option in varied}
+        search = {} if section.search is None else section.search.options
+        self._values = sum(map(len, section.sweeps.values())) + sum(len(_ends(tried)) for tried in search.values())
+        self._seen, self._needs_phase, self._progress = 0, needs_phase(assembly), progress
+        self.first, self.sweeps = self._planned()
+        self.space = self._search_space()
+
+    def about(self) -> dict[str, Any]:
+        """Return what tells this study from others, as plain values."""
+        settings = self.settings
+        return {
+            "fingerprint": self.assembly.description.fingerprint,
+            "study": self._plain["study"],
+            "settings": [_key(self.assembly), settings.samples, settings.seed, settings.test_fraction],
+        }
+
+    def _planned(self) -> tuple[list[Proposal], list[Sweep]]:
+        """Return the trials known from the start, those with the same settings once, and the sweeps over them.
+
+        Raises
+        ------
+        DescriptionError
+            All values that their options cannot have.
+        """
+        first, numbers = [Proposal("described")], {_key(self.assembly): 0}
+        sweeps, faults = [], list[Fault]()
+        for option, values in self.section.sweeps.items():
+            trials = []
+            for index, value in enumerate(values):
+                try:
+                    key = _key(self._looked_at({option: value}))
+                except DescriptionError as error:
+                    place = f"{self.assembly.description.source}  study.sweeps.{option}[{index}]"
+                    faults += [replace(fault, where=place) for fault in error.faults]
+                    continue
+                if key not in numbers:
+                    numbers[key] = len(first)
+                    first.append(Proposal("sweep", {option: value}))
+                trials.append(numbers[key])
+            sweeps.append(Sweep(option, values, tuple(trials)))
+        if faults:
+            raise DescriptionError(*faults)
+        return first, sweeps
+
+    def _search_space(self) -> SearchSpace | None:
+        search = self.section.search
+        if search is None:
+            return None
+        faults = list[Fault]()
+        for option, tried in search.options.items():
+            for value in _ends(tried):
+                try:
+                    self._looked_at({option: value})
+                except DescriptionError as error:
+                    place = f"{self.assembly.description.source}  study.search.options.{option}"
+                    faults += [replace(fault, where=place) for fault in error.faults]
+        if faults:
+            raise DescriptionError(*faults)
+        return SearchSpace(search.options, self.described, search.trials, self.settings.seed)
+
+    def _looked_at(self, changes: Mapping[str, Any]) -> Assembly:
+        self._progress("settings", self._seen, self._values)
+        self._seen += 1
+        variant = self.variant(changes)
+        self._needs_phase = self._needs_phase or needs_phase(variant)
+        return variant
+
+    def variant(self, changes: Mapping[str, Any]) -> Assembly:
+        """Return the assembly with other settings, and with the validation part in place of the test part."""
+        description = read_description({**self._plain, "identification": self.identification(changes)}, self._registry)
+        identification = replace(description.identification, test_fraction=self.section.validation_fraction)
+        return Assembly(replace(self.assembly.description, text=description.text, identification=identification))
+
+    def identification(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the section `identification` with changes, the whole sections before their options."""
+        section = dict(self._plain["identification"])
+        for place in sorted(changes, key=lambda place: place.count(".")):
+            section = _changed(section, place.split("."), changes[place])
+        return section
+
+    def complete_sections(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the changed sections as a description that extends this one must have them.
+
+        A section that was exchanged as a whole has all its options then, so that nothing of the old one is left.
+        """
+        sections, settings = self.identification(changes), self.variant(changes).description.identification
+        for name in ("reducer", "regressor"):
+            if name in changes:
+                options = getattr(settings, name).config.model_dump(mode="json", by_alias=True)
+                sections[name] = {"model": sections[name]["model"], **options}
+        return {name: sections[name] for name in dict.fromkeys(place.partition(".")[0] for place in changes)}
+
+    def propose(self, trials: Sequence[Trial]) -> Proposal | None:
+        """Return the next trial: one known from the start, the best of each sweep together, a search's, or the test."""
+        number = len(trials)
+        if number < len(self.first):
+            return self.first[number]
+        planned_ended = all(trial.ended for trial in trials[: len(self.first)])
+        if planned_ended and not any(trial.kind == "together" for trial in trials):
+            changes = self._together(trials)
+            if changes is not None:
+                return Proposal("together", changes)
+        search = self.section.search
+        proposed = sum(trial.kind == "search" for trial in trials)
+        if planned_ended and search is not None and self.space is not None and proposed < search.trials:
+            return Proposal("search", self.space.propose(trials, number))
+        if not all(trial.ended for trial in trials) or any(trial.kind == "test" for trial in trials):
+            return None
+        return Proposal("test", self.best(trials).changes)
+
+    def _together(self, trials: Sequence[Trial]) -> dict[str, Any] | None:
+        """Return the best value of each sweep, or None where these settings have been tried."""
+        changes: dict[str, Any] = {}
+        for sweep in self.sweeps:
+            done = [trials[number] for number in sweep.trials if trials[number].state == "done"]
+            if done:
+                changes |= min(done, key=_error).changes
+        tried = [trial.changes for trial in trials]
+        return None if changes in tried else changes
+
+    def best(self, trials: Iterable[Trial]) -> Trial:
+        """Return the trial with the least validation error.
+
+        Raises
+        ------
+        DovetailError
+            None succeeded.
+        """
+        ended = [trial for trial in trials if trial.kind != "test"]
+        done = [trial for trial in ended if trial.state == "done"]
+        if not done:
+            reason = next((trial.reason for trial in ended if trial.reason), "")
+            raise DovetailError(Fault(self.assembly.name, f"none of {len(ended)} trials succeeded. {reason}".strip()))
+        return min(done, key=_error)
+
+    @property
+    def test_samples(self) -> int:
+        """Samples of the test part, a dataset of its own."""
+        return round(self.settings.test_fraction * self.settings.samples)
+
+    @property
+    def storage(self) -> Storage:
+        """What is stored of each FRF: with its phase where a setting needs it."""
+        return "complex" if self._needs_phase else "amplitude"
+
+
+def _ends(tried: SearchRange | tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the choices of an option, or the ends of its range."""
+    return tried if isinstance(tried, tuple) else tried.range
+
+
+def _key(assembly: Assembly) -> str:
+    """Return a text that is the same for the same settings, whether they are stated or defaults."""
+    settings = assembly.description.identification
+    return repr((settings.reducer, settings.regressor, settings.augmentation))
+
+
+def _value_at(settings: Any, place: str) -> Any:
+    """Return the value of an option, with its default; None where it has none."""
+    value = settings
+    for step in place.split("."):
+        value = getattr(value, "config", value)
+        value = value.get(step) if isinstance(value, Mapping) else getattr(value, step, None)
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _changed(section: Any, steps: Sequence[str], value: Any) -> Any:
+    step, *others = steps
+    if isinstance(section, list):
+        changed = list(section)
+        changed[int(step)] = _changed(changed[int(step)], others, value) if others else value
+        return changed
+    known = {} if section is None else section
+    return {**known, step: _changed(known.get(step), others, value) if others else value}
+
+
+def _error(trial: Trial) -> float:
+    assert trial.answer is not None
+    return float(trial.answer["mae"])
