@@ -22,7 +22,7 @@ from dovetail.identification.adequacy.model_causes import nearest_points, try_mi
 from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
 from dovetail.identification.adequacy.trials import Trial, Trials, values_of
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.least_squares import minimise
+from dovetail.identification.fitting.least_squares import minimise, without
 from dovetail.identification.fitting.residuals import linearise_frf
 from dovetail.interfaces import Parameter, Progress, silent
 from dovetail.units import format_quantity
@@ -329,10 +329,8 @@ def _alignment(trials: Trials, perturbation: Perturbation, step: float = 1e-4) -
     theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
     frf, jacobian = linearise_frf(trials.assembly, theta)
     ahead = residual.of(perturbation.apply(step).frf(theta))[0]
-    residuals, columns = residual.of(frf)[0], residual.jacobian(frf, jacobian)[0].T
-    basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))[0]
-    change, left = ahead - residuals, residuals - basis @ (basis.T @ residuals)
-    change = change - basis @ (basis.T @ change)
+    residuals = residual.of(frf)[0]
+    change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
     return float(abs(change @ left) / max(np.linalg.norm(change) * np.linalg.norm(left), np.finfo(float).tiny))
 
 
