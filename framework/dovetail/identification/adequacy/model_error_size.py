@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,12 @@ from scipy.optimize import brentq
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior, linearise_frf
-from dovetail.identification.posterior.frequency_average import weigh
+from dovetail.identification.posterior.frequency_average import (
+    needs_average,
+    unshaped_deviation,
+    weigh,
+    with_deviation,
+)
 from dovetail.identification.posterior.likelihood import PRIOR_PRECISION, MarginalisedResiduals, marginalised_squares
 from dovetail.identification.posterior.model_error import (
     KINDS,
@@ -229,12 +235,24 @@ class _Linearised:
 
     def _whitened(self, size: ModelError) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
         """Return residuals (m,), and what parameters and errors of each kind add to them (k, m), for other errors."""
-        lines, residual = self._problem.residual(self._frf[0], replace(self._size, other=size.other))
+        lines, residual = self._residual(size.other)
         changes = {"parameters": self._jacobian[0] / np.sqrt(PRIOR_PRECISION), **self._shapes}
         stacked = np.concatenate(list(changes.values()))
         columns = residual.jacobian(self._frf[:, lines], stacked[np.newaxis, :, lines])[0]
         ends = np.cumsum([len(change) for change in changes.values()])[:-1]
         return residual.of(self._frf[:, lines])[0], dict(zip(changes, np.split(columns, ends), strict=True))
+
+    def _residual(self, other: float) -> tuple[NDArray[np.intp], Residual]:
+        """Return lines of the model and residuals there with other errors of a size; averages are made once."""
+        size, values = replace(self._size, other=other), self._frf[0]
+        if not needs_average(size):
+            return self._problem.residual(values, size)
+        lines, averages = self._averages
+        return lines, with_deviation(averages, self._problem.target.split(unshaped_deviation(values, size)))
+
+    @cached_property
+    def _averages(self) -> tuple[NDArray[np.intp], Residual]:
+        return self._problem.residual(self._frf[0], replace(self._size, other=0.0))
 
     def estimate(self) -> ModelError:
         """Return the most probable sizes."""
