@@ -163,19 +163,19 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
     level = np.array([places[:number].count(place) for number, place in enumerate(places)])
     if not level.max():
         return
-    values, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
+    of_response, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
     for numbers in (np.flatnonzero(level == one).tolist() for one in range(level.max() + 1)):
         part = trials.of_responses(numbers)
         theta = part.fit(part.assembly, part.target.frfs, [trials.best, trials.shape]).theta
         fitted = part.target.split(part.values(theta))
-        values |= dict(zip(numbers, fitted, strict=True))
+        of_response |= dict(zip(numbers, fitted, strict=True))
         resonances.append(fit_resonances([frf.frequency for frf in part.target.frfs], fitted))
     words = f"each of {len(resonances)} measurements at one point fitted alone"
     first, last = (found.poles.real for found in (resonances[0], resonances[-1]))
     if len(first) and len(last):
         strongest = first[np.argmax(np.abs(resonances[0].near[0]).max(axis=1))]
         words += f", a resonance from {strongest:.5g} to {last[np.argmin(np.abs(last - strongest))]:.5g} Hz"
-    together = np.concatenate([values[number] for number in range(len(places))])
+    together = np.concatenate([of_response[number] for number in range(len(places))])
     yield "level", f"{words} (does it depend on the amplitude?)", trials.judged(trials.best, together)
 
 

@@ -29,6 +29,7 @@ from dovetail.identification.posterior.model_error import (
     KINDS,
     ModelError,
     error_shapes,
+    fit_resonances,
     typical_model_error,
 )
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
@@ -124,11 +125,13 @@ class _Problem:
         """Return from which to which error of natural frequencies the peaks allow to ask (relative, rms).
 
         The least is how far peaks of measurement and model that belong together are apart, beyond a line; the most is
-        twice how far they are apart, where each peak of the measurement has its counterpart.
+        twice how far they are apart, where they are all resonances there are: each peak of the measurement has its
+        counterpart, and each resonance of the model its peak. Damped ones, which have none, may be farther away.
         """
-        values = self.values(fraction)
+        values = self.target.split(self.values(fraction))
+        poles, with_peak = fit_resonances(self.axes, values).poles.real, set[int]()
         apart, beyond, alone = list[float](), list[float](), 0
-        for frf, fitted in zip(self.target.frfs, self.target.split(values), strict=True):
+        for frf, fitted in zip(self.target.frfs, values, strict=True):
             measured, modelled = resonance_peaks(frf), resonance_peaks(replace(frf, values=fitted))
             step = float(np.median(np.diff(frf.frequency))) if len(frf.frequency) > 1 else 0.0
             pairs = [(peak, counterpart(peak, measured, modelled)) for peak in measured.tolist()]
@@ -136,8 +139,12 @@ class _Problem:
             alone += len(pairs) - len(distances)
             apart += [distance / peak for distance, peak in distances]
             beyond += [max(0.0, distance - step) / peak for distance, peak in distances]
+            if len(poles):
+                with_peak |= {int(np.argmin(np.abs(poles - other))) for _, other in pairs if other is not None}
+        low, high = min(axis[0] for axis in self.axes), max(axis[-1] for axis in self.axes)
+        alone += np.count_nonzero((poles > low) & (poles < high)) - len(with_peak)
         least = max(_SETTINGS.narrowest, _rms(beyond))
-        if alone or len(apart) < _SETTINGS.fewest_peaks:
+        if alone > 0 or len(apart) < _SETTINGS.fewest_peaks:
             return least, _SETTINGS.most
         return least, _SETTINGS.consistent * max(least, _rms(apart))
 
