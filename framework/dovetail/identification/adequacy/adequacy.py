@@ -82,6 +82,8 @@ class Adequacy:
         What makes the model fit better, the best first; at most three.
     reasons : tuple of str
         What else there is to say, as sentences.
+    for_intervals : ModelError or None
+        The errors that intervals allow for: `size`, larger by how uncertain it is. A result read from a file has None.
     bands : tuple of (float, float)
         Frequency bands [Hz] in which the measurement deviates, the worst first.
     """
@@ -92,6 +94,7 @@ class Adequacy:
     causes: tuple[Cause, ...] = ()
     reasons: tuple[str, ...] = ()
     bands: tuple[tuple[float, float], ...] = ()
+    for_intervals: ModelError | None = None
 
     @property
     def fits(self) -> bool:
