@@ -83,7 +83,7 @@ class Adequacy:
     reasons : tuple of str
         What else there is to say, as sentences.
     for_intervals : ModelError or None
-        The errors that intervals allow for: `size`, larger by how uncertain it is. A result read from a file has None.
+        The errors that intervals allow for: `size`, larger by how uncertain it is.
     bands : tuple of (float, float)
         Frequency bands [Hz] in which the measurement deviates, the worst first.
     """
@@ -120,6 +120,7 @@ class Adequacy:
             "word": self.word,
             "meaning": self.meaning,
             "model_error": None if self.size is None else self.size.to_dict(),
+            "for_intervals": None if self.for_intervals is None else self.for_intervals.to_dict(),
             "allowed": self.allowed,
             "causes": [{**asdict(cause), "sentence": cause.sentence} for cause in self.causes],
             "reasons": list(self.reasons),
