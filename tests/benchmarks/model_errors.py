@@ -198,7 +198,7 @@ def told_of(assembly: dovetail.Assembly, measured: dovetail.Frf, fit: dovetail.F
         return Adequacy("to the noise"), fit
     found = estimate_model_error(model, target, fit.variance, fit.used, assembly.to_unit(fit.theta))
     refitted = replace(fit, theta=assembly.from_unit(found.fraction), information=found.information)
-    return Adequacy(word_for(found.size), found.size, for_intervals=found.for_intervals), refitted
+    return Adequacy(word_for(found.size), found.size), refitted
 
 
 def best_fit_with_error(
@@ -224,7 +224,7 @@ def _intervals(
     """Return which intervals of the parameters that structure and model share hold the truth, and their widths."""
     if method == "refined":
         return (), ()
-    allowed = TYPICAL if adequacy.for_intervals is None else adequacy.for_intervals.at_least(TYPICAL)
+    allowed = TYPICAL if adequacy.size is None else adequacy.size.at_least(TYPICAL)
     posterior = POSTERIORS[method](assembly, measured, fit, model_error=allowed)
     low, high = np.array(list(posterior.interval().values())).T
     widths = assembly.to_unit(high) - assembly.to_unit(low)

@@ -291,8 +291,7 @@ def _allowed(adequacy: Adequacy | None) -> ModelError:
     """Return the errors that the posterior allows: the user's, those that the measurement shows, or typical ones."""
     if adequacy is not None and adequacy.allowed is not None:
         return typical_model_error(adequacy.allowed)
-    shown = None if adequacy is None else adequacy.for_intervals
-    return TYPICAL if shown is None else shown.at_least(TYPICAL)
+    return TYPICAL if adequacy is None or adequacy.size is None else adequacy.size.at_least(TYPICAL)
 
 
 def by_plugin(

@@ -78,7 +78,6 @@ class _StoredAdequacy(_Stored):
     causes: tuple[Cause, ...]
     reasons: tuple[str, ...]
     bands_Hz: tuple[tuple[float, float], ...]  # noqa: N815  the unit's own spelling
-    for_intervals: ModelError | None = None
 
 
 class _StoredMisspecification(_Stored):
@@ -204,8 +203,7 @@ def _at_point(file: Path, frequency: list[float], response: _StoredResponse) -> 
 
 def _adequacy(stored: _StoredIdentification) -> Adequacy | None:
     if (kept := stored.adequacy) is not None:
-        told = (kept.causes, kept.reasons, kept.bands_Hz, kept.for_intervals)
-        return Adequacy(kept.word, kept.model_error, kept.allowed, *told)
+        return Adequacy(kept.word, kept.model_error, kept.allowed, kept.causes, kept.reasons, kept.bands_Hz)
     if (earlier := stored.misspecification) is None:
         return None
     return Adequacy(

@@ -82,8 +82,6 @@ class Adequacy:
         What makes the model fit better, the best first; at most three.
     reasons : tuple of str
         What else there is to say, as sentences.
-    for_intervals : ModelError or None
-        The errors that intervals allow for: `size`, larger by how uncertain it is.
     bands : tuple of (float, float)
         Frequency bands [Hz] in which the measurement deviates, the worst first.
     """
@@ -94,7 +92,6 @@ class Adequacy:
     causes: tuple[Cause, ...] = ()
     reasons: tuple[str, ...] = ()
     bands: tuple[tuple[float, float], ...] = ()
-    for_intervals: ModelError | None = None
 
     @property
     def fits(self) -> bool:
@@ -120,7 +117,6 @@ class Adequacy:
             "word": self.word,
             "meaning": self.meaning,
             "model_error": None if self.size is None else self.size.to_dict(),
-            "for_intervals": None if self.for_intervals is None else self.for_intervals.to_dict(),
             "allowed": self.allowed,
             "causes": [{**asdict(cause), "sentence": cause.sentence} for cause in self.causes],
             "reasons": list(self.reasons),

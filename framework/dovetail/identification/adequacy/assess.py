@@ -102,7 +102,6 @@ def assess(
         causes=causes,
         reasons=tuple(_reasons(target, fit, estimated, model_error)),
         bands=_bands(target, fit, estimated.values),
-        for_intervals=estimated.for_intervals,
     )
     return adequacy, refitted
 

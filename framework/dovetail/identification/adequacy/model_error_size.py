@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.stats import norm, t
 
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
@@ -33,7 +32,6 @@ from dovetail.identification.posterior.model_error import (
     fit_resonances,
     typical_model_error,
 )
-from dovetail.identification.posterior.posterior import LEVEL
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.interfaces import Progress, silent
 
@@ -92,9 +90,6 @@ class FitWithError:
     chi_squared : float
         Of the residuals with parameters and errors marginalised, over their number: 1 where the errors have the
         size that was allowed.
-    for_intervals : ModelError
-        With the uncertainty of these sizes: an error whose size is estimated from n others has Student's t
-        distribution of n degrees of freedom, whose 90 % interval these sizes give to a normal one.
     """
 
     fraction: NDArray[np.float64]
@@ -102,7 +97,6 @@ class FitWithError:
     size: ModelError
     information: NDArray[np.float64]
     chi_squared: float
-    for_intervals: ModelError
 
 
 class _Problem:
@@ -342,19 +336,7 @@ class _Linearised:
         along = parameters @ errors.T
         inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T)
         information = PRIOR_PRECISION * (parameters @ parameters.T - along @ inner)
-        chi_squared = _mean_square(residuals, columns)
-        return FitWithError(self.fraction, self._frf[0], size, information, chi_squared, self._uncertain(size, columns))
-
-    def _uncertain(self, size: ModelError, columns: NDArray[np.float64]) -> ModelError:
-        """Return sizes that are as uncertain as the number of errors that residuals tell of each kind makes them."""
-        told = 1.0 - np.diag(np.linalg.inv(np.eye(len(columns)) + columns @ columns.T))
-        counts, first = [len(self._shapes[kind]) for kind in KINDS], self._jacobian.shape[1]
-        of_kinds = np.split(told[first : first + sum(counts)], np.cumsum(counts)[:-1])
-        priors = (0.0, *(_SETTINGS.pseudo_count for _ in KINDS[1:]))
-        numbers = [max(1.0, float(of_kind.sum()) + prior) for of_kind, prior in zip(of_kinds, priors, strict=True)]
-        tail = (1.0 + LEVEL) / 2.0
-        factors = {kind: float(t.ppf(tail, n) / norm.ppf(tail)) for kind, n in zip(KINDS, numbers, strict=True)}
-        return replace(size, **{kind: factor * getattr(size, kind) for kind, factor in factors.items()})
+        return FitWithError(self.fraction, self._frf[0], size, information, _mean_square(residuals, columns))
 
 
 def _mean_square(residuals: NDArray[np.float64], changes: NDArray[np.float64]) -> float:
