@@ -1,13 +1,13 @@
 """Are genuine measurements of any structure fitted down to their noise? 25 random structures, three kinds of noise.
 
-    python tests/benchmarks/genuine_measurements.py [--cases 500] [--seed 0] [--processes 2] [--only 17]
+    python tests/benchmarks/genuine_measurements.py [--cases 500] [--seed 0] [--lines 200,50000] [--only 17]
 
 Every case draws parameters anywhere in their ranges, and a frequency axis of its own: start, step, 200 to 50,000 lines
-of the band. The noise is 1 % of each value (multiplicative), 1 % of the FRF's standard deviation (additive), or that of
-an H1 estimate from 8 to 64 averages. Half of the measurements tell their variance, or coherence and averages; for the
-others it has to be estimated. The table counts the cases that are told to be fitted down to the noise, those whose
-chi-squared per degree of freedom is 0.93 to 1.07, and those whose fit is as good as the true parameters. The
-failures follow, with the number by which `--only` repeats them alone.
+of the band by default. The noise is 1 % of each value (multiplicative), 1 % of the FRF's standard deviation (additive),
+or that of an H1 estimate from 8 to 64 averages. Half of the measurements tell their variance, or coherence and
+averages; for the others it has to be estimated. The table counts the cases that are told to be fitted down to the
+noise, those whose chi-squared per degree of freedom is 0.93 to 1.07, and those whose fit is as good as the true
+parameters. The failures follow, with the number by which `--only` repeats them alone.
 """
 
 from __future__ import annotations
@@ -102,19 +102,19 @@ def structure(number: int, seed: int) -> dovetail.Assembly:
     return dovetail.load(random_structure(np.random.default_rng([seed, number]), JOINTS[number % len(JOINTS)]))
 
 
-def drawn(number: int, seed: int) -> tuple[dovetail.Assembly, dovetail.Frf, np.ndarray]:
+def drawn(number: int, seed: int, lines: tuple[int, int]) -> tuple[dovetail.Assembly, dovetail.Frf, np.ndarray]:
     """Return the assembly of a case on the measurement's lines, the measurement and the true parameters."""
     rng = np.random.default_rng([seed, STRUCTURES, number])
     assembly = structure(number % STRUCTURES, seed)
     theta = draw_theta(assembly, rng)
-    assembly = assembly.on(draw_axis(assembly, rng))
+    assembly = assembly.on(draw_axis(assembly, rng, lines))
     noise = NOISES[number // 2 % len(NOISES)]
     return assembly, measure(assembly, theta, noise, rng, stated=number % 2 == 0), theta
 
 
-def identified(number: int, seed: int) -> Case:
+def identified(number: int, seed: int, lines: tuple[int, int]) -> Case:
     """Draw a case and identify it."""
-    assembly, measured, theta = drawn(number, seed)
+    assembly, measured, theta = drawn(number, seed, lines)
     assembly.frf_jacobian(theta)
     began = time.perf_counter()
     result = dovetail.identify(assembly, measured, "refined")
@@ -154,10 +154,16 @@ def row(name: str, cases: list[Case]) -> str:
     return f"| {name} | {cells} | {np.median(seconds):.2f} s | {max(seconds):.2f} s |"
 
 
-def study(numbers: Iterable[int], seed: int, processes: int, report: Callable[[str], object] = print) -> list[Case]:
+def study(
+    numbers: Iterable[int],
+    seed: int,
+    processes: int,
+    report: Callable[[str], object] = print,
+    lines: tuple[int, int] = (200, 50_000),
+) -> list[Case]:
     """Identify the cases, and print the table and the failures."""
     cases = []
-    for case in _each(numbers, seed, processes):
+    for case in _each(partial(identified, seed=seed, lines=lines), numbers, processes):
         cases.append(case)
         if not (case.to_the_noise and case.inside and case.right):
             report(case.describe())
@@ -171,12 +177,12 @@ def study(numbers: Iterable[int], seed: int, processes: int, report: Callable[[s
     return cases
 
 
-def _each(numbers: Iterable[int], seed: int, processes: int) -> Iterator[Case]:
+def _each(one: Callable[[int], Case], numbers: Iterable[int], processes: int) -> Iterator[Case]:
     if processes == 1:
-        yield from (identified(number, seed) for number in numbers)
+        yield from map(one, numbers)
         return
     with ProcessPoolExecutor(processes) as pool:
-        yield from pool.map(partial(identified, seed=seed), numbers)
+        yield from pool.map(one, numbers)
 
 
 if __name__ == "__main__":
@@ -184,7 +190,9 @@ if __name__ == "__main__":
     parser.add_argument("--cases", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0, help="of the structures, parameters, axes and noise")
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--lines", default="200,50000", help="the fewest and the most of a measurement")
     parser.add_argument("--only", type=int, help="this case alone")
     options = parser.parse_args()
     chosen = range(options.cases) if options.only is None else [options.only]
-    study(chosen, options.seed, options.processes, partial(print, flush=True))
+    fewest, most = map(int, options.lines.split(","))
+    study(chosen, options.seed, options.processes, partial(print, flush=True), (fewest, most))

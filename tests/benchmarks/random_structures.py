@@ -272,12 +272,14 @@ def draw_theta(assembly: dovetail.Assembly, rng: np.random.Generator) -> np.ndar
     raise ValueError("no joint of this structure has two resonances in its band.")
 
 
-def draw_axis(assembly: dovetail.Assembly, rng: np.random.Generator) -> np.ndarray:
-    """Return the frequencies of a measurement: a start and a step of its own, 200 to 50,000 lines of the band."""
+def draw_axis(
+    assembly: dovetail.Assembly, rng: np.random.Generator, lines: tuple[int, int] = (200, 50_000)
+) -> np.ndarray:
+    """Return the frequencies of a measurement: a start and a step of its own, so many lines of the band."""
     first, last = assembly.frequency[[0, -1]]
     start = first + rng.uniform(0.0, 0.05) * (last - first)
     stop = last - rng.uniform(0.0, 0.2) * (last - first)
-    return np.linspace(start, stop, round(float(np.exp(rng.uniform(np.log(200), np.log(50_000))))))
+    return np.linspace(start, stop, round(float(np.exp(rng.uniform(*np.log(lines))))))
 
 
 def measure(

@@ -15,9 +15,8 @@ from scipy.optimize import linear_sum_assignment
 import dovetail
 from dovetail.errors import DovetailError
 from dovetail.evaluation.mesh_refinement import finer
-from dovetail.frf import conversion
 from dovetail.identification.adequacy.overhang import find_overhangs
-from dovetail.identification.adequacy.perturbations import PerturbedAssembly, add_mass, list_quantities
+from dovetail.identification.adequacy.perturbations import list_perturbations, list_quantities
 from dovetail.identification.posterior.model_error import fit_resonances
 
 __all__ = ["ALTERATIONS", "KINDS", "SCALED", "Poles", "altered", "pole_errors", "wrong_structure"]
@@ -275,16 +274,34 @@ def altered(
         phase = 2.0 * np.pi * _DELAY * assembly.frequency
         return _times(assembly, np.exp(-1j * phase)) if phase[-1] > _LEAST_PHASE else None
     if name == "conjugate":
-        return PerturbedAssembly(assembly, lambda values: (np.conj(values), values))
+        return ChangedMeasurement(assembly, np.conj)
     if name == "mass":
-        to_accelerance = conversion(assembly.frequency, assembly.description.response.quantity, "accelerance")
-        apparent = 1.0 / float(np.median(np.abs(assembly.frf(theta) * to_accelerance)))
-        return PerturbedAssembly(assembly, add_mass(0.05 * apparent, to_accelerance))
+        mass = next(entry for entry in list_perturbations(assembly) if entry.kind == "mass")
+        return mass.apply(0.05 * mass.upper)
     return _at_another_point(assembly, rng) if name == "point" else _overhanging(assembly, rng)
 
 
+class ChangedMeasurement(dovetail.Assembly):
+    """An assembly whose FRF is changed by the measurement.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    change : callable
+        From FRFs (..., n_freq) to what is measured of them.
+    """
+
+    def __init__(self, assembly: dovetail.Assembly, change: Callable[[np.ndarray], np.ndarray]) -> None:
+        super().__init__(assembly.description)
+        self._of, self._change = assembly, change
+
+    def frf(self, theta: Any = None) -> np.ndarray:
+        """Return the FRF as measured."""
+        return self._change(self._of.frf(theta))
+
+
 def _times(assembly: dovetail.Assembly, factor: np.ndarray) -> dovetail.Assembly:
-    return PerturbedAssembly(assembly, lambda values: (values * factor, np.broadcast_to(factor, values.shape)))
+    return ChangedMeasurement(assembly, lambda values: values * factor)
 
 
 def _at_another_point(assembly: dovetail.Assembly, rng: np.random.Generator) -> dovetail.Assembly:

@@ -89,7 +89,7 @@ def test_extending_replaces_one_by_the_other(read, sound, base, over, count):
             "responses:\n  - {at: tool, position: 10 mm}\n  - {at: tool, position: 1 cm, quantity: mobility}\n",
             "test.yaml:25:5  responses[1]\n"
             "  this is the same point as responses[0].\n"
-            "  Average measurements of the same point, or remove one of the two.",
+            "  Average measurements of the same point, or give this one a 'name', as another level of the force.",
         ),
         (
             "",

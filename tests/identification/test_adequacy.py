@@ -16,9 +16,7 @@ from dovetail.assembly import Assembly
 from dovetail.cli import app
 from dovetail.identification.adequacy.overhang import find_overhangs
 from dovetail.identification.adequacy.perturbations import (
-    PerturbedAssembly,
     PerturbedResiduals,
-    add_mass,
     list_perturbations,
     list_quantities,
 )
@@ -100,7 +98,7 @@ def test_a_network_tells_what_is_unlike_its_training_and_judges_nothing_else(mod
 
 def test_a_mass_that_was_left_in_shifts_the_frf_as_it_says(sdof):
     theta = sdof.from_unit(np.array([0.4, 0.6]))
-    perturbed = PerturbedAssembly(sdof, add_mass(0.2, np.ones(len(sdof.frequency), complex)))
+    perturbed = perturbation(sdof, "mass").apply(0.2)
     values, jacobian = perturbed.frf_jacobian(theta)
     np.testing.assert_allclose(values, sdof.frf(theta) / (1.0 + 0.2 * sdof.frf(theta)))
     np.testing.assert_allclose(values, perturbed.frf(theta))

@@ -12,7 +12,7 @@ import dovetail
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, StackedResiduals
 from dovetail.identification.posterior import ModelError
-from dovetail.identification.posterior.frequency_average import AveragedResiduals, needs_average, weigh
+from dovetail.identification.posterior.frequency_average import AveragedResiduals, needs_average, weigh, with_deviation
 
 EVEN = np.arange(50.0, 2050.0, 0.25)
 UNEVEN = np.unique(np.concatenate([EVEN[::4], EVEN[3000:5000], [60.1, 60.2]]))
@@ -120,3 +120,16 @@ def test_several_responses_are_averaged_each_on_its_own_lines(assemblies):
         np.testing.assert_allclose(shown[-1], residual.of(values[np.newaxis, lines])[0], rtol=1e-6, atol=1e-9)
     of_noise = shown[0] - shown[1]
     assert np.mean(of_noise**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / len(of_noise)))
+
+
+def test_averages_with_another_error_of_each_are_those_that_are_made_with_it(sdof):
+    frf, size = noisy(sdof, sdof.frf()), ModelError(0.01, other=0.2)
+    values, variance = np.tile(1.1 * frf.values, 2), np.tile(frf.variance, 2)
+    for count in (1, 2):
+        target, model = Observations((frf,) * count), ModelFrfs((sdof,) * count)
+        given = (model, target, variance[: 600 * count], variance[: 600 * count] > 0.0, values[: 600 * count])
+        (lines, plain), (_, wanted) = weigh(*given, replace(size, other=0.0)), weigh(*given, size)
+        deviation = [size.other * np.abs(values[:600])] * count
+        at = np.concatenate([values[lines[lines < 600]]] * count)[np.newaxis]
+        np.testing.assert_allclose(with_deviation(plain, deviation).of(at), wanted.of(at), rtol=1e-9)
+        assert not np.allclose(plain.of(at), wanted.of(at), rtol=0.1)

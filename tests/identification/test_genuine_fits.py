@@ -16,7 +16,7 @@ from dovetail.identification.fitting.least_squares import Linearisation, minimis
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.random_error import known_variance, residual_variance
 from dovetail.identification.fitting.search_lines import missed_resonances, search_lines, thinned_lines
-from dovetail.identification.fitting.whiteness import assess_runs, is_white
+from dovetail.identification.fitting.whiteness import assess_runs, has_size_of_noise, is_white
 
 
 def resonances(frequency, *poles, loss=2e-3):
@@ -103,6 +103,38 @@ def test_a_coherence_from_few_averages_leaves_a_chi_squared_of_one(averages):
     assert np.mean(np.abs(frf.values - (2.0 + 1.0j)) ** 2 / known_variance(frf)) == pytest.approx(1.0, abs=0.03)
     smooth = replace(frf, coherence=np.full(20_000, 0.9))
     np.testing.assert_allclose(known_variance(smooth), smooth.random_variance)
+
+
+def test_noise_over_a_variance_of_few_averages_is_white_noise():
+    """Squares over a variance of five averages have the long tail of an F distribution: most would look wrong."""
+    values, plain, normal = np.full(20_000, 2.0 + 1.0j), [], []
+    for seed in range(10):
+        observations = Observations((averaged(values, 5, seed),))
+        every = np.ones(len(values), dtype=bool)
+        residuals = observations.weighted(observations.variance(), every).of(values[np.newaxis])[0]
+        plain.append(is_white(residuals.reshape(-1, 2)))
+        (of_response,) = observations.by_line(residuals)
+        normal.append(is_white(of_response))
+        assert np.mean(of_response**2) == pytest.approx(1.0, abs=0.03)
+        np.testing.assert_allclose(np.angle(of_response @ [1, 1j]), np.angle(residuals.reshape(-1, 2) @ [1, 1j]))
+    assert all(normal)
+    assert sum(plain) < 3
+
+
+@pytest.mark.parametrize(("lines", "limit"), [(100, 1.549), (200, 1.373), (10_000, 1.0483)])
+def test_few_lines_may_leave_a_larger_chi_squared(lines, limit):
+    """Once in a million times, by the chi-squared distribution of two residuals for each line."""
+    assert has_size_of_noise(2 * lines * (limit - 0.001), 2 * lines, lines, variance_known=True)
+    assert not has_size_of_noise(2 * lines * (limit + 0.001), 2 * lines, lines, variance_known=True)
+    assert has_size_of_noise(2 * lines * 1.1 * limit, 2 * lines, lines, variance_known=False)
+
+
+def test_a_hundred_lines_that_scatter_by_chance_are_judged_to_the_noise(sdof):
+    """Noise alone has a chi-squared of 1.32 here, which it exceeds once in a thousand times."""
+    few = sdof.on(np.linspace(20.0, 600.0, 100))
+    result = dovetail.identify(few, noisy(few, few.frf(), 0.01, 307), "refined")
+    assert result.fit.chi_squared == pytest.approx(1.32, abs=0.02)
+    assert result.adequacy.word == "to the noise"
 
 
 def test_a_search_looks_at_few_lines_but_at_every_resonance():

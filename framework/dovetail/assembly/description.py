@@ -189,8 +189,10 @@ class Description:
 
     @property
     def response_labels(self) -> tuple[str, ...]:
-        """The position of each response in words: ``"tool, 10 mm"``."""
-        return tuple(self._label(response) for response in self.responses)
+        """The position of each response in words: ``"tool, 10 mm"``; with its name where others are there, too."""
+        labels = [self._label(response) for response in self.responses]
+        pairs = zip(labels, self.responses, strict=True)
+        return tuple(label if labels.count(label) == 1 else f"{label}, {response.name}" for label, response in pairs)
 
     @property
     def identified_parameters(self) -> tuple[tuple[str, str], ...]:

@@ -108,8 +108,8 @@ def _read_all(
         responses.append(response)
         points = response.point, response.force_point
         first = first_at.setdefault(points, path)
-        if first != path:
-            remedy = "Average measurements of the same point, or remove one of the two."
+        if first != path and not section.name:
+            remedy = "Average measurements of the same point, or give this one a 'name', as another level of the force."
             faults.add(path, f"this is the same point as {format_path(first)}.", remedy=remedy, key=True)
     return tuple(responses), calibrations
 

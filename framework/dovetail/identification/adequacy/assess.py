@@ -15,10 +15,11 @@ from dovetail.identification.adequacy.causes import CAUSE_SECONDS, find_causes
 from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.fit import bounds_reached
+from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
 from dovetail.identification.fitting.search_lines import missed_resonances
-from dovetail.identification.fitting.whiteness import find_deviating_bands, is_white
+from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
 from dovetail.identification.posterior.model_error import typical_model_error
 from dovetail.interfaces import Progress, logged, silent
 
@@ -29,8 +30,6 @@ __all__ = ["assess"]
 class Settings:
     """When a fit is no longer to the noise."""
 
-    chi_squared: float = 1.25
-    """Chi-squared above which a fit that was not refined is not to the noise; its random error is estimated, mostly."""
     most_missed: int = 5
     """Resonances of the measurement that are listed where the model lacks them."""
     exceeds: float = 2.0
@@ -134,23 +133,16 @@ def _reasons(target: Observations, fit: Fit, estimated: FitWithError, allowed: f
 
 def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
     """Return whether the residuals of a fit are noise: by their size, and by their order along the frequency axis."""
-    if fit.discrepancy or fit.chi_squared > _SETTINGS.chi_squared:
+    if fit.discrepancy:
         return False
     frf, jacobian = linearise_frf(ModelFrfs.of(assembly), fit.theta[np.newaxis])
     weighted = target.weighted(fit.variance, fit.used)
     residuals = weighted.of(frf)[0]
-    columns = weighted.jacobian(frf, jacobian)[0].T
-    basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))[0]
-    white = residuals - basis @ (basis.T @ residuals)
-    return all(is_white(_scaled_to_scatter(block)) for block in _by_response(target, white))
-
-
-def _by_response(target: Observations, residuals: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return residuals (n_freq, 1 or 2) of each response."""
-    components = [2 if frf.has_phase else 1 for frf in target.frfs]
-    ends = np.cumsum([count * number for count, number in zip(target.counts, components, strict=True)])[:-1]
-    blocks = zip(np.split(residuals, ends), components, strict=True)
-    return [block.reshape(-1, number) for block, number in blocks]
+    of_responses = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))
+    squares, lines = sum(float(np.sum(block**2)) for block in of_responses), int(np.count_nonzero(fit.used))
+    if not has_size_of_noise(squares, fit.degrees_of_freedom, lines, variance_known=fit.variance_known):
+        return False
+    return all(is_white(_scaled_to_scatter(block)) for block in of_responses)
 
 
 def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -162,4 +154,4 @@ def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
 def _bands(target: Observations, fit: Fit, values: NDArray[np.complex128]) -> tuple[tuple[float, float], ...]:
     """Return the bands of the first response in which a fit deviates."""
     residuals = target.weighted(fit.variance, fit.used).of(values[np.newaxis])[0]
-    return find_deviating_bands(target.frfs[0].frequency, _by_response(target, residuals)[0])
+    return find_deviating_bands(target.frfs[0].frequency, target.by_line(residuals)[0])

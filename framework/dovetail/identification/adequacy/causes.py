@@ -9,6 +9,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,12 @@ from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
 from dovetail.identification.adequacy.adequacy import Cause
-from dovetail.identification.adequacy.model_causes import nearest_points, try_missing_resonances, try_window
-from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
+from dovetail.identification.adequacy.model_causes import nearest_points, try_levels, try_missing_resonances, try_window
+from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals
 from dovetail.identification.adequacy.trials import Trial, Trials, values_of
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.least_squares import minimise
-from dovetail.identification.fitting.residuals import linearise_frf
+from dovetail.identification.fitting.least_squares import minimise, without
+from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
 from dovetail.interfaces import Parameter, Progress, silent
 from dovetail.units import format_quantity
 
@@ -133,8 +134,7 @@ def find_causes(
     """
     if not seconds:
         return ()
-    deadline = time.monotonic() + seconds
-    trials = Trials(assembly, measured, fit)
+    trials = Trials(assembly, measured, fit, time.monotonic() + seconds)
     before = trials.unchanged
     improvements: list[tuple[float, Cause]] = []
     for name, words, trial in _candidates(trials, progress):
@@ -142,7 +142,7 @@ def find_causes(
         factor = float(np.exp(improvement / 2.0))
         _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", words or name, factor)
         improvements.append((improvement, Cause(name, words, (before.coherence, trial.coherence), factor)))
-        if time.monotonic() > deadline or trial.misfit < _SETTINGS.noise + _SETTINGS.explained:
+        if trial.misfit < _SETTINGS.noise + _SETTINGS.explained:
             break
     progress("causes", _STAGES, _STAGES)
     return _named(improvements, before.misfit - _SETTINGS.noise)
@@ -168,7 +168,7 @@ def _needed(name: str, excess: float) -> float:
 
 
 _OF_MEASUREMENT = {"sign", "conjugate", "gain", "unit", "quantity", "delay", "window"}
-_STAGES = 10
+_STAGES = 11
 
 
 def _candidates(trials: Trials, progress: Progress) -> Iterator[Candidate]:
@@ -178,6 +178,7 @@ def _candidates(trials: Trials, progress: Progress) -> Iterator[Candidate]:
         ("gain and units", _gains),
         ("quantity", _quantities),
         ("delay", _delays),
+        ("levels", try_levels),
         ("window", try_window),
         ("ranges", _ranges),
         ("resonances", try_missing_resonances),
@@ -187,19 +188,32 @@ def _candidates(trials: Trials, progress: Progress) -> Iterator[Candidate]:
     ]
     for number, (note, stage) in enumerate(stages):
         progress("causes", number, _STAGES, note)
-        yield from stage(trials)
+        for candidate in stage(trials):
+            yield candidate
+            if trials.late:
+                return
+        if trials.late:
+            return
 
 
 def _phases(trials: Trials) -> Iterator[Candidate]:
     if not _has_phase(trials):
         return
-    starts = [trials.best, trials.shape]
+    starts, frfs = [trials.best, trials.shape], trials.target.frfs
     for name, words, change in (
         ("sign", "the sign reversed", lambda values: -values),
         ("conjugate", "the phase conjugated", np.conj),
     ):
-        frfs = [replace(frf, values=change(frf.values)) for frf in trials.target.frfs]
-        yield name, words, trials.fit(trials.assembly, frfs, starts)
+        yield (
+            name,
+            words,
+            trials.fit(trials.assembly, [replace(frf, values=change(frf.values)) for frf in frfs], starts),
+        )
+    labels = trials.assembly.description.response_labels if len(frfs) > 1 else ()
+    for number, label in enumerate(labels):
+        signs = np.where(np.arange(len(frfs)) == number, -1.0, 1.0)
+        reversed_there = [replace(frf, values=sign * frf.values) for frf, sign in zip(frfs, signs, strict=True)]
+        yield "sign", f"the sign at {label} reversed", trials.fit(trials.assembly, reversed_there, starts)
 
 
 def _gains(trials: Trials, power: int = 0) -> Iterator[Candidate]:
@@ -305,9 +319,7 @@ def _with_range(assembly: Assembly, joint: str, name: str, lower: float, upper: 
 
 
 def _masses_and_overhangs(trials: Trials) -> Iterator[Candidate]:
-    if len(trials.target.frfs) > 1:
-        return
-    for perturbation in list_perturbations(trials.assembly):
+    for perturbation in trials.perturbations:
         if perturbation.kind == "mass":
             yield from _perturbed(trials, perturbation, (0.0,))
         elif perturbation.kind == "overhang":
@@ -316,23 +328,18 @@ def _masses_and_overhangs(trials: Trials) -> Iterator[Candidate]:
 
 def _parts(trials: Trials) -> Iterator[Candidate]:
     """Try the quantities of parts to which the residuals point."""
-    if len(trials.target.frfs) > 1:
-        return
-    parts = [p for p in list_perturbations(trials.assembly) if p.kind == "part"]
-    parts.sort(key=lambda p: -_alignment(trials, p))
-    for perturbation in parts[: _SETTINGS.quantities]:
+    parts = takewhile(lambda _: not trials.late, (p for p in trials.perturbations if p.kind == "part"))
+    for perturbation in sorted(parts, key=lambda p: -_alignment(trials, p))[: _SETTINGS.quantities]:
         yield from _perturbed(trials, perturbation, (0.0,))
 
 
 def _alignment(trials: Trials, perturbation: Perturbation, step: float = 1e-4) -> float:
     """Return the cosine of residuals and what a perturbation adds to them, beyond what the joint can make."""
     theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
-    frf, jacobian = linearise_frf(trials.assembly, theta)
-    ahead = residual.of(perturbation.apply(step).frf(theta))[0]
-    residuals, columns = residual.of(frf)[0], residual.jacobian(frf, jacobian)[0].T
-    basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))[0]
-    change, left = ahead - residuals, residuals - basis @ (basis.T @ residuals)
-    change = change - basis @ (basis.T @ change)
+    frf, jacobian = linearise_frf(ModelFrfs.of(trials.assembly), theta)
+    ahead = residual.of(ModelFrfs.of(perturbation.apply(step)).frf(theta))[0]
+    residuals = residual.of(frf)[0]
+    change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
     return float(abs(change @ left) / max(np.linalg.norm(change) * np.linalg.norm(left), np.finfo(float).tiny))
 
 
@@ -341,9 +348,17 @@ def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float,
     problem = PerturbedResiduals(perturbation, trials.residual())
     candidates = []
     for amount in amounts:
+        if trials.late:
+            return
         try:
             start = problem.position(trials.assembly.to_unit(trials.unchanged.theta), amount)
-            minimum = minimise(problem, start, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+            minimum = minimise(
+                problem,
+                start,
+                tolerance=_SETTINGS.tolerance,
+                most_steps=_SETTINGS.steps,
+                deadline=trials.deadline,
+            )
             found = problem.amount(minimum.position[0])
             if abs(found) >= perturbation.negligible:
                 theta = trials.assembly.from_unit(minimum.position[0, :-1])

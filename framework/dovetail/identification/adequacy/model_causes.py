@@ -1,4 +1,4 @@
-"""Causes in the model: other points of response and force, a resonance that it lacks, the damping of a window."""
+"""Causes in the model: other points, several levels of the force, a resonance that it lacks, damping of a window."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dovetail.identification.posterior.model_error import Resonances, fit_resona
 from dovetail.interfaces import DIRECTIONS
 from dovetail.synthesis import Point
 
-__all__ = ["nearest_points", "try_missing_resonances", "try_window"]
+__all__ = ["nearest_points", "try_levels", "try_missing_resonances", "try_window"]
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,8 @@ class Settings:
     """Loss factor from which its search starts."""
     windows: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
     """Damping that a window adds, over that of the least damped resonance, from which its search starts."""
+    most_window: float = 100.0
+    """Such damping up to which the search goes on while the fit becomes better."""
     narrowings: int = 3
     """Times that the step between such values is halved."""
 
@@ -155,6 +157,28 @@ def _words(assembly: Assembly, place: Node) -> str:
 Candidate = tuple[str, str, Trial]
 
 
+def try_levels(trials: Trials) -> Iterator[Candidate]:
+    """Yield the fit in which every measurement at one point, as at several levels of the force, is fitted alone."""
+    places = [(response.point, response.force_point) for response in trials.assembly.description.responses]
+    level = np.array([places[:number].count(place) for number, place in enumerate(places)])
+    if not level.max():
+        return
+    of_response, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
+    for numbers in (np.flatnonzero(level == one).tolist() for one in range(level.max() + 1)):
+        part = trials.of_responses(numbers)
+        theta = part.fit(part.assembly, part.target.frfs, [trials.best, trials.shape]).theta
+        fitted = part.target.split(part.values(theta))
+        of_response |= dict(zip(numbers, fitted, strict=True))
+        resonances.append(fit_resonances([frf.frequency for frf in part.target.frfs], fitted))
+    words = f"each of {len(resonances)} measurements at one point fitted alone"
+    first, last = (found.poles.real for found in (resonances[0], resonances[-1]))
+    if len(first) and len(last):
+        strongest = first[np.argmax(np.abs(resonances[0].near[0]).max(axis=1))]
+        words += f", a resonance from {strongest:.5g} to {last[np.argmin(np.abs(last - strongest))]:.5g} Hz"
+    together = np.concatenate([of_response[number] for number in range(len(places))])
+    yield "level", f"{words} (does it depend on the amplitude?)", trials.judged(trials.best, together)
+
+
 def try_missing_resonances(trials: Trials) -> Iterator[Candidate]:
     """Yield the fit with a resonance added where the measurement has one and the model has none."""
     theta = trials.unchanged.theta
@@ -207,6 +231,8 @@ def try_window(trials: Trials) -> Iterator[Candidate]:
 
     least = float(resonances.poles.imag.min())
     tried = [without(least * part) for part in _SETTINGS.windows]
+    while tried[-1][1].misfit < tried[-2][1].misfit and tried[-1][0] < _SETTINGS.most_window * least:
+        tried.append(without(3.0 * tried[-1][0]))
     for halving in range(1, _SETTINGS.narrowings + 1):
         best = min(tried, key=lambda pair: pair[1].misfit)[0]
         step = 3.0 ** (0.5**halving)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,18 @@ from scipy.optimize import brentq
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior, linearise_frf
-from dovetail.identification.posterior.frequency_average import weigh
+from dovetail.identification.posterior.frequency_average import (
+    needs_average,
+    unshaped_deviation,
+    weigh,
+    with_deviation,
+)
 from dovetail.identification.posterior.likelihood import PRIOR_PRECISION, MarginalisedResiduals, marginalised_squares
 from dovetail.identification.posterior.model_error import (
     KINDS,
     ModelError,
     error_shapes,
+    fit_resonances,
     typical_model_error,
 )
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
@@ -118,11 +125,13 @@ class _Problem:
         """Return from which to which error of natural frequencies the peaks allow to ask (relative, rms).
 
         The least is how far peaks of measurement and model that belong together are apart, beyond a line; the most is
-        twice how far they are apart, where each peak of the measurement has its counterpart.
+        twice how far they are apart, where they are all resonances there are: each peak of the measurement has its
+        counterpart, and each resonance of the model its peak. Damped ones, which have none, may be farther away.
         """
-        values = self.values(fraction)
+        values = self.target.split(self.values(fraction))
+        poles, with_peak = fit_resonances(self.axes, values).poles.real, set[int]()
         apart, beyond, alone = list[float](), list[float](), 0
-        for frf, fitted in zip(self.target.frfs, self.target.split(values), strict=True):
+        for frf, fitted in zip(self.target.frfs, values, strict=True):
             measured, modelled = resonance_peaks(frf), resonance_peaks(replace(frf, values=fitted))
             step = float(np.median(np.diff(frf.frequency))) if len(frf.frequency) > 1 else 0.0
             pairs = [(peak, counterpart(peak, measured, modelled)) for peak in measured.tolist()]
@@ -130,8 +139,12 @@ class _Problem:
             alone += len(pairs) - len(distances)
             apart += [distance / peak for distance, peak in distances]
             beyond += [max(0.0, distance - step) / peak for distance, peak in distances]
+            if len(poles):
+                with_peak |= {int(np.argmin(np.abs(poles - other))) for _, other in pairs if other is not None}
+        low, high = min(axis[0] for axis in self.axes), max(axis[-1] for axis in self.axes)
+        alone += max(0, int(np.count_nonzero((poles > low) & (poles < high))) - len(with_peak))
         least = max(_SETTINGS.narrowest, _rms(beyond))
-        if alone or len(apart) < _SETTINGS.fewest_peaks:
+        if alone > 0 or len(apart) < _SETTINGS.fewest_peaks:
             return least, _SETTINGS.most
         return least, _SETTINGS.consistent * max(least, _rms(apart))
 
@@ -229,12 +242,24 @@ class _Linearised:
 
     def _whitened(self, size: ModelError) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
         """Return residuals (m,), and what parameters and errors of each kind add to them (k, m), for other errors."""
-        lines, residual = self._problem.residual(self._frf[0], replace(self._size, other=size.other))
+        lines, residual = self._residual(size.other)
         changes = {"parameters": self._jacobian[0] / np.sqrt(PRIOR_PRECISION), **self._shapes}
         stacked = np.concatenate(list(changes.values()))
         columns = residual.jacobian(self._frf[:, lines], stacked[np.newaxis, :, lines])[0]
         ends = np.cumsum([len(change) for change in changes.values()])[:-1]
         return residual.of(self._frf[:, lines])[0], dict(zip(changes, np.split(columns, ends), strict=True))
+
+    def _residual(self, other: float) -> tuple[NDArray[np.intp], Residual]:
+        """Return lines of the model and residuals there with other errors of a size; averages are made once."""
+        size, values = replace(self._size, other=other), self._frf[0]
+        if not needs_average(size):
+            return self._problem.residual(values, size)
+        lines, averages = self._averages
+        return lines, with_deviation(averages, self._problem.target.split(unshaped_deviation(values, size)))
+
+    @cached_property
+    def _averages(self) -> tuple[NDArray[np.intp], Residual]:
+        return self._problem.residual(self._frf[0], replace(self._size, other=0.0))
 
     def estimate(self) -> ModelError:
         """Return the most probable sizes."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, TypeAlias, get_args
 
 import numpy as np
@@ -23,9 +23,7 @@ from dovetail.units import InUnit, format_quantity
 
 __all__ = [
     "Perturbation",
-    "PerturbedAssembly",
     "PerturbedResiduals",
-    "add_mass",
     "list_perturbations",
     "list_quantities",
 ]
@@ -80,26 +78,36 @@ class Perturbation:
 
 
 def list_perturbations(assembly: Assembly) -> tuple[Perturbation, ...]:
-    """Return the perturbations of an assembly: a mass at its first response, overhangs, quantities of the parts."""
+    """Return the perturbations of an assembly: a mass at its responses, overhangs, quantities of the parts."""
     return (*_added_mass(assembly), *_overhangs(assembly), *_quantities(assembly))
 
 
 def _added_mass(assembly: Assembly) -> Iterator[Perturbation]:
-    response = assembly.description.response
-    if response.rotation:
+    if any(response.rotation for response in assembly.description.responses):
         return
-    to_accelerance = conversion(assembly.frequency, response.quantity, "accelerance")
+    responses = [(each, _drive_point(each)) for each in assembly.each_response]
+    drive_point = responses[0][1]
+    quantity = drive_point.description.response.quantity
+    accelerance = drive_point.frf() * conversion(drive_point.frequency, quantity, "accelerance")
+    apparent = 1.0 / float(np.median(np.abs(accelerance)))
+    apply, describe = partial(LoadedAssembly, responses), partial(_describe_mass, len(responses))
+    yield Perturbation("mass", "mass", apply, describe, -0.5 * apparent, apparent, 1e-3 * apparent)
 
-    def apply(mass: float) -> Assembly:
-        return PerturbedAssembly(assembly, add_mass(mass, to_accelerance))
 
-    apparent = 1.0 / float(np.median(np.abs(assembly.frf() * to_accelerance)))
-    yield Perturbation("mass", "mass", apply, _describe_mass, -0.5 * apparent, apparent, 1e-3 * apparent)
+def _drive_point(assembly: Assembly) -> Assembly:
+    """Return an assembly of one response with the force where it is measured."""
+    response = assembly.description.response
+    if response.is_drive_point:
+        return assembly
+    return Assembly(replace(assembly.description, responses=(replace(response, force=None),)))
 
 
-def _describe_mass(mass: float) -> str:
-    grams = f"{abs(1e3 * mass):.2g} g"
-    return f"a mass of {grams} {'added to' if mass > 0 else 'taken from'} the model at the response (an accelerometer?)"
+def _describe_mass(responses: int, mass: float) -> str:
+    grams, where = (
+        f"{abs(1e3 * mass):.2g} g",
+        "the response" if responses == 1 else "each response, while it is measured",
+    )
+    return f"a mass of {grams} {'added to' if mass > 0 else 'taken from'} the model at {where} (an accelerometer?)"
 
 
 def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
@@ -144,7 +152,8 @@ def _with_overhang(assembly: Assembly, overhang: Overhang, amount: float) -> Ass
 
 def _with_model(assembly: Assembly, name: str, model: SubstructureModel) -> Assembly:
     substructures = {**assembly.description.substructures, name: model}
-    return Assembly(replace(assembly.description, substructures=substructures))
+    changed = Assembly(replace(assembly.description, substructures=substructures))
+    return changed.on(*(each.frequency for each in assembly.each_response))
 
 
 def _describe_overhang(overhang: Overhang, amount: float) -> str:
@@ -204,43 +213,40 @@ class PerturbedResiduals:
         return FrfResiduals(self._perturbation.apply(amount), self._residual)
 
 
-FrfTransform: TypeAlias = Callable[[NDArray[np.complex128]], tuple[NDArray[np.complex128], NDArray[np.complex128]]]
-"""From FRFs (..., n_freq) to what is measured of them, and its derivative by them, line by line."""
-
-
-class PerturbedAssembly(Assembly):
-    """An assembly whose FRFs are transformed by the measurement.
+class LoadedAssembly(Assembly):
+    """An assembly with a mass at each of its responses while that one is measured.
 
     Parameters
     ----------
-    assembly : Assembly
-    transform : callable
+    responses : sequence of (Assembly, Assembly)
+        Each response, and the drive point where it is measured.
+    mass : float
+        kg.
     """
 
-    def __init__(self, assembly: Assembly, transform: FrfTransform) -> None:
-        super().__init__(assembly.description)
-        self._assembly = assembly
-        self._transform = transform
+    def __init__(self, responses: Sequence[tuple[Assembly, Assembly]], mass: float) -> None:
+        (self._plain, self._at_response), *self._others = responses
+        super().__init__(self._plain.description)
+        quantity = self._at_response.description.response.quantity
+        self._mass, self._load = mass, mass * conversion(self.frequency, quantity, "accelerance")
+
+    @cached_property
+    def each_response(self) -> tuple[Assembly, ...]:
+        """One assembly for each response; the first is this one."""
+        return self, *(LoadedAssembly([other], self._mass) for other in self._others)
 
     def frf(self, theta: Theta = None) -> NDArray[np.complex128]:
         """Return the FRFs as measured, (n_freq,) or (n, n_freq)."""
-        return self._transform(self._assembly.frf(theta))[0]
+        return np.asarray(self._plain.frf(theta) / (1.0 + self._load * self._at_response.frf(theta)))
 
     def frf_jacobian(self, theta: Theta = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return the FRFs as measured and their derivatives, with a last axis n_params."""
-        values, jacobian = self._assembly.frf_jacobian(theta)
-        measured, derivative = self._transform(values)
-        return measured, jacobian * derivative[..., np.newaxis]
-
-
-def add_mass(mass: float, to_accelerance: NDArray[np.complex128]) -> FrfTransform:
-    """Return what puts a mass [kg] at the drive point."""
-
-    def transform(values: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        load = 1.0 + mass * to_accelerance * values
-        return values / load, 1.0 / load**2
-
-    return transform
+        values, jacobian = self._plain.frf_jacobian(theta)
+        same = self._at_response is self._plain
+        there, slope = (values, jacobian) if same else self._at_response.frf_jacobian(theta)
+        loaded = values / (1.0 + self._load * there)
+        change = jacobian - (loaded * self._load)[..., np.newaxis] * slope
+        return loaded, change / (1.0 + self._load * there)[..., np.newaxis]
 
 
 @dataclass(frozen=True)

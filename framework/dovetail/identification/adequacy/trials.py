@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +14,7 @@ from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf, coherence_spectrum
+from dovetail.identification.adequacy.perturbations import Perturbation, list_perturbations
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import SumOfSquares, minimise
 from dovetail.identification.fitting.observations import Observations
@@ -76,17 +79,42 @@ class Trials:
         One for each response.
     fit : Fit
         Of the same measurement.
+    deadline : float
+        `time.monotonic()` after which every fit ends where it is, at most a step later.
     """
 
-    def __init__(self, assembly: Assembly, measured: Sequence[Frf], fit: Fit) -> None:
+    def __init__(self, assembly: Assembly, measured: Sequence[Frf], fit: Fit, deadline: float = np.inf) -> None:
         target = Observations.of(assembly, measured)
         lines = search_lines(target, fit.variance)
         lines = lines[fit.used[lines]]
         self.best = fit.theta
+        self.deadline = deadline
         self.target = target.at(lines)
         self.assembly = assembly.on(*(frf.frequency for frf in self.target.frfs))
         self.relative = fit.variance[lines] / np.maximum(np.abs(values_of(self.target.frfs)) ** 2, fit.variance[lines])
         self._used = np.ones(len(lines), dtype=np.bool_)
+
+    @property
+    def late(self) -> bool:
+        """Whether the time is over."""
+        return time.monotonic() > self.deadline
+
+    @cached_property
+    def perturbations(self) -> tuple[Perturbation, ...]:
+        """What may be otherwise in the model."""
+        return list_perturbations(self.assembly)
+
+    def of_responses(self, numbers: Sequence[int]) -> Trials:
+        """Return the trials of some of the responses alone."""
+        counts, chosen = self.target.counts, np.isin(np.arange(len(self.target.frfs)), numbers)
+        part = copy(self)
+        part.target = Observations(tuple(self.target.frfs[number] for number in numbers))
+        responses = tuple(self.assembly.description.responses[number] for number in numbers)
+        alone = Assembly(replace(self.assembly.description, responses=responses))
+        part.assembly = alone.on(*(frf.frequency for frf in part.target.frfs))
+        part.relative = self.relative[np.repeat(chosen, counts)]
+        part._used = self._used[np.repeat(chosen, counts)]
+        return part
 
     @cached_property
     def unchanged(self) -> Trial:
@@ -104,7 +132,7 @@ class Trials:
         points = qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0)).random(_SETTINGS.candidates)
         similar = points[np.argsort(np.sum(problem.residuals(points) ** 2, axis=1))[: _SETTINGS.starts]]
         starts = np.concatenate([self.assembly.to_unit(self.best)[np.newaxis], similar])
-        return np.asarray(self.assembly.from_unit(_lowest(problem, starts)))
+        return np.asarray(self.assembly.from_unit(self._lowest(problem, starts)))
 
     def fit(self, assembly: Assembly, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]]) -> Trial:
         """Fit a model to measured FRFs, first their logarithms, then themselves, weighted by typical residuals.
@@ -120,15 +148,15 @@ class Trials:
         """
         target, model = Observations(tuple(frfs)), ModelFrfs.of(assembly)
         positions = assembly.to_unit(np.array(starts))
-        position = _lowest(FrfResiduals(model, self._logarithms(target)), positions)
+        position = self._lowest(FrfResiduals(model, self._logarithms(target)), positions)
         best = self._trial(model, target, assembly.from_unit(position))
         for _ in range(_SETTINGS.reweighted):
             variance = self._variance(target) + self._typical_square(model, target, best.theta)
             problem = FrfResiduals(model, target.weighted(variance, self._used))
-            position = _lowest(problem, assembly.to_unit(best.theta)[np.newaxis])
+            position = self._lowest(problem, assembly.to_unit(best.theta)[np.newaxis])
             before, now = best, self._trial(model, target, assembly.from_unit(position))
             best = min(before, now, key=lambda trial: trial.misfit)
-            if now.misfit > before.misfit - _SETTINGS.settled:
+            if now.misfit > before.misfit - _SETTINGS.settled or self.late:
                 break
         return best
 
@@ -155,7 +183,7 @@ class Trials:
         model = ModelFrfs.of(self.assembly)
         direction = -residual.weighted(change)[np.newaxis]
         problem = MarginalisedResiduals(FrfResiduals(model, residual), _SETTINGS.free * direction)
-        position = _lowest(problem, self.assembly.to_unit(np.array(starts)))
+        position = self._lowest(problem, self.assembly.to_unit(np.array(starts)))
         theta = self.assembly.from_unit(position)
         left = residual.of(model.frf(theta[np.newaxis]))[0]
         return theta, float(left @ direction[0] / (direction[0] @ direction[0]))
@@ -171,6 +199,12 @@ class Trials:
     def values(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the FRFs (n_lines,) of a joint (p,)."""
         return np.asarray(ModelFrfs.of(self.assembly).frf(theta[np.newaxis])[0])
+
+    def _lowest(self, problem: SumOfSquares, starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where the best of some searches ended (p,)."""
+        tolerance, steps = _SETTINGS.tolerance, _SETTINGS.steps
+        minima = minimise(problem, starts, tolerance=tolerance, most_steps=steps, deadline=self.deadline)
+        return np.asarray(minima.position[np.argmin(minima.cost)])
 
     def _logarithms(self, target: Observations) -> LogRatio:
         return LogRatio.against(values_of(target.frfs), self.relative, all(frf.has_phase for frf in target.frfs))
@@ -202,12 +236,6 @@ class Trials:
 def values_of(frfs: Sequence[Frf]) -> NDArray[np.complex128]:
     """Return the values (n_lines,) of FRFs, one behind the other."""
     return np.concatenate([frf.values for frf in frfs])
-
-
-def _lowest(problem: SumOfSquares, starts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where the best of some searches ended (p,)."""
-    minima = minimise(problem, starts, tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
-    return np.asarray(minima.position[np.argmin(minima.cost)])
 
 
 def _amplitude(frf: Frf) -> Frf:

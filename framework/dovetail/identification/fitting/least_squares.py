@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-__all__ = ["Linearisation", "Minima", "SumOfSquares", "minimise"]
+__all__ = ["Linearisation", "Minima", "SumOfSquares", "minimise", "without"]
 
 _AT_BOUND = 1e-5
 """Distance from a face of the cube within which a search that is driven towards it ends on it: the method itself keeps
@@ -170,3 +170,10 @@ def _triangle(linear: Linearisation) -> NDArray[np.float64]:
         reduced = np.asarray(np.linalg.qr(whole, mode="r")).reshape(-1, rows.shape[1])
         rows = np.concatenate([reduced, rows[blocks * _ROWS_PER_BLOCK :]])
     return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def without(vectors: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return vectors (..., m) without what some directions (k, m), of whatever length, make of them."""
+    lengths = np.maximum(np.linalg.norm(directions, axis=1), np.finfo(float).tiny)
+    basis = np.linalg.qr(directions.T / lengths)[0]
+    return np.asarray(vectors - (vectors @ basis) @ basis.T)

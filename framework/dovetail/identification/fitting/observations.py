@@ -19,6 +19,7 @@ from dovetail.identification.fitting.random_error import (
     isolated_lines,
     known_variance,
     most_likely_parts,
+    normal_residuals,
     random_error_variance,
     residual_variance,
 )
@@ -155,10 +156,14 @@ class Observations:
         )
 
     def by_line(self, residuals: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return residuals (m,) line by line, (n_freq, n) for each response."""
+        """Return residuals (m,), over their standard deviation, line by line: (n_freq, n) for each response.
+
+        Those of noise are normally distributed, also where the variance scatters itself, as that of few averages does.
+        """
         counts = [(len(frf.frequency), 2 if frf.has_phase else 1) for frf in self.frfs]
         ends = np.cumsum([lines * width for lines, width in counts])[:-1]
-        return [part.reshape(shape) for part, shape in zip(np.split(residuals, ends), counts, strict=True)]
+        parts = zip(self.frfs, np.split(residuals, ends), counts, strict=True)
+        return [normal_residuals(frf, part.reshape(shape)) for frf, part, shape in parts]
 
     def weighted(self, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> Weighted | StackedResiduals[Weighted]:
         """Return the residuals over their standard deviation, of the lines `used`."""

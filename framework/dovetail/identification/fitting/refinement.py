@@ -17,7 +17,7 @@ from dovetail.identification.fitting.least_squares import Minima, minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, WithPrior
 from dovetail.identification.fitting.search_lines import missed_resonances, search_lines, thinned_lines
-from dovetail.identification.fitting.whiteness import is_white
+from dovetail.identification.fitting.whiteness import has_size_of_noise, is_white
 from dovetail.interfaces import Progress, logged, silent
 
 __all__ = ["refine"]
@@ -58,12 +58,6 @@ class Settings:
     """At most; for the collet half of the fits take 14, and all of them fewer than 70."""
     most_delays: int = 100
     """Delays of a response that are tried, eight for each turn of the phase at the highest frequency."""
-    significance: float = 5.0
-    """Standard deviations of chi-squared within which a fit is as good as the random error allows."""
-    scatter_error: float = 0.15
-    """Relative error of a variance that is estimated from the scatter from line to line, of however many lines."""
-    scatter_deviation: float = 5.0
-    """The same over the inverse root of the number of lines, in addition: quantiles of few lines scatter."""
     refitted: int = 4
     """Minima that are fitted again when the weights change: another may then be the best."""
     most_discrepancies: int = 8
@@ -280,7 +274,7 @@ class _Refinement:
 
     def _with_residual_variance(self, best: _Ranked) -> _Ranked:
         """Estimate the random error from all residuals, and fit again, if nothing but noise is left then."""
-        if self._chi_squared(best) > self._most_chi_squared:
+        if not self._has_size_of_noise(self._residuals(best)):
             return best
         from_scatter = self._variance
         share = self._freedom / self._target.residual_count(self._used)
@@ -324,20 +318,15 @@ class _Refinement:
     def _freedom(self) -> int:
         return max(1, self._target.residual_count(self._used) - len(self._assembly.parameters))
 
-    @property
-    def _most_chi_squared(self) -> float:
-        """Chi-squared up to which a fit can be as good as the random error allows."""
-        spread = _SETTINGS.significance * np.sqrt(2.0 / self._freedom)
-        if not self._target.variance_known:
-            spread += _SETTINGS.scatter_error + _SETTINGS.scatter_deviation / np.sqrt(np.count_nonzero(self._used))
-        return float(1.0 + spread)
-
     def _chi_squared(self, best: _Ranked) -> float:
         return float(np.sum(self._residuals(best) ** 2)) / self._freedom
 
     def _is_noise(self, best: _Ranked) -> bool:
         """Say whether the residuals of the best fit are no larger than the random error, and as white."""
         residuals = self._residuals(best)
-        if np.sum(residuals**2) > self._most_chi_squared * self._freedom:
-            return False
-        return all(is_white(of_response) for of_response in self._target.by_line(residuals))
+        return self._has_size_of_noise(residuals) and all(map(is_white, self._target.by_line(residuals)))
+
+    def _has_size_of_noise(self, residuals: NDArray[np.float64]) -> bool:
+        squares = sum(float(np.sum(of_response**2)) for of_response in self._target.by_line(residuals))
+        lines = int(np.count_nonzero(self._used))
+        return has_size_of_noise(squares, self._freedom, lines, variance_known=self._target.variance_known)

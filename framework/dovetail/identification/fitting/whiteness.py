@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-__all__ = ["assess_runs", "find_deviating_bands", "is_white", "log_improbability"]
+__all__ = ["assess_runs", "find_deviating_bands", "has_size_of_noise", "is_white", "log_improbability"]
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,11 @@ class Settings:
     """From where residuals are not noise, and what counts as a band of them."""
 
     false_alarm: float = 1e-6
-    """Probability that noise has a run, anywhere, that is not taken for noise."""
+    """Probability that noise has a run, anywhere, or a sum of squares, that is not taken for noise."""
+    scatter_error: float = 0.15
+    """Relative error of a variance that is estimated from the scatter from line to line, of however many lines."""
+    scatter_deviation: float = 5.0
+    """The same over the inverse root of the number of lines, in addition: quantiles of few lines scatter."""
     shortest_run: int = 8
     """Lines; fewer may be an interference line."""
     windows: tuple[int, ...] = (16, 64, 256)
@@ -34,6 +38,21 @@ class Settings:
 
 
 _SETTINGS = Settings()
+
+
+def has_size_of_noise(squares: float, degrees_of_freedom: int, lines: int, *, variance_known: bool) -> bool:
+    """Return whether a sum of squared residuals, over their variance, is what noise leaves by chance.
+
+    Parameters
+    ----------
+    squares : float
+    degrees_of_freedom : int
+    lines : int
+        From whose scatter the variance was estimated, if it is not known.
+    variance_known : bool
+    """
+    error = 0.0 if variance_known else _SETTINGS.scatter_error + _SETTINGS.scatter_deviation / np.sqrt(max(1, lines))
+    return bool(log_improbability(squares / (1.0 + error), degrees_of_freedom) <= -np.log10(_SETTINGS.false_alarm))
 
 
 def is_white(residuals: NDArray[np.float64]) -> bool:

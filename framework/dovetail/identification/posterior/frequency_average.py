@@ -7,6 +7,7 @@ Averaged over a band as wide as the error of natural frequencies they do, and al
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,7 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs, Residual, StackedResiduals
 from dovetail.identification.posterior.model_error import ModelError, fit_resonances
 
-__all__ = ["AveragedResiduals", "needs_average", "unshaped_deviation", "weigh"]
+__all__ = ["AveragedResiduals", "needs_average", "unshaped_deviation", "weigh", "with_deviation"]
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,15 @@ def weigh(
     return numbers, StackedResiduals(tuple(averaged), tuple(len(needed) for needed in lines))
 
 
+def with_deviation(averages: Residual, deviations: Sequence[NDArray[np.float64]]) -> Residual:
+    """Return averages of one response or several with other standard deviations (n_freq,) of an error of each."""
+    if isinstance(averages, AveragedResiduals):
+        return averages.with_deviation(deviations[0])
+    assert isinstance(averages, StackedResiduals)
+    pairs = zip(averages.responses, deviations, strict=True)
+    return StackedResiduals(tuple(one.with_deviation(deviation) for one, deviation in pairs), averages.counts)
+
+
 def unshaped_deviation(values: NDArray[np.complex128], size: ModelError) -> NDArray[np.float64]:
     """Return the standard deviation (n_lines,) of the errors of a model that have no shape."""
     return np.asarray(size.other * np.abs(values))
@@ -155,9 +165,19 @@ class AveragedResiduals:
         self._weights = _gaussian_weights(measured.frequency[lines], averages)
         values = measured.values if measured.has_phase else measured.amplitude
         self._measured = weights @ values[used]
-        of_error = (weights @ deviation[used]) ** 2
         self._count = len(averages) * (2 if measured.has_phase else 1)
-        self._factor = _cholesky(weights, variance[used] / 2.0, of_error / 2.0)
+        self._used, self._of_used, self._variance = used, weights, variance[used]
+        self._factor = self._factor_with(deviation)
+
+    def with_deviation(self, deviation: NDArray[np.float64]) -> AveragedResiduals:
+        """Return the same averages with another standard deviation (n_freq,) of an error of each."""
+        other = copy(self)
+        other._factor = self._factor_with(deviation)
+        return other
+
+    def _factor_with(self, deviation: NDArray[np.float64]) -> NDArray[np.float64]:
+        of_error = (self._of_used @ deviation[self._used]) ** 2
+        return _cholesky(self._of_used, self._variance / 2.0, of_error / 2.0)
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the residuals (n, m) of FRFs (n, f)."""
