@@ -7,7 +7,7 @@ import pytest
 
 import dovetail
 from dovetail.errors import ParameterError
-from dovetail.identification.network.epochs import FreshEpochs
+from dovetail.identification.network.augmentation import FreshEpochs
 
 DESCRIPTION = {
     "dovetail": 1,

@@ -10,8 +10,7 @@ import pytest
 import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.errors import DatasetError
-from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures
-from dovetail.identification.network.epochs import FreshEpochs, Reduction
+from dovetail.identification.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures, Reduction
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 
 AXIS = np.arange(1.0, 2001.0)

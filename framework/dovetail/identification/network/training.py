@@ -21,8 +21,7 @@ from threadpoolctl import threadpool_limits
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, Storage, generate
 from dovetail.errors import DatasetError, Fault, ParameterError, PluginError
-from dovetail.identification.network.augmentation import NoisyFeatures
-from dovetail.identification.network.epochs import FreshEpochs, ReducedEpochs, Reduction
+from dovetail.identification.network.augmentation import FreshEpochs, NoisyFeatures, ReducedEpochs, Reduction
 from dovetail.identification.network.network import Network, check_contract, component_label, reduce_features
 from dovetail.identification.network.novelty import learn_novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
