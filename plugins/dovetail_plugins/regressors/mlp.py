@@ -35,6 +35,9 @@ _OWNER = "regressor 'mlp'"
 _GAUSSIAN, _ACTIVATION = "gaussian", "activation"
 _MARGIN = 1e-3
 """How near to the ends of the targets' range, 0 and 1, normal quantiles are taken: three standard deviations."""
+_LARGEST_LOGARITHM = 10.0
+"""Of a precision's Cholesky factor: a standard deviation of a twenty-thousandth."""
+_LARGEST_GRADIENT = 5.0
 _DRAWS = 500
 _FEWEST = 3
 _LARGE = 500_000
@@ -290,6 +293,8 @@ class MLP(dovetail.Regressor):
                 optimizer.zero_grad()
                 loss = loss_of(network(inputs[batch]), outputs[batch])
                 torch.autograd.backward(loss)
+                if config.uncertainty == _GAUSSIAN:  # one sample far from its mean may tell more than all others
+                    torch.nn.utils.clip_grad_norm_(network.parameters(), _LARGEST_GRADIENT)
                 optimizer.step()
             network.eval()
             with torch.no_grad():
@@ -316,7 +321,7 @@ def _negative_log_likelihood(output: torch.Tensor, targets: torch.Tensor) -> tor
     rows, columns = torch.tril_indices(count, count)
     factor = output.new_zeros(len(output), count, count)
     factor[:, rows, columns] = output[:, count:]
-    logarithms = torch.diagonal(factor, dim1=1, dim2=2)
+    logarithms = torch.diagonal(factor, dim1=1, dim2=2).clamp(-_LARGEST_LOGARITHM, _LARGEST_LOGARITHM)
     factor = factor.tril(-1) + torch.diag_embed(torch.exp(logarithms))
     white = torch.einsum("nij,ni->nj", factor, quantiles - output[:, :count])
     return (0.5 * white.square().sum(dim=1) - logarithms.sum(dim=1)).mean()
@@ -328,7 +333,8 @@ def _gaussians(output: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     factor = np.zeros((len(output), count, count))
     factor[:, *np.tril_indices(count)] = output[:, count:]
     diagonal = np.arange(count)
-    factor[:, diagonal, diagonal] = np.exp(factor[:, diagonal, diagonal])
+    limits = -_LARGEST_LOGARITHM, _LARGEST_LOGARITHM
+    factor[:, diagonal, diagonal] = np.exp(np.clip(factor[:, diagonal, diagonal], *limits))
     return output[:, :count], np.asarray(np.linalg.inv(factor), dtype=np.float64)
 
 
