@@ -1,10 +1,10 @@
 """How long the explorer takes from an input to the drawn curve, and to its first paint, in headless Chromium.
 
-    python tests/benchmarks/explorer_latency.py [--assembly FILE] [--measured FILE] [--inputs N]
+    python tests/benchmarks/explorer_latency.py [--assembly FILE] [--measured FILE] [--inputs N] [--picture FILE.png]
 
 Single inputs: a slider is moved, and moved again when its curve stands there. A drag: sixty inputs a second; what is
 overtaken by a newer one is not drawn. The time begins with the input and ends when the chart has drawn; the screen
-follows with its next picture.
+follows with its next picture. The picture is the page after a fit from the middle of the ranges, that curve kept.
 """
 
 from __future__ import annotations
@@ -59,11 +59,24 @@ def measure(page: Page, inputs: int) -> list[str]:
     return [*lines, distribution(f"a drag of {2 * inputs} inputs", drag)]
 
 
+def picture(page: Page, file: Path) -> None:
+    """Fit from the middle of the ranges, with that curve kept, and write a picture of the page."""
+    page.wait_for("document.documentElement.dataset.ready === 'true'")
+    page.evaluate("document.getElementById('keep').click(); 0")
+    page.wait_for("document.querySelector('.key-before') !== null")
+    page.evaluate("document.getElementById('fit').click(); 0")
+    page.wait_for("document.querySelector('.interval:not([hidden])') !== null", 120)
+    page.evaluate("new Promise((go) => setTimeout(go, 1500))")
+    page.evaluate("document.querySelector('#modes button').click(); 0")
+    page.screenshot(file)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--assembly", type=Path, default=ROOT / "assemblies" / "bt40_er32.yaml")
     parser.add_argument("--measured", type=Path, default=ROOT / "assemblies" / "measurements" / "h0_j_t0_60Nm.uff")
     parser.add_argument("--inputs", type=int, default=60)
+    parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
     command = find_chromium()
     if command is None:
@@ -72,9 +85,12 @@ def main() -> None:
     with PageServer(explorer) as server, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         browser = Browser(command, Path(profile))
-        with browser.page(server.address) as page:
-            print(f"{options.assembly.name}, {options.measured.name}")
-            print(*measure(page, options.inputs), sep="\n")
+        with browser.page(server.address, 1280, 820) as page:
+            if options.picture is not None:
+                picture(page, options.picture)
+            else:
+                print(f"{options.assembly.name}, {options.measured.name}")
+                print(*measure(page, options.inputs), sep="\n")
         browser.close()
 
 

@@ -12,6 +12,7 @@ from dovetail.report.content import (
     adequacy_sentences,
     evaluation_rows,
     is_synthetic,
+    misfit_sentence,
     mode_rows,
     parameter_rows,
     warnings_of,
@@ -19,6 +20,14 @@ from dovetail.report.content import (
 from dovetail.report.report import write_report
 from dovetail.report.truth import Truth
 from dovetail.report.wording import ABSENT
+
+
+def test_where_the_curves_agree_least_is_said_unless_they_agree_everywhere(result: Identification) -> None:
+    said = misfit_sentence(result)
+    assert said.startswith("The agreement is least from ")
+    low, high = (float(word) for word in said.split("from ")[1].split(" Hz")[0].split(" to "))
+    assert 1230 <= low < high <= 7000  # around one of the resonances that differ
+    assert misfit_sentence(replace(result, frf=result.measured)) == ""
 
 
 def with_value(result: Identification, name: str, value: float) -> Identification:

@@ -50,8 +50,8 @@ _ELSEWHERE = ("description", "evaluation")
 _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a laboratory."
 
 
-_PIECES = 20
-"""Parts of the band of which the one with the least agreement is named."""
+_PIECES, _AGREES = 20, 0.995
+"""Parts of the band of which the one with the least agreement is named, and the mean above which nothing is said."""
 
 _EXPLAINED = {
     "to the noise": ("good", "The model explains the measurement down to its noise"),
@@ -263,11 +263,13 @@ def misfit_sentence(result: Identification) -> str:
     for response in result.responses:
         pieces = np.array_split(np.arange(response.frf.frequency.size), min(_PIECES, response.frf.frequency.size))
         agreement = [float(response.coherence[lines].mean()) for lines in pieces]
+        if min(agreement) > _AGREES:
+            continue
         lines = pieces[int(np.argmin(agreement))]
         low, high = response.frf.frequency[lines[[0, -1]]]
         where = f" at {response.point}" if result.further else ""
         worst.append(f"from {low:.5g} to {high:.5g} Hz{where}, with a mean of {min(agreement):.3f}")
-    return f"The agreement is least {'; '.join(worst)}."
+    return f"The agreement is least {'; '.join(worst)}." if worst else ""
 
 
 def posterior_sentence(posterior: Posterior) -> str:
