@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are of POSIX")
-FEW, MANY = 5, 60
+FEW, MANY = 5, 25
 """Values of one option, for a few kills and for ten."""
 
 
