@@ -159,8 +159,8 @@ Candidate = tuple[str, str, Trial]
 
 def try_levels(trials: Trials) -> Iterator[Candidate]:
     """Yield the fit in which every measurement at one point, as at several levels of the force, is fitted alone."""
-    places = [(response.point, response.force_point) for response in trials.assembly.description.responses]
-    level = np.array([places[:number].count(place) for number, place in enumerate(places)])
+    measured_at = [(response.point, response.force_point) for response in trials.assembly.description.responses]
+    level = np.array([measured_at[:number].count(place) for number, place in enumerate(measured_at)])
     if not level.max():
         return
     of_response, resonances = dict[int, NDArray[np.complex128]](), list[Resonances]()
@@ -175,7 +175,7 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
     if len(first) and len(last):
         strongest = first[np.argmax(np.abs(resonances[0].near[0]).max(axis=1))]
         words += f", a resonance from {strongest:.5g} to {last[np.argmin(np.abs(last - strongest))]:.5g} Hz"
-    together = np.concatenate([of_response[number] for number in range(len(places))])
+    together = np.concatenate([of_response[number] for number in range(len(measured_at))])
     yield "level", f"{words} (does it depend on the amplitude?)", trials.judged(trials.best, together)
 
 
