@@ -52,7 +52,8 @@ def has_size_of_noise(squares: float, degrees_of_freedom: int, lines: int, *, va
     variance_known : bool
     """
     error = 0.0 if variance_known else _SETTINGS.scatter_error + _SETTINGS.scatter_deviation / np.sqrt(max(1, lines))
-    return bool(log_improbability(squares / (1.0 + error), degrees_of_freedom) <= -np.log10(_SETTINGS.false_alarm))
+    least = max(0.0, squares - error * degrees_of_freedom)
+    return bool(log_improbability(least, degrees_of_freedom) <= -np.log10(_SETTINGS.false_alarm))
 
 
 def is_white(residuals: NDArray[np.float64]) -> bool:
