@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from safetensors.numpy import save_file
 
 import dovetail
-from dovetail_plugins.regressors.mlp import MLP
+from dovetail_plugins.regressors.mlp import MLP, _gaussians
 
 SMALL = {"hidden": (24, 12), "batch_size": 32, "learning_rate": 1e-2, "dropout": 0.0}
 
@@ -96,7 +96,7 @@ def test_a_new_process_gives_the_same_after_loading_without_torch(fitted, rows, 
 import sys
 import numpy as np
 from safetensors.numpy import load_file
-from dovetail_plugins.regressors.mlp import MLP
+from dovetail_plugins.regressors.mlp import MLP, _gaussians
 np.save("answer.npy", MLP().restore(load_file("state.safetensors")).predict(np.load("rows.npy")))
 print(*{"torch", "umap", "numba", "sklearn"} & set(sys.modules))
 """
@@ -278,3 +278,24 @@ def test_training_takes_arrays_that_must_not_be_written_and_leaves_the_others_al
     np.testing.assert_array_equal(features, training[0])
     features.flags.writeable = targets.flags.writeable = False
     np.testing.assert_array_equal(recipe(max_epochs=2).fit(features, targets, seed=0).state()["weight0"], writable)
+
+
+def test_a_gaussian_far_from_all_features_stays_finite_and_no_surer(training):
+    """A hundred standard deviations away the answer is that of eight."""
+    gaussian = recipe(max_epochs=3, uncertainty="gaussian").fit(*training, seed=0)
+    far, farther = (np.full((1, 4), distance, dtype=np.float32) for distance in (8.0, 1e6))
+    told, same = (gaussian.predict_distribution(row).samples for row in (far, farther))
+    assert np.isfinite(told).all()
+    np.testing.assert_array_equal(told, same)
+
+
+def test_a_steep_factor_is_inverted():
+    """As exactly as its condition allows, where a general solver says that it is singular."""
+    factor = np.eye(12)[np.newaxis] * np.exp(-9.0)
+    factor[0, 11, :11] = 1e3
+    output = np.zeros((1, 12 + 78))
+    output[:, 12:] = factor[:, *np.tril_indices(12)]
+    rows = np.cumsum(np.arange(1, 13)) - 1
+    output[:, 12 + rows] = -9.0
+    _, inverse = _gaussians(output)
+    np.testing.assert_allclose(factor @ inverse, np.eye(12)[np.newaxis], atol=1e-6)

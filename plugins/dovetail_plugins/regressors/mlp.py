@@ -38,6 +38,8 @@ _MARGIN = 1e-3
 _LARGEST_LOGARITHM = 10.0
 """Of a precision's Cholesky factor: a standard deviation of a twenty-thousandth."""
 _LARGEST_GRADIENT = 5.0
+_LARGEST_FEATURE = 8.0
+"""Standard deviations beyond which features tell a Gaussian no more: what is unlike all else gets no sure answer."""
 _DRAWS = 500
 _FEWEST = 3
 _LARGE = 500_000
@@ -94,6 +96,8 @@ class FittedMLP(dovetail.FittedRegressor):
 
     def _output(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         rows = checked_rows(features, _OWNER, width=self._weights[0].shape[0])
+        if self._is_gaussian:
+            rows = np.clip(rows, -_LARGEST_FEATURE, _LARGEST_FEATURE)
         blocks = [self._forward(rows[start : start + _BLOCK]) for start in range(0, len(rows), _BLOCK)]
         return np.concatenate(blocks)
 
@@ -187,7 +191,7 @@ class MLP(dovetail.Regressor):
         DovetailError
             The two differ in length, hold values that are not finite, or are too few for a validation part.
         """
-        samples = _tensors(features, targets)
+        samples = self._tensors(features, targets)
         return self._fit(lambda _: samples, seed, progress, context)
 
     def fit_epochs(
@@ -207,7 +211,7 @@ class MLP(dovetail.Regressor):
         DovetailError
             As `fit`.
         """
-        return self._fit(lambda number: _tensors(*epoch(number)), seed, progress, context)
+        return self._fit(lambda number: self._tensors(*epoch(number)), seed, progress, context)
 
     def _fit(
         self,
@@ -224,13 +228,8 @@ class MLP(dovetail.Regressor):
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
         """Return a quick training, and a small network with intervals."""
-        return {"max_epochs": 40}, {
-            "uncertainty": _GAUSSIAN,
-            "activation": "silu",
-            "hidden": [64],
-            "max_epochs": 60,
-            "learning_rate": 3e-3,
-        }
+        options = {"activation": "silu", "hidden": [64], "max_epochs": 60, "learning_rate": 3e-3}
+        return {"max_epochs": 40}, {"uncertainty": _GAUSSIAN, **options}
 
     def restore(self, state: dovetail.State) -> FittedMLP:
         """Rebuild the network from its weights and biases."""
@@ -245,6 +244,11 @@ class MLP(dovetail.Regressor):
             weights.append(state_array(state, f"weight{i}", _OWNER, (rows, None)))
         biases = [state_array(state, f"bias{i}", _OWNER, (weight.shape[1],)) for i, weight in enumerate(weights)]
         return FittedMLP(weights, biases, activation, bool(state.get(_GAUSSIAN, False)))
+
+    def _tensors(self, features: NDArray[np.float32], targets: NDArray[np.float64]) -> Tensors:
+        inputs, outputs = _tensors(features, targets)
+        limit = _LARGEST_FEATURE if self.config.uncertainty == _GAUSSIAN else math.inf
+        return inputs.clamp(-limit, limit), outputs
 
     def _network(self, n_features: int, n_targets: int) -> torch.nn.Sequential:
         from torch import nn
@@ -333,9 +337,14 @@ def _gaussians(output: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     factor = np.zeros((len(output), count, count))
     factor[:, *np.tril_indices(count)] = output[:, count:]
     diagonal = np.arange(count)
-    limits = -_LARGEST_LOGARITHM, _LARGEST_LOGARITHM
-    factor[:, diagonal, diagonal] = np.exp(np.clip(factor[:, diagonal, diagonal], *limits))
-    return output[:, :count], np.asarray(np.linalg.inv(factor), dtype=np.float64)
+    logarithms = np.clip(factor[:, diagonal, diagonal], -_LARGEST_LOGARITHM, _LARGEST_LOGARITHM)
+    factor[:, diagonal, diagonal] = np.exp(logarithms)
+    inverse = np.zeros_like(factor)
+    for row in range(count):  # by substitution, since a general solver may find a steep factor singular
+        inverse[:, row] = -np.einsum("nk,nkj->nj", factor[:, row, :row], inverse[:, :row])
+        inverse[:, row, row] += 1.0
+        inverse[:, row] /= factor[:, row, row, np.newaxis]
+    return output[:, :count], inverse
 
 
 def _tensors(features: NDArray[np.float32], targets: NDArray[np.float64]) -> Tensors:
