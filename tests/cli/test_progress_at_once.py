@@ -32,7 +32,7 @@ LONG = (
 )
 """Commands that take longer than two seconds on a slow machine."""
 
-QUICK = {"merge", "new-assembly", "describe", "schema", "plugins", "new-plugin", "frf", "spindle"}
+QUICK = {"merge", "new-assembly", "describe", "explore", "schema", "plugins", "new-plugin", "frf", "spindle"}
 """The others; these too show a bar where they take long."""
 
 
