@@ -20,7 +20,7 @@ from dovetail.evaluation.mesh_refinement import finer
 from dovetail.parallel import side_by_side
 
 pytestmark = pytest.mark.usefixtures("few_mode_searches")
-CASES = 60
+CASES = 120
 
 
 @pytest.fixture(scope="module")
