@@ -51,6 +51,21 @@ def test_multiplicative_noise_is_relative_and_a_gain_moves_all_lines_alike():
     assert gains[:, 0].std() == pytest.approx(5.0, rel=0.1)
 
 
+def test_circular_noise_is_that_of_a_complex_measurement():
+    """The amplitude of what is only noise follows Rayleigh; an error in quadrature adds to a small amplitude too."""
+    only_noise = augmented(flat(300, level=0.0), circular=1.0, additive=0.5, clean=0.0, deviation=20.0)
+    of_rayleigh = np.sqrt(np.pi / (4.0 - np.pi))
+    np.testing.assert_allclose(only_noise.mean(axis=1) / only_noise.std(axis=1), of_rayleigh, rtol=0.1)
+    assert np.sqrt(np.mean(only_noise**2, axis=1)).max() == pytest.approx(10.0, rel=0.05)
+    of_both = augmented(flat(300, level=7.0), circular=1.0, multiplicative=0.3)
+    excess = np.mean(of_both**2, axis=1) / 49.0 - 1.0
+    assert np.sqrt(excess.max()) == pytest.approx(0.3, rel=0.1)
+    np.testing.assert_array_equal(augmented(flat(3), circular=1.0), flat(3))
+    some = augmented(flat(600, level=0.0), circular=0.3, additive=1.0, clean=0.0)
+    is_circular = some.mean(axis=1) / some.std(axis=1) > 1.6  # 1.91 for Rayleigh, 1.32 for the magnitude of a normal
+    assert np.mean(is_circular) == pytest.approx(0.3, abs=0.06)
+
+
 def test_bad_lines_are_wrong_by_up_to_a_decade():
     spoiled = augmented(flat(200), bad_lines=0.2)
     share = np.mean(spoiled != 100.0, axis=1)

@@ -227,6 +227,9 @@ class AugmentationSection(_Section):
         with `multiplicative_decades`, evenly on a logarithmic scale.
     multiplicative_decades : float
         By which the level varies below its greatest value, so that good measurements are seen as often as bad ones.
+    circular : float
+        Share of the FRFs whose noise is complex, as that of a measurement, before the amplitude is taken. That of the
+        others is real and added to the amplitude: where it drowns the FRF, the two are unlike.
     gain : float
         Standard deviation of an FRF's relative calibration error, the same at all its lines.
     bad_lines : float
@@ -248,6 +251,7 @@ class AugmentationSection(_Section):
     clean: Annotated[_Number, Field(ge=0, le=1)] = 0.1
     multiplicative: _Level = 0.02
     multiplicative_decades: Annotated[_Number, Field(ge=0, le=6)] = 0.0
+    circular: Annotated[_Number, Field(ge=0, le=1)] = 0.0
     gain: _Level = 0.0
     bad_lines: Annotated[_Number, Field(ge=0, le=1)] = 0.0
     stretch: Annotated[_Number, Field(ge=0, le=0.1)] = 0.0

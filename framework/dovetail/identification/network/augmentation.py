@@ -87,8 +87,7 @@ class Augmentation:
         rows = (len(amplitude), 1)
         amplitude = self._stretch(amplitude, generator)
         amplitude *= (1 + self.settings.gain * generator.standard_normal(rows)).astype(np.float32)
-        self._add_multiplicative_noise(amplitude, generator)
-        self._add_additive_noise(amplitude, generator)
+        self._add_noise(amplitude, generator)
         self._spoil_lines(amplitude, generator)
         return np.abs(amplitude, out=amplitude)
 
@@ -109,22 +108,40 @@ class Augmentation:
         ]
         return np.array(stretched, dtype=np.float32)
 
-    def _add_multiplicative_noise(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
-        if self.settings.multiplicative > 0:
-            drawn = generator.random((len(amplitude), 1))
-            decades = self.settings.multiplicative_decades
-            level = (self.settings.multiplicative * (10.0 ** (-decades * drawn) if decades else drawn)).astype(
-                np.float32
+    def _add_noise(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
+        """Add multiplicative and additive noise, in place."""
+        multiplicative = self._multiplicative_level(len(amplitude), generator)
+        if self.settings.circular > 0:
+            additive = self._additive_level(len(amplitude), generator)
+            deviation = np.sqrt(np.square(multiplicative * amplitude) + np.square(additive))
+            is_circular = generator.random((len(amplitude), 1)) < self.settings.circular
+            in_phase, quadrature = (
+                np.sqrt(share, dtype=np.float32) * generator.standard_normal(amplitude.shape, dtype=np.float32)
+                for share in (np.where(is_circular, 0.5, 1.0), np.where(is_circular, 0.5, 0.0))
             )
-            amplitude *= 1 + level * generator.standard_normal(amplitude.shape, dtype=np.float32)
-
-    def _add_additive_noise(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
+            np.sqrt(np.square(amplitude + deviation * in_phase) + np.square(deviation * quadrature), out=amplitude)
+            return
+        if self.settings.multiplicative > 0:
+            amplitude *= 1 + multiplicative * generator.standard_normal(amplitude.shape, dtype=np.float32)
         if self.settings.additive > 0:
-            rows = (len(amplitude), 1)
-            level = self.settings.additive * 10.0 ** (-_NOISE_DECADES * generator.random(rows))
-            level[generator.random(rows) < self.settings.clean] = 0.0
-            noise = generator.standard_normal(amplitude.shape, dtype=np.float32)
-            amplitude += (level * self.deviation).astype(np.float32) * noise
+            additive = self._additive_level(len(amplitude), generator)
+            amplitude += additive * generator.standard_normal(amplitude.shape, dtype=np.float32)
+
+    def _multiplicative_level(self, rows: int, generator: np.random.Generator) -> NDArray[np.float32]:
+        """Draw each row's standard deviation (rows, 1) over the amplitude."""
+        if self.settings.multiplicative == 0:
+            return np.zeros((rows, 1), np.float32)
+        drawn, decades = generator.random((rows, 1)), self.settings.multiplicative_decades
+        level = self.settings.multiplicative * (10.0 ** (-decades * drawn) if decades else drawn)
+        return np.asarray(level, dtype=np.float32)
+
+    def _additive_level(self, rows: int, generator: np.random.Generator) -> NDArray[np.float32]:
+        """Draw each row's standard deviation (rows, 1) [m/(N s^2)]."""
+        if self.settings.additive == 0:
+            return np.zeros((rows, 1), np.float32)
+        level = self.settings.additive * 10.0 ** (-_NOISE_DECADES * generator.random((rows, 1)))
+        level[generator.random((rows, 1)) < self.settings.clean] = 0.0
+        return (level * self.deviation).astype(np.float32)
 
     def _spoil_lines(self, amplitude: NDArray[np.float32], generator: np.random.Generator) -> None:
         if self.settings.bad_lines > 0:
