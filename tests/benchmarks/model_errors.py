@@ -18,7 +18,7 @@ a factor of two of what is left all the same. Intervals count that hold the true
 range.
 
 With `--causes` the measurements are altered, with and without an error of the model, and the cause that is named first
-is counted.
+is counted. Where the joint imitates an alteration down to the noise it is hidden: nothing in the measurement shows it.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from wrong_structures import ALTERATIONS, KINDS, SCALED, Poles, altered, dampers
 import dovetail
 from dovetail.identification.adequacy.adequacy import Adequacy, word_for
 from dovetail.identification.adequacy.assess import is_noise
+from dovetail.identification.adequacy.causes import CAUSE_SECONDS
 from dovetail.identification.adequacy.model_error_size import estimate_model_error, fit_with_error
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import Observations
@@ -306,8 +307,60 @@ def _each(function: Callable[[tuple[int, str, float]], Any], works: Sequence[Any
 # -- causes ----------------------------------------------------------------------------------------------------------
 
 
-def caused(work: tuple[int, str, float], seed: int) -> tuple[str, float, str, str, float] | None:
-    """Return alteration, error of the model, kind and words of the first cause, and seconds; None if it is none."""
+@dataclass(frozen=True)
+class Named:
+    """What was said of one altered measurement.
+
+    Parameters
+    ----------
+    number : int
+    alteration : str
+    size : float
+        Error of the model.
+    word : str
+        How well the model fits.
+    causes : tuple of str
+        Their kinds, the first one first.
+    words : str
+        Of the first one.
+    seconds : float
+        Of processor time.
+    """
+
+    number: int
+    alteration: str
+    size: float
+    word: str
+    causes: tuple[str, ...]
+    words: str
+    seconds: float
+
+    @property
+    def first(self) -> str:
+        """Kind of the first cause, empty if there is none."""
+        return self.causes[0] if self.causes else ""
+
+    @property
+    def right(self) -> bool:
+        """Whether the first cause is the alteration."""
+        return self.first in RIGHT.get(self.alteration, (self.alteration,))
+
+    @property
+    def hidden(self) -> bool:
+        """Whether the joint imitates the alteration down to the noise, so that nothing shows it."""
+        return self.word == "to the noise" and self.alteration != "unaltered"
+
+    def describe(self) -> str:
+        """Return a line with all figures."""
+        causes = ", ".join(self.causes) or "none"
+        return (
+            f"{self.number:3d} {self.alteration:10s} {self.size:.2%}: '{self.word}', {causes}: {self.words}; "
+            f"{self.seconds:.1f} s"
+        )
+
+
+def caused(work: tuple[int, str, float], seed: int, limit: float) -> Named | None:
+    """Return what is said of an altered measurement, causes sought for `limit` seconds; None if it cannot be made."""
     number, alteration, size = work
     rng = np.random.default_rng([seed, STRUCTURES, number])
     assembly, theta = drawn(number, seed, rng)
@@ -320,34 +373,44 @@ def caused(work: tuple[int, str, float], seed: int) -> tuple[str, float, str, st
     if changed is None:
         return None
     measured = measure(changed, theta, NOISES[number // 2 % len(NOISES)], rng, stated=number % 2 == 0)
-    began = time.perf_counter()
-    causes = dovetail.identify(assembly, measured, "refined").adequacy.causes
-    name, words = (causes[0].name, causes[0].words) if causes else ("", "-")
-    return alteration, size, name, words, time.perf_counter() - began
+    began = time.process_time()
+    adequacy = dovetail.identify(assembly, measured, "refined", cause_seconds=limit).adequacy
+    causes = adequacy.causes
+    words = causes[0].words if causes else "-"
+    names = tuple(cause.name for cause in causes)
+    return Named(number, alteration, size, adequacy.word, names, words, time.process_time() - began)
 
 
 def study_causes(
-    cases: int, sizes: Sequence[float], seed: int, processes: int, report: Callable[[str], object] = print
+    cases: int,
+    sizes: Sequence[float],
+    seed: int,
+    limit: float,
+    processes: int,
+    report: Callable[[str], object] = print,
 ) -> None:
     """Alter measurements, and count which cause is named first."""
-    works = [(case, alteration, size) for size in sizes for alteration in ALTERATIONS for case in range(cases)]
+    works = [(case, alteration, size) for size in sizes for case in range(cases) for alteration in ALTERATIONS]
     found = []
-    for outcome in _each(partial(caused, seed=seed), works, processes):
+    for outcome in _each(partial(caused, seed=seed, limit=limit), works, processes):
         if outcome is not None:
             found.append(outcome)
-            report(f"{outcome[0]:10s} {outcome[1]:.2%}: {outcome[2] or 'none'}: {outcome[3]}; {outcome[4]:.1f} s")
-    report("| alteration | " + " | ".join(f"model error {size:.1%}" for size in sizes) + " | otherwise named |")
-    report("|---|" + "---|" * (len(sizes) + 1))
+            report(outcome.describe())
+    columns = [*(f"model error {size:.1%}" for size in sizes), "hidden", "otherwise named"]
+    report(f"| alteration | {' | '.join(columns)} |")
+    report("|---|" + "---|" * (len(sizes) + 2))
     for alteration in ALTERATIONS:
-        cells, wrong = [], []
+        of = [named for named in found if named.alteration == alteration]
+        shown = [named for named in of if not named.hidden]
+        wrong = [named.first or "none" for named in shown if not named.right]
+        cells = []
         for size in sizes:
-            names = [name for one, of, name, _, _ in found if (one, of) == (alteration, size)]
-            right = [name in RIGHT.get(alteration, (alteration,)) for name in names]
-            wrong += [name or "none" for name, hit in zip(names, right, strict=True) if not hit]
+            right = [named.right for named in shown if named.size == size]
             cells.append(f"{sum(right)} of {len(right)}")
         others = ", ".join(f"{wrong.count(name)} {name}" for name in sorted(set(wrong)))
-        report(f"| {alteration} | {' | '.join(cells)} | {others or '-'} |")
-    report(f"Median time {np.median([seconds for *_, seconds in found]):.1f} s.")
+        report(f"| {alteration} | {' | '.join(cells)} | {len(of) - len(shown)} | {others or '-'} |")
+    seconds = [named.seconds for named in found]
+    report(f"Processor time: median {np.median(seconds):.1f} s, at most {max(seconds):.1f} s.")
 
 
 def main() -> None:
@@ -359,12 +422,14 @@ def main() -> None:
     parser.add_argument("--kinds", default=",".join(KINDS), help="with commas between")
     parser.add_argument("--method", choices=("posterior", "laplace", "refined"), default="posterior")
     parser.add_argument("--causes", action="store_true", help="alter the measurements, and name the causes")
+    parser.add_argument("--cause-seconds", type=float, default=CAUSE_SECONDS, help="in which they are sought")
     parser.add_argument("--processes", type=int, default=1)
     options = parser.parse_args()
     given = None if options.sizes is None else [float(size) / 100.0 for size in options.sizes.split(",")]
     report = partial(print, flush=True)
     if options.causes:
-        study_causes(options.cases, given or WITH_CAUSES, options.seed, options.processes, report)
+        sizes = given or WITH_CAUSES
+        study_causes(options.cases, sizes, options.seed, options.cause_seconds, options.processes, report)
         return
     chosen = works(options.cases, given or SIZES, options.kinds.split(","))
     study(chosen, options.seed, options.method, options.processes, report)

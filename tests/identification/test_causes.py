@@ -226,6 +226,37 @@ def test_a_resonance_that_the_model_does_not_have_is_named():
     assert float(at) == pytest.approx(200.0, rel=0.01)
 
 
+def arm(node):
+    """A beam of many nodes on a spring, hit and measured at one of them."""
+    material = {"young": "206 GPa", "density": "7850 kg/m^3", "loss_factor": 0.004}
+    section = {"length": "320 mm", "outer": "22 mm", "elements": 60}
+    foot = {"a": {"to": "arm", "at": 0}, "b": {"to": "wall", "at": 0}}
+    return dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "arm",
+            "frequency": {"start": "20 Hz", "stop": "4000 Hz", "lines": 1200},
+            "substructures": {
+                "arm": {"model": "timoshenko_beam", "material": material, "sections": [section]},
+                "wall": {"model": "ground"},
+            },
+            "joints": {"foot": {"model": "spring_damper", "connect": foot}},
+            "response": {"at": "arm", "position": f"node n{node}"},
+        }
+    )
+
+
+def test_a_neighbouring_node_is_named_of_however_many():
+    """With 61 nodes every third is compared first, and then those beside the nearest."""
+    assembly = arm(60)
+    theta = assembly.from_unit(np.full(len(assembly.parameters), 0.6))
+    measured = noisy(assembly, arm(57).frf(theta), 0.01, 1)
+    causes = find_causes(assembly, [measured], refine(assembly, measured), seconds=200.0)
+    assert causes[0].name == "point"
+    assert causes[0].words == "force and response on the arm at 304 mm"
+    assert causes[0].coherence[1] > 0.99
+
+
 def test_the_search_for_causes_ends_in_time_however_slow_the_model_is(sdof, monkeypatch):
     """A fit takes up to 40 steps: one that has begun ends after its step."""
     measured = altered(sdof, None, "mass")

@@ -351,10 +351,11 @@ def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float,
         if trials.late:
             return
         try:
-            start = problem.position(trials.assembly.to_unit(trials.unchanged.theta), amount)
+            there = perturbation.apply(amount)
+            joint = trials.search(there, trials.unchanged.theta) if amount else trials.unchanged.theta
             minimum = minimise(
                 problem,
-                start,
+                problem.position(there.to_unit(joint), amount),
                 tolerance=_SETTINGS.tolerance,
                 most_steps=_SETTINGS.steps,
                 deadline=trials.deadline,
@@ -376,7 +377,8 @@ def _points(trials: Trials) -> Iterator[Candidate]:
     amplitude = np.abs(values_of(trials.target.frfs))
     likely = np.stack([trials.best, trials.shape])
     for other, words, start in nearest_points(trials.assembly, amplitude, likely, _SETTINGS.points):
-        yield "point", words, trials.fit(other, trials.target.frfs, [trials.best, trials.shape, start])
+        starts = [trials.shape, trials.search(other, start)]
+        yield "point", words, trials.fit(other, trials.target.frfs, starts)
 
 
 def _times(frfs: Sequence[Frf], factor: Callable[[NDArray[np.float64]], Any]) -> list[Frf]:

@@ -26,7 +26,7 @@ class Settings:
     """Which points are compared, how resonances are added, and which windows are tried."""
 
     most_nodes: int = 24
-    """Nodes that are compared, evenly chosen."""
+    """Nodes that are compared first, evenly chosen; then those between the nearest of them."""
     lines: int = 120
     """Of the FRF, evenly chosen."""
     samples: int = 16
@@ -47,6 +47,8 @@ class Settings:
     """Such damping up to which the search goes on while the fit becomes better."""
     narrowings: int = 3
     """Times that the step between such values is halved."""
+    promising: float = 0.05
+    """Decrease of the misfit with the best of the first values from which more are tried between them."""
 
 
 _SETTINGS = Settings()
@@ -58,7 +60,7 @@ Node = tuple[str, int]
 def nearest_points(
     assembly: Assembly, amplitude: NDArray[np.float64], likely: NDArray[np.float64], count: int
 ) -> Iterator[tuple[Assembly, str, NDArray[np.float64]]]:
-    """Yield the assembly with other points of response, and of force and response.
+    """Yield the assembly with other points of response, and of force and response, the nearest first.
 
     Parameters
     ----------
@@ -79,21 +81,30 @@ def nearest_points(
     (n_params,) array
         The joint whose amplitudes are the most similar.
     """
-    elsewhere = _places(assembly)
-    if not elsewhere:
+    places = _places(assembly)
+    if not places:
         return
     drawn = assembly.from_unit(np.random.default_rng(0).random((_SETTINGS.samples, len(assembly.parameters))))
     joints = np.concatenate([likely, drawn])
-    transfer, driven = _distances(assembly, amplitude, joints, elsewhere)
-    for index in np.argsort(transfer.min(axis=0), kind="stable")[:count].tolist():
-        start = joints[np.argmin(transfer[:, index])]
-        yield _measured_at(assembly, elsewhere[index]), f"the response {_words(assembly, elsewhere[index])}", start
+    step = -(-len(places) // _SETTINGS.most_nodes)
+    if step > 1:
+        distances = _distances(assembly, amplitude, joints, places[::step])
+        best = {step * index for kind in distances for index in _nearest(kind, count)}
+        places = [place for i, place in enumerate(places) if any(abs(i - j) < step for j in best)]
+    kinds = _distances(assembly, amplitude, joints, places)
     if not assembly.description.response.is_drive_point:
-        return
-    for index in np.argsort(driven.min(axis=0), kind="stable")[:count].tolist():
-        driven_there = _measured_at(assembly, elsewhere[index], with_force=True)
-        start = joints[np.argmin(driven[:, index])]
-        yield driven_there, f"force and response {_words(assembly, elsewhere[index])}", start
+        kinds = kinds[:1]
+    found = [(kind[:, i].min(), number, i) for number, kind in enumerate(kinds) for i in _nearest(kind, count)]
+    for _, with_force, index in sorted(found):
+        there = _measured_at(assembly, places[index], with_force=bool(with_force))
+        which = "force and response" if with_force else "the response"
+        yield there, f"{which} {_words(assembly, places[index])}", joints[np.argmin(kinds[with_force][:, index])]
+
+
+def _nearest(distances: NDArray[np.float64], count: int) -> list[int]:
+    """Return the places to which one of the joints (n, n_places) is nearest."""
+    order: list[int] = np.argsort(distances.min(axis=0), kind="stable").tolist()
+    return order[:count]
 
 
 def _measured_at(assembly: Assembly, place: Node, *, with_force: bool = False) -> Assembly:
@@ -105,18 +116,17 @@ def _measured_at(assembly: Assembly, place: Node, *, with_force: bool = False) -
 
 
 def _places(assembly: Assembly) -> list[Node]:
-    """Return nodes of all substructures but the response's, at most as many as can be compared."""
+    """Return nodes of all substructures but the response's."""
     response = assembly.description.response
     substructures = assembly.description.substructures.items()
     places = [(name, node) for name, model in substructures for node in range(len(model.nodes))]
     places.remove((response.substructure, response.node))
-    places = [place for place in places if _moves(assembly, place)]
-    return places[:: max(1, -(-len(places) // _SETTINGS.most_nodes))]
+    return [place for place in places if _moves(assembly, place)]
 
 
 def _distances(
     assembly: Assembly, amplitude: NDArray[np.float64], joints: NDArray[np.float64], places: list[Node]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> list[NDArray[np.float64]]:
     """Return how far joints are from the measured amplitude at places (n, n_places), with the force here and there."""
     lines = np.unique(np.linspace(0, len(amplitude) - 1, _SETTINGS.lines).round().astype(np.intp))
     few = assembly.on(assembly.frequency[lines])
@@ -135,7 +145,7 @@ def _distances(
             logarithms = np.log(np.maximum(np.abs(receptances), np.finfo(float).tiny)) + power[:, np.newaxis]
             differences = np.minimum(np.abs(logarithms - measured[:, np.newaxis]), _SETTINGS.most_difference)
             distances.append(differences.mean(axis=0))
-    return np.stack(transfer), np.stack(driven)
+    return [np.stack(transfer), np.stack(driven)]
 
 
 def _point(assembly: Assembly, place: Node) -> Point:
@@ -233,6 +243,8 @@ def try_window(trials: Trials) -> Iterator[Candidate]:
     tried = [without(least * part) for part in _SETTINGS.windows]
     while tried[-1][1].misfit < tried[-2][1].misfit and tried[-1][0] < _SETTINGS.most_window * least:
         tried.append(without(3.0 * tried[-1][0]))
+    if min(trial.misfit for _, trial in tried) > trials.unchanged.misfit - _SETTINGS.promising:
+        return
     for halving in range(1, _SETTINGS.narrowings + 1):
         best = min(tried, key=lambda pair: pair[1].misfit)[0]
         step = 3.0 ** (0.5**halving)

@@ -36,6 +36,8 @@ class Settings:
     """Times that the fit is weighted by its own typical residual, at most."""
     settled: float = 0.02
     """Decrease of the misfit at which it has settled."""
+    hopeless: float = 1.0
+    """Misfit beyond that with nothing changed above which such weights do not bring a fit near it."""
     candidates: int = 256
     """Random joints, of which the most similar are starts of the search by shape."""
     starts: int = 3
@@ -93,6 +95,7 @@ class Trials:
         self.assembly = assembly.on(*(frf.frequency for frf in self.target.frfs))
         self.relative = fit.variance[lines] / np.maximum(np.abs(values_of(self.target.frfs)) ** 2, fit.variance[lines])
         self._used = np.ones(len(lines), dtype=np.bool_)
+        self._most = np.inf
 
     @property
     def late(self) -> bool:
@@ -114,25 +117,34 @@ class Trials:
         part.assembly = alone.on(*(frf.frequency for frf in part.target.frfs))
         part.relative = self.relative[np.repeat(chosen, counts)]
         part._used = self._used[np.repeat(chosen, counts)]
+        part._most = np.inf
         return part
 
     @cached_property
     def unchanged(self) -> Trial:
         """The fit with nothing changed."""
-        return self.fit(self.assembly, self.target.frfs, [self.best, self.shape])
+        trial = self.fit(self.assembly, self.target.frfs, [self.best, self.shape])
+        self._most = trial.misfit + _SETTINGS.hopeless
+        return trial
 
     @cached_property
     def shape(self) -> NDArray[np.float64]:
         """(p,) the joint whose amplitudes fit best but for a gain and a power of the frequency [SI]."""
         model = ModelFrfs.of(self.assembly)
-        residual = self._logarithms(Observations(tuple(_amplitude(frf) for frf in self.target.frfs)))
+        residual = self._logarithms(self._amplitudes)
         axis = np.log(self.target.frequency)
         free = _SETTINGS.free * residual.weight * np.stack([np.ones_like(axis), axis - axis.mean()])
         problem = MarginalisedResiduals(FrfResiduals(model, residual), free)
-        points = qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0)).random(_SETTINGS.candidates)
-        similar = points[np.argsort(np.sum(problem.residuals(points) ** 2, axis=1))[: _SETTINGS.starts]]
-        starts = np.concatenate([self.assembly.to_unit(self.best)[np.newaxis], similar])
+        starts = np.concatenate([self.assembly.to_unit(self.best)[np.newaxis], self._most_similar(problem)])
         return np.asarray(self.assembly.from_unit(self._lowest(problem, starts)))
+
+    def search(self, assembly: Assembly, *starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the joint (p,) [SI] whose amplitudes fit best with another model, from some and similar joints."""
+        problem = FrfResiduals(ModelFrfs.of(assembly), self._logarithms(self._amplitudes))
+        given = assembly.to_unit(np.array([self.best, *starts]))
+        return np.asarray(
+            assembly.from_unit(self._lowest(problem, np.concatenate([given, self._most_similar(problem)])))
+        )
 
     def fit(self, assembly: Assembly, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]]) -> Trial:
         """Fit a model to measured FRFs, first their logarithms, then themselves, weighted by typical residuals.
@@ -150,7 +162,7 @@ class Trials:
         positions = assembly.to_unit(np.array(starts))
         position = self._lowest(FrfResiduals(model, self._logarithms(target)), positions)
         best = self._trial(model, target, assembly.from_unit(position))
-        for _ in range(_SETTINGS.reweighted):
+        for _ in range(_SETTINGS.reweighted if best.misfit < self._most else 0):
             variance = self._variance(target) + self._typical_square(model, target, best.theta)
             problem = FrfResiduals(model, target.weighted(variance, self._used))
             position = self._lowest(problem, assembly.to_unit(best.theta)[np.newaxis])
@@ -199,6 +211,16 @@ class Trials:
     def values(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the FRFs (n_lines,) of a joint (p,)."""
         return np.asarray(ModelFrfs.of(self.assembly).frf(theta[np.newaxis])[0])
+
+    @property
+    def _amplitudes(self) -> Observations:
+        return Observations(tuple(_amplitude(frf) for frf in self.target.frfs))
+
+    def _most_similar(self, problem: SumOfSquares) -> NDArray[np.float64]:
+        """Return those (n, p) of many random points in the unit cube where a sum of squares is the least."""
+        points = qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0)).random(_SETTINGS.candidates)
+        order = np.argsort(np.sum(problem.residuals(points) ** 2, axis=1))
+        return np.asarray(points[order[: _SETTINGS.starts]])
 
     def _lowest(self, problem: SumOfSquares, starts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where the best of some searches ended (p,)."""
