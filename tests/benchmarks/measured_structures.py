@@ -30,6 +30,7 @@ from pathlib import Path
 from measured_data import cases, convert, measured
 
 import dovetail
+from dovetail.identification.adequacy.causes import CAUSE_SECONDS
 
 SAME = {
     "unaltered": ("",),
@@ -64,7 +65,7 @@ def table_of_structures(data: Path, method: str, only: str) -> None:
         print(f"| {' | '.join(cells)} |", flush=True)
 
 
-def table_of_alterations(data: Path, method: str, only: str) -> None:
+def table_of_alterations(data: Path, method: str, only: str, cause_seconds: float) -> None:
     """Print the cause that is named first for each measurement, unaltered and altered, and how many are right."""
     print("| measurement | verdict | first cause | right | time |")
     print("|---|---|---|---|---|")
@@ -73,7 +74,7 @@ def table_of_alterations(data: Path, method: str, only: str) -> None:
         if not name.startswith(only):
             continue
         begin = time.perf_counter()
-        result = dovetail.identify(assembly, frf, method)
+        result = dovetail.identify(assembly, frf, method, cause_seconds=cause_seconds)
         took = time.perf_counter() - begin
         kind, words = first_cause(result)
         change = name.split(", ")[1].split(":")[0]
@@ -101,6 +102,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder with the NPZ files")
     parser.add_argument("--convert", type=Path, action="append", default=[], metavar="CLONE", help="may be repeated")
     parser.add_argument("--altered", action="store_true", help="alter the measurements, and name the causes")
+    parser.add_argument("--cause-seconds", type=float, default=CAUSE_SECONDS, help="in which causes are sought")
     parser.add_argument("--method", default="refined")
     parser.add_argument("--only", default="", help="structures whose name begins so")
     arguments = parser.parse_args()
@@ -108,8 +110,10 @@ def main() -> None:
         print(f"{len(convert(clone, arguments.data))} FRFs of {clone}")
     if arguments.convert:
         return
-    table = table_of_alterations if arguments.altered else table_of_structures
-    table(arguments.data, arguments.method, arguments.only)
+    if arguments.altered:
+        table_of_alterations(arguments.data, arguments.method, arguments.only, arguments.cause_seconds)
+    else:
+        table_of_structures(arguments.data, arguments.method, arguments.only)
 
 
 if __name__ == "__main__":
