@@ -146,7 +146,7 @@ def test_the_causes_of_altered_measurements_are_counted(data, monkeypatch, capsy
 
     monkeypatch.setattr(measured_structures.dovetail, "identify", identify)
     monkeypatch.setattr(measured_structures, "cases", lambda data: some_cases())
-    measured_structures.table_of_alterations(data, "refined", "frame")
+    measured_structures.table_of_alterations(data, "refined", "frame", 20.0)
     printed = capsys.readouterr().out
     assert "| frame, sign | good | the sign reversed | yes |" in printed
     assert "| frame, gain: 1.2 | good | - | no |" in printed
