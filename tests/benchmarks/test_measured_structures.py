@@ -139,7 +139,7 @@ def test_the_program_judges_what_is_in_the_folder(data):
 
 
 def test_the_causes_of_altered_measurements_are_counted(data, monkeypatch, capsys):
-    def identify(assembly, frf, method):
+    def identify(assembly, frf, method, cause_seconds):
         flipped = frf.values[300].real < 0
         cause = SimpleNamespace(name="sign", words="the sign reversed")
         return SimpleNamespace(adequacy=SimpleNamespace(word="good", causes=(cause,) if flipped else ()))
