@@ -200,7 +200,7 @@ def draw_facing(joint: JointModel, what: str, labels: Sequence[str], axes: str =
     """Draw two parts whose facing nodes meet, the first port below."""
     ports, nodes = joint.ports, joint.ports[0].nodes
     spacing = 120 if nodes > 1 else 0
-    width = 460 + spacing * (nodes - 1)
+    width = (380 if nodes == 1 else 460) + spacing * (nodes - 1)
     first = 150.0
     pairs = "a pair of nodes meets" if nodes == 1 else f"{nodes} pairs of nodes meet"
     sheet = Sheet(width, 262, f"{what}: {pairs} through {', '.join(labels)}.")

@@ -31,8 +31,8 @@ INTERNAL = {"collet": ("c1", "c2", "c3", "c4", "c5")}
 
 MODELS = """# Models
 
-At the end of this page you know what each model that ships with Dovetail stands for, what it leaves out, its parameters
-with their units and ranges, and the order of its DOFs. `dovetail describe MODEL` prints options and parameters on a
+Here you find what each model that ships with Dovetail stands for, what it leaves out, its parameters with their units
+and ranges, and the order of its DOFs. `dovetail describe MODEL` prints options and parameters on a
 terminal, for models of plugins too.
 
 Parts vibrate in one plane. Each node has two DOFs: `x`, the displacement across the axis, and `rz`, the rotation,
@@ -45,15 +45,15 @@ This page is made by `python docs/make_reference.py` from the models themselves,
 
 OPTIONS = """# Options of every command
 
-Here is every option of every command, as `--help` prints it. [The command line](commands.md) says what the commands are
-for. This page is made by `python docs/make_reference.py` from the program itself.
+Here you find every option of every command, as `--help` prints it. [The command line](commands.md) says what the
+commands are for. This page is made by `python docs/make_reference.py` from the program itself.
 """
 
 KEYS = """# Keys of a description
 
-Here is every key that a description may hold, with what it means and what stands there if it is left out. [The
-description of an assembly](description.md) explains them with examples; the keys of a model are on the page of
-[models](models.md). This page is made by `python docs/make_reference.py` from the schema that `dovetail schema` writes.
+Here you find every key that a description may hold, what it means and what stands if it is left out. [The description
+of an assembly](description.md) explains them with examples; the keys of a model are on the page of [models](models.md).
+This page is made by `python docs/make_reference.py` from the schema that `dovetail schema` writes.
 """
 
 SECTIONS = {
