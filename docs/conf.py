@@ -31,6 +31,7 @@ exclude_patterns = [
     "uncertainty/*/*.md",
 ]
 
+highlight_language = "none"
 html_theme = "furo"
 html_title = f"Dovetail {release}"
 html_static_path = ["_static"]

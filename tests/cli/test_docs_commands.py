@@ -27,7 +27,8 @@ def run_page(page: str, folder: Path, type_line: Callable[[str], str], smaller: 
         if output:
             assert_printed(text, printed[-1])
         elif language == "bash":
-            printed += [type_line(_replaced(command, smaller)) for command in text.strip().splitlines()]
+            commands = text.strip().replace("\\\n", "").splitlines()
+            printed += [type_line(_replaced(command, smaller)) for command in commands]
         elif language:
             name = re.match(r"# (\S+)\n", text)[1]
             (folder / name).write_text(_replaced(text, smaller), encoding="utf-8")
