@@ -96,9 +96,8 @@ def test_your_own_measurement_is_described_mended_and_identified(tmp_path, type_
     assert run_page("own_measurement.md", tmp_path, type_line, smaller) == 6
     draft, mine = (dovetail.load_result(tmp_path / name) for name in ("wrong", "results"))
     assert (draft.believable, mine.believable) == (False, True)
-    truth = dovetail.read_truth(tmp_path / "assemblies" / "measurements" / "shaft_hub.truth.json")
-    stiffness = mine.parameters["k"]
-    assert stiffness.value == pytest.approx(truth.parameters["k"], rel=0.2)
+    truth = dovetail.read_truth(tmp_path / "assemblies/measurements/shaft_hub.truth.json", mine.parameters.values())
+    assert mine.parameters["k"].value == pytest.approx(truth.parameters["k"], rel=0.05)
 
 
 def test_a_new_joint_is_checked_and_identified(tmp_path, type_line):
@@ -106,9 +105,12 @@ def test_a_new_joint_is_checked_and_identified(tmp_path, type_line):
     assert (tmp_path / "pad_results" / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_the_way_from_the_hammer_to_the_tool_tip(tmp_path, type_line):
+    """Without the search for what explains the error of the mesh."""
     pytest.importorskip("pyFRF")
-    assert run_page("hammer_to_tool_tip.md", tmp_path, type_line, {}) == 8
+    smaller = {"-o joint": "--cause-seconds 0 -o joint"}
+    assert run_page("hammer_to_tool_tip.md", tmp_path, type_line, smaller) == 8
     with (tmp_path / "compared" / "validation.csv").open() as stream:
         errors = [abs(float(row["error_percent"])) for row in csv.DictReader(stream) if row["error_percent"]]
     assert len(errors) >= 7

@@ -188,7 +188,7 @@ var DovetailCharts = (function () {
     }
 
     height(kind, first, last) {
-      const tall = document.documentElement.classList.contains("printing") ? 0.6 : this.width() < 500 ? 0.85 : this.width() > 750 ? 1.15 : 1;
+      const tall = document.documentElement.classList.contains("printing") ? 0.58 : this.width() < 500 ? 0.85 : this.width() > 750 ? 1.15 : 1;
       return Math.round(HEIGHT[kind] * tall) + (first ? 14 : 0) + (last ? 30 : 0);
     }
 
