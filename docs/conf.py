@@ -36,4 +36,5 @@ html_theme = "furo"
 html_title = f"Dovetail {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_math_renderer = "mathml"
