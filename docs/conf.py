@@ -20,17 +20,21 @@ numpydoc_show_class_members = False
 exclude_patterns = [
     "_build",
     "campaign/*/*.md",
+    "drawings",
     "examples",
     "gallery/tables/*.md",
     "identification/*.md",
     "joints/*.md",
     "speed/*.md",
+    "study/*/*.md",
     "uncertainty/*.md",
     "uncertainty/*/*.md",
 ]
 
+highlight_language = "none"
 html_theme = "furo"
 html_title = f"Dovetail {release}"
 html_static_path = ["_static"]
-html_css_files = ["mathml.css"]
+html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_math_renderer = "mathml"

@@ -47,7 +47,8 @@ def page() -> str:
         package = _home(name)
         sections[SECTIONS[package]].append(_directive(name))
     text = (
-        "# API\n\nEverything that `import dovetail` offers. Names that are not on this page may change at any time.\n"
+        "# API\n\nHere you find everything that `import dovetail` offers. Names that are not on this page may change "
+        "at any time.\n"
     )
     for heading, directives in sections.items():
         body = "\n".join(directives)

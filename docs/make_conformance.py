@@ -14,10 +14,12 @@ HEADINGS |= {"reader": "File readers", "method": "Methods of identification"}
 
 INTRODUCTION = """# What the conformance kit checks
 
-This page is made by `python docs/make_conformance.py` from the docstrings of the checks and from the broken plugins in
+Here you find what each check of the kit demands of a plugin, and a mistake that it catches. How to run the kit and what
+its outcomes mean is in [Write a plugin](plugins.md#the-conformance-kit).
+
+The page is made by `python docs/make_conformance.py` from the docstrings of the checks and from the broken plugins in
 `tests/testing`: {plugins} components with a single fault each, all of which the kit catches. Beside each check stands a
-plugin that it alone catches, and how many others are listed for it. How to run the kit and what its outcomes mean is in
-[Write a plugin](plugins.md#the-conformance-kit).
+plugin that it alone catches, and how many others are listed for it.
 """
 ROW = "| {check} | {text} | {alone} | {others} |\n"
 HEAD = ROW.format(check="check", text="what must hold", alone="a plugin that only it catches", others="others")

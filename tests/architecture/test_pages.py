@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+import runpy
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")])
+DOCS = ROOT / "docs"
+PAGES = sorted([*DOCS.rglob("*.md"), *ROOT.glob("*.md")])
 
 
 def headings(page: Path) -> set[str]:
@@ -19,7 +21,8 @@ def headings(page: Path) -> set[str]:
 
 
 def broken_links(page: Path) -> Iterator[str]:
-    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+    for link in re.findall(r"\]\(([^)\s]+)\)|<img src=\"([^\"]+)\"", page.read_text(encoding="utf-8")):
+        link = "".join(link)
         name, _, anchor = link.partition("#")
         target = page.parent / name if name else page
         if link.startswith("http"):
@@ -46,3 +49,46 @@ def test_contributing_names_files_that_are_there():
     names = re.findall(r"`((?:framework|plugins|tests|docs)/[\w/.]+)`", text)
     assert len(names) > 20
     assert [name for name in names if not (ROOT / name).exists()] == []
+
+
+def test_the_pages_of_the_site_say_at_their_top_what_the_reader_will_have():
+    quiet = {"index.md", "learn.md", "do.md", "understand.md", "look_up.md", "contribute.md"}
+    pages = [page for page in site_pages() if str(page.relative_to(DOCS)) not in quiet]
+    tops = {str(page.relative_to(DOCS)): page.read_text(encoding="utf-8")[:400] for page in pages}
+    said = re.compile(r"\A# .*\n\n(At the end of this page|Here you find) ")
+    assert len(tops) > 40
+    assert [name for name, top in tops.items() if not said.match(top)] == []
+
+
+def site_pages() -> list[Path]:
+    """The front page and all that it leads to."""
+    pages = [DOCS / "index.md"]
+    for page in pages:
+        trees = re.findall(r"```\{toctree\}\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.S)
+        names = [name for tree in trees for name in tree.split() if not name.startswith(":")]
+        pages += [page.parent / f"{name}.md" for name in names]
+    return pages
+
+
+@pytest.mark.parametrize(
+    "page", [DOCS / f"{name}.md" for name in ("learn", "understand", "look_up")], ids=lambda p: p.stem
+)
+def test_a_section_names_each_of_its_pages_where_the_code_host_shows_it(page):
+    text = page.read_text(encoding="utf-8")
+    (tree,) = re.findall(r"```\{toctree\}\n(.*?)```", text, flags=re.S)
+    names = [name for name in tree.split() if not name.startswith(":")]
+    assert [name for name in names if f"]({name}.md)" not in text] == []
+
+
+def test_tables_stand_in_the_pages_as_the_commands_wrote_them():
+    made = runpy.run_path(str(DOCS / "make_tables.py"))
+    assert len(made["pages"]()) >= 15
+    for page in made["pages"]():
+        assert page.read_text(encoding="utf-8") == made["filled"](page), (
+            f"{page.name}: run 'python docs/make_tables.py'"
+        )
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_tables_can_be_read_on_the_code_host(page):
+    assert re.findall(r"^```\{(include|csv-table|list-table)\}", page.read_text(encoding="utf-8"), flags=re.M) == []

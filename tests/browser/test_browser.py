@@ -16,8 +16,10 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.report.comparison import write_comparison
 from dovetail.report.explorer import Explorer
 from dovetail.report.page_server import PageServer
+from dovetail.report.validation import write_validation
 
 pytest.importorskip("fcntl", reason="the browser is reached over pipes, as POSIX has them")
 sys.path.insert(0, str(Path(__file__).parent))
@@ -65,6 +67,31 @@ def report(assemblies: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     return dovetail.write_report(result, file, assembly=assembly).as_uri()
 
 
+CASES = """\
+dovetail_cases: 1
+title: Two springs
+series: stiffness [N/m]
+cases:
+  soft: {assembly: sdof.yaml, measured: soft.csv, joint: {assembly: sdof.yaml, measured: soft.csv}, value: 1}
+  stiff: {assembly: sdof.yaml, measured: stiff.csv, joint: {assembly: sdof.yaml, measured: stiff.csv}, value: 4}
+"""
+
+
+@pytest.fixture(scope="module")
+def evaluated(assemblies: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The addresses of a comparison and of a validation of two cases."""
+    folder = tmp_path_factory.mktemp("cases")
+    (folder / "sdof.yaml").write_bytes((assemblies / "sdof.yaml").read_bytes())
+    (folder / "cases.yaml").write_text(CASES)
+    assembly = dovetail.load(folder / "sdof.yaml")
+    for name, k in (("soft", 1e6), ("stiff", 4e6)):
+        dovetail.write_frf(dovetail.noisy_frf(assembly.simulate({"k": k}), 1e-2, 0), folder / f"{name}.csv")
+    cases = dovetail.read_cases(folder / "cases.yaml")
+    compared = write_comparison(dovetail.compare(cases, ("refined", "posterior")), folder / "comparison.html")
+    validated = write_validation(dovetail.validate(cases), folder / "validation.html")
+    return {"comparison": compared.as_uri(), "validation": validated.as_uri()}
+
+
 def serious_faults(page: Page) -> list[str]:
     """What axe-core finds that keeps somebody out."""
     page.evaluate(AXE.read_text(encoding="utf-8") + "; 0")
@@ -90,6 +117,20 @@ def test_the_report_reads_well(browser: Browser, report: str, width: int, scheme
         assert overflow(page) <= 0
         assert page.evaluate("document.querySelectorAll('svg.pairs path').length") == 1
         assert page.evaluate("document.querySelectorAll('.mode polyline[points]').length") == 1
+        assert serious_faults(page) == []
+
+
+@pytest.mark.parametrize(("width", "scheme"), SIZES)
+@pytest.mark.parametrize(("kind", "panels", "curves"), [("comparison", 3, 3), ("validation", 2, 3)])
+def test_reports_of_several_cases_read_well(
+    browser: Browser, evaluated: dict[str, str], kind: str, panels: int, curves: int, width: int, scheme: str
+) -> None:
+    with browser.page(evaluated[kind], width, 900, scheme) as page:
+        page.wait_for(f"document.querySelectorAll('canvas').length === {2 * panels}")
+        assert page.errors() == []
+        assert page.requests() == [evaluated[kind]]
+        assert overflow(page) <= 0
+        assert page.evaluate("document.querySelectorAll('.chart')[1].querySelectorAll('.key').length") == curves
         assert serious_faults(page) == []
 
 
@@ -147,7 +188,7 @@ def test_keys_do_what_the_mouse_does(browser: Browser, report: str) -> None:
 def test_the_report_prints(browser: Browser, report: str, tmp_path: Path) -> None:
     with browser.page(report, scheme="dark") as page:
         page.wait_for("document.querySelectorAll('canvas').length === 3")
-        page.pdf(tmp_path / "report.pdf")
+        assert page.pdf(tmp_path / "report.pdf") <= 2
         assert page.errors() == []
         page.wait_for("!document.documentElement.classList.contains('printing')")
 

@@ -147,20 +147,25 @@ def shell(command: str, environment: dict[str, str]) -> Callable[..., subprocess
 
 
 @pytest.fixture
-def type_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
-    """Run a line of a page in `tmp_path`: `dovetail` in this process, which spares its start, all else in a shell."""
+def type_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], str]:
+    """Run a line of a page in `tmp_path`: `dovetail` in this process, which spares its start, all else in a shell.
+
+    What it prints is returned. A line may end with a comment that names its exit code: ``# exit code 3``.
+    """
     monkeypatch.chdir(tmp_path)
     path = f"{sysconfig.get_path('scripts')}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": path, "OMP_NUM_THREADS": "1"}
 
-    def typed(line: str) -> None:
-        words = shlex.split(line)
+    def typed(line: str) -> str:
+        words = shlex.split(line, comments=True)
+        code = int(line.rpartition("# exit code ")[2]) if "# exit code " in line else 0
         if words[0] == "dovetail":
             done = CliRunner().invoke(app, words[1:])
-            assert done.exit_code == 0, f"{line}\n{done.output}"
-        else:
-            ran = subprocess.run(line, shell=True, env=environment, capture_output=True, text=True)
-            assert ran.returncode == 0, f"{line}\n{ran.stderr}"
+            assert done.exit_code == code, f"{line}\n{done.output}"
+            return done.output
+        ran = subprocess.run(line, shell=True, env=environment, capture_output=True, text=True)
+        assert ran.returncode == code, f"{line}\n{ran.stderr}"
+        return ran.stdout
 
     return typed
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import pytest
 
@@ -21,6 +22,12 @@ def test_parts_of_the_campaign(run, assemblies, tmp_path):
     assert [float(row["error_percent"]) for row in table] == errors
     assert (folder / "frfs.png").read_bytes().startswith(b"\x89PNG")
     assert not (folder / "series.png").exists()
+    page = (folder / "validation.html").read_text(encoding="utf-8")
+    assert "6 resonances are predicted within" in page
+    data = [json.loads(text) for text in re.findall(r'json" id="chart-\d">(.*?)</script>', page)]
+    assert [chart["title"] for chart in data] == [f"FRFs of {name}" for name in ("T0", "T1", "T2", "T3", "H0")]
+    assert [curve["label"] for curve in data[0]["curves"]] == ["compensated", "as measured", "predicted"]
+    assert "src=" not in page
 
 
 def test_a_joint_is_identified_with_the_network_that_is_kept(run, bench, tmp_path):

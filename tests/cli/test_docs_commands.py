@@ -10,25 +10,61 @@ from pathlib import Path
 
 import pytest
 
+import dovetail
+
 ROOT = Path(__file__).resolve().parents[2]
-BLOCK = re.compile(r"^```(bash|yaml|python)\n(.*?)^```", flags=re.S | re.M)
+BLOCK = re.compile(r"^(<!-- output -->\n)?```(bash|yaml|python|)\n(.*?)^```", flags=re.S | re.M)
 
 
-def run_page(page: str, folder: Path, type_line: Callable[[str], None], smaller: Mapping[str, str]) -> int:
-    """Run the commands and scripts of a page from top to bottom, and return how many there were."""
+def run_page(page: str, folder: Path, type_line: Callable[[str], str], smaller: Mapping[str, str]) -> int:
+    """Run the commands and scripts of a page from top to bottom, and return how many there were.
+
+    A block below ``<!-- output -->`` must be in what the command before it prints.
+    """
     shutil.copytree(ROOT / "assemblies", folder / "assemblies")
-    commands: list[str] = []
-    for language, text in BLOCK.findall((ROOT / "docs" / page).read_text(encoding="utf-8")):
-        if language == "bash":
-            commands += text.strip().splitlines()
-            continue
-        name = re.match(r"# (\S+)\n", text)[1]
-        (folder / name).write_text(_replaced(text, smaller), encoding="utf-8")
-        if language == "python":
-            commands.append(f"python {name}")
-    for command in commands:
-        type_line(_replaced(command, smaller))
-    return len(commands)
+    printed: list[str] = []
+    for output, language, text in BLOCK.findall((ROOT / "docs" / page).read_text(encoding="utf-8")):
+        if output:
+            assert_printed(text, printed[-1])
+        elif language == "bash":
+            commands = text.strip().replace("\\\n", "").splitlines()
+            printed += [type_line(_replaced(command, smaller)) for command in commands]
+        elif language:
+            name = re.match(r"# (\S+)\n", text)[1]
+            (folder / name).write_text(_replaced(text, smaller), encoding="utf-8")
+            if language == "python":
+                printed.append(type_line(f"python {name}"))
+    return len(printed)
+
+
+def assert_printed(shown: str, printed: str) -> None:
+    """Each line that is shown begins a line that was printed; numbers may differ in their last digits."""
+    lines = [_words(line) for line in printed.splitlines()]
+    for line in shown.splitlines():
+        words = _words(line)
+        assert any(_begins(candidate, words) for candidate in lines), f"not printed: {line}\n{printed}"
+
+
+def _words(line: str) -> list[str]:
+    return line.replace("\N{MINUS SIGN}", "-").split()
+
+
+def _begins(printed: list[str], shown: list[str]) -> bool:
+    return len(printed) >= len(shown) and all(map(_alike, printed, shown))
+
+
+def _alike(printed: str, shown: str) -> bool:
+    try:
+        return float(printed.rstrip(",")) == pytest.approx(float(shown.rstrip(",")), rel=0.02, abs=0.1)
+    except ValueError:
+        return printed == shown
+
+
+def test_a_line_that_was_not_printed_is_seen():
+    assert_printed("k 2.50 to 2.6", "k   2.51   to  2.6 MN/m\n")
+    for line in ("k 2.9", "c 2.51", "k 2.51 to 2.6 MN/m more"):
+        with pytest.raises(AssertionError, match="not printed"):
+            assert_printed(line, "k   2.51   to  2.6 MN/m\n")
 
 
 def _replaced(text: str, smaller: Mapping[str, str]) -> str:
@@ -37,12 +73,48 @@ def _replaced(text: str, smaller: Mapping[str, str]) -> str:
     return text
 
 
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "160")
+
+
 def test_the_first_look_runs_from_top_to_bottom(tmp_path, type_line):
     assert run_page("first_look.md", tmp_path, type_line, {}) >= 10
-    made = {"frf.csv", "frf.png", "measured.uff", "small.zarr", "small_model", "predicted.csv"}
+    made = {"frf.csv", "frf.png", "measured.uff", "small.zarr", "small_model", "predicted.csv", "sdof.svg"}
     assert made <= {path.name for path in tmp_path.iterdir()}
     assert {"report.html", "result.json", "parameters.csv"} <= {p.name for p in (tmp_path / "results").iterdir()}
     assert {"robustness.csv", "robustness.png"} <= {p.name for p in (tmp_path / "robustness").iterdir()}
+
+
+def test_your_own_measurement_is_described_mended_and_identified(tmp_path, type_line):
+    """In a smaller band, by a Gaussian, and without the search for what explains the misfit of the draft."""
+    smaller = {
+        "to 10 kHz": "to 4 kHz",
+        "-o wrong": "--cause-seconds 0 -o wrong",
+        "-o results": "--form laplace -o results",
+    }
+    assert run_page("own_measurement.md", tmp_path, type_line, smaller) == 6
+    draft, mine = (dovetail.load_result(tmp_path / name) for name in ("wrong", "results"))
+    assert (draft.believable, mine.believable) == (False, True)
+    truth = dovetail.read_truth(tmp_path / "assemblies/measurements/shaft_hub.truth.json", mine.parameters.values())
+    assert mine.parameters["k"].value == pytest.approx(truth.parameters["k"], rel=0.05)
+
+
+def test_a_new_joint_is_checked_and_identified(tmp_path, type_line):
+    assert run_page("new_joint.md", tmp_path, type_line, {}) == 5
+    assert (tmp_path / "pad_results" / "report.html").exists()
+
+
+@pytest.mark.slow
+def test_the_way_from_the_hammer_to_the_tool_tip(tmp_path, type_line):
+    """Without the search for what explains the error of the mesh."""
+    pytest.importorskip("pyFRF")
+    smaller = {"-o joint": "--cause-seconds 0 -o joint"}
+    assert run_page("hammer_to_tool_tip.md", tmp_path, type_line, smaller) == 8
+    with (tmp_path / "compared" / "validation.csv").open() as stream:
+        errors = [abs(float(row["error_percent"])) for row in csv.DictReader(stream) if row["error_percent"]]
+    assert len(errors) >= 7
+    assert max(errors) < 1.0
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -83,8 +84,13 @@ def test_the_command_writes_report_and_tables(cases):
     page = (cases / "out" / "comparison.html").read_text(encoding="utf-8")
     for words in ("Mean coherence", "Resonances", "What each measurement tells", "amplitude, phase and coherence", "✓"):
         assert words in page
-    assert "<script" not in page
+    assert page.count('data-chart="chart-') == 2
     assert 'src="' not in page
+    data = json.loads(re.search(r'id="chart-1">(.*?)</script>', page)[1])
+    assert [(curve["role"], curve["label"]) for curve in data["curves"]] == [
+        ("measured", "measured"), ("method-0", "refined"), ("method-1", "posterior"),
+    ]  # fmt: skip
+    assert ["coherence" in curve for curve in data["curves"]] == [False, True, True]
 
 
 def test_an_assembly_with_several_responses_is_refused_before_any_work(cases, assemblies):

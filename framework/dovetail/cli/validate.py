@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["validate"]
 
-_FILES = ("validation.json", "validation.csv", "table.md", "frfs.png")
+_FILES = ("validation.json", "validation.csv", "table.md", "frfs.png", "validation.html")
 _HEADERS = ("case", "measured [Hz]", "compensated [Hz]", "predicted [Hz]", "error [%]", "shift [%]", "joint")
 _SERIES = "series.png"
 
@@ -36,7 +36,8 @@ def validate(
     ],
     method: Annotated[str, typer.Option(metavar="METHOD", help="How joints are identified.")] = "refined",
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the table and the figures.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report, the table and the figures."),
     ] = None,
     quantity: QuantityOfFile = None,
     unit: UnitOfFile = None,
@@ -121,6 +122,7 @@ def _text(value: float | None, form: str) -> str:
 def _write(done: Validation, folder: Path) -> None:
     from dovetail.cli.result_files import csv_text, write_texts
     from dovetail.report.figures import save_png
+    from dovetail.report.validation import write_validation
     from dovetail.report.validation_figures import series_figure, validation_figure
 
     plain = done.to_dict()
@@ -139,5 +141,6 @@ def _write(done: Validation, folder: Path) -> None:
     }
     write_texts(folder, content)
     save_png(validation_figure(done), folder / _FILES[3], dpi=120)
+    write_validation(done, folder / _FILES[4])
     if done.series:
         save_png(series_figure(done), folder / _SERIES, dpi=120)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -17,7 +18,7 @@ from dovetail.plain_text import terminal_text
 from dovetail.report.figures import PHASE_CENTRE
 from dovetail.report.wording import unit_text
 
-__all__ = ["chart_data", "curve_data", "packed", "script_hash", "thinned", "web_text"]
+__all__ = ["as_data", "chart_data", "chart_scripts", "curve_data", "packed", "script_hash", "thinned", "web_text"]
 
 _WEB = Path(__file__).parent / "web"
 
@@ -26,7 +27,7 @@ def chart_data(
     title: str,
     curves: Mapping[str, tuple[str, Frf]],
     *,
-    coherence: ArrayLike | None = None,
+    coherence: ArrayLike | Mapping[str, ArrayLike] | None = None,
     natural: Iterable[float] = (),
     bands: Iterable[tuple[float, float]] = (),
     most: int | None = None,
@@ -38,9 +39,10 @@ def chart_data(
     title : str
         What a screen reader says.
     curves : mapping of str to (str, Frf)
-        Label and FRF by role: "measured", "model" or "before"; all of one quantity and on the same lines.
-    coherence : (n_freq,) array, optional
-        Of the measured and the reconstructed FRF.
+        Label and FRF by role: "measured", "model", "before", or "method-0", "method-1" and so on; all of one
+        quantity and on the same lines.
+    coherence : (n_freq,) array or mapping of str to (n_freq,) array, optional
+        Of the measured and the reconstructed FRF; of several ones by role.
     natural : iterable of float
         Hz, marked.
     bands : iterable of (float, float)
@@ -56,6 +58,8 @@ def chart_data(
     lines = np.arange(first.frequency.size)
     if most is not None:
         lines = thinned([frf.amplitude for _, frf in curves.values()], most)
+    agreement = coherence if isinstance(coherence, Mapping) else {}
+    single = None if isinstance(coherence, Mapping) else coherence
     return {
         "title": terminal_text(title),
         "frequency": packed(first.frequency[lines]),
@@ -64,9 +68,10 @@ def chart_data(
         "centre": PHASE_CENTRE[first.quantity],
         "curves": [
             {"role": role, "label": terminal_text(label), **curve_data(frf.values[lines], phase=frf.has_phase)}
+            | ({"coherence": packed(np.asarray(agreement[role])[lines])} if role in agreement else {})
             for role, (label, frf) in curves.items()
         ],
-        "coherence": None if coherence is None else packed(np.asarray(coherence)[lines]),
+        "coherence": None if single is None else packed(np.asarray(single)[lines]),
         "natural": [round(float(frequency), 2) for frequency in natural if np.isfinite(frequency)],
         "bands": [[float(low), float(high)] for low, high in bands],
     }
@@ -108,6 +113,23 @@ def thinned(amplitudes: Sequence[NDArray[np.float64]], most: int) -> NDArray[np.
         for lines in bins:
             kept |= {int(lines[np.argmin(values[lines])]), int(lines[np.argmax(values[lines])])}
     return np.array(sorted(kept), dtype=np.intp)
+
+
+def as_data(content: object) -> Any:
+    """Return plain values as JSON that can stand in an element of a page."""
+    from markupsafe import Markup
+
+    return Markup(json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"))
+
+
+def chart_scripts() -> dict[str, Any]:
+    """Return the scripts that draw the charts, their hashes for the page's policy, and the charts' styles."""
+    from markupsafe import Markup
+
+    scripts = [web_text("vendor/uPlot.iife.min.js"), web_text("charts.js"), "DovetailCharts.drawAll();\n"]
+    styles = web_text("vendor/uPlot.min.css") + "\n" + web_text("charts.css")
+    hashes = Markup(" ".join(script_hash(script) for script in scripts))
+    return {"scripts": [Markup(s) for s in scripts], "hashes": hashes, "chart_styles": Markup(styles)}
 
 
 @cache

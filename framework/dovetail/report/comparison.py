@@ -9,9 +9,12 @@ from typing import Any
 
 from dovetail.atomic_files import write_whole
 from dovetail.evaluation import Compared, Comparison
+from dovetail.evaluation.cases import Case
+from dovetail.frf import coherence_spectrum
 from dovetail.identification.posterior import NOT_BELIEVED
-from dovetail.report.charts import web_text
-from dovetail.report.comparison_figures import frf_comparison, parameter_comparison
+from dovetail.identification.result import caveats_of
+from dovetail.report.charts import as_data, chart_data, chart_scripts
+from dovetail.report.comparison_figures import parameter_comparison
 from dovetail.report.report import environment
 from dovetail.report.svg import inline_svg
 from dovetail.report.wording import ABSENT, display_unit, fixed, number
@@ -21,9 +24,12 @@ __all__ = ["coherence_rows", "frequency_rows", "parameter_value_rows", "time_row
 
 Row = list[Any]
 
+_MOST_LINES = 1600
+"""Of an FRF: a chart has up to eight curves, whose peaks and dips are all kept."""
+
 
 def write_comparison(comparison: Comparison, path: str | Path) -> Path:
-    """Write a comparison as one self-contained HTML file: no script, nothing loaded from anywhere.
+    """Write a comparison as one self-contained HTML file: its own scripts, nothing loaded from anywhere.
 
     Parameters
     ----------
@@ -39,16 +45,17 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
 
     shown = None if comparison.caveat else -1  # without the last column, which would be empty
     figures = [
-        (case.name, Markup(inline_svg(frf_comparison(comparison, case), f"frf{index}", f"FRFs of {case.name}")))
+        (case.name, f"chart-{index + 1}", as_data(_chart(comparison, case)), _case_caveat(comparison, case))
         for index, case in enumerate(comparison.cases)
     ]
+    figure = parameter_comparison(comparison)
     page = (
         environment()
         .get_template("comparison.html.jinja")
         .render(
             title=comparison.title,
             caveat=comparison.caveat,
-            chart_styles=Markup(web_text("charts.css")),
+            **chart_scripts(),
             series=comparison.series,
             cases=[case.name for case in comparison.cases],
             methods=comparison.methods,
@@ -56,7 +63,7 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
             frequencies=[row[:shown] for row in frequency_rows(comparison)],
             times=[row[:shown] for row in time_rows(comparison)],
             verdicts=_verdicts(comparison),
-            parameters=Markup(inline_svg(parameter_comparison(comparison), "parameters", "Identified parameters")),
+            parameters=Markup(inline_svg(figure, "parameters", "Identified parameters", themed=True)),
             figures=figures,
             truth=bool(comparison.truth),
             version=__version__,
@@ -65,6 +72,24 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
     )
     write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
     return Path(path)
+
+
+def _chart(comparison: Comparison, case: Case) -> dict[str, Any]:
+    """Return the data of the chart of one measurement and all reconstructions, with the agreement of each."""
+    rows = comparison.of(case)
+    roles = {f"method-{index}": method for index, method in enumerate(rows)}
+    curves = {"measured": ("measured", next(iter(rows.values())).measured)}
+    curves |= {role: (method, rows[method].frf) for role, method in roles.items()}
+    agreement = {
+        role: coherence_spectrum(rows[method].measured.values, rows[method].frf.values)
+        for role, method in roles.items()
+    }
+    title = f"Measured and reconstructed FRFs of {case.name} and their agreement"
+    return chart_data(title, curves, coherence=agreement, most=_MOST_LINES)
+
+
+def _case_caveat(comparison: Comparison, case: Case) -> str:
+    return caveats_of((method, row.identification) for method, row in comparison.of(case).items())
 
 
 def _not_believed(rows: Iterable[Compared], name: Callable[[Compared], str]) -> str:

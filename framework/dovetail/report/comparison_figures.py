@@ -1,4 +1,4 @@
-"""Figures of a comparison: parameters over the series, and each measurement with all reconstructions."""
+"""The figure of a comparison: parameters over the series."""
 
 from __future__ import annotations
 
@@ -7,18 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.evaluation import Compared, Comparison
-from dovetail.evaluation.cases import Case
-from dovetail.frf import Frf, coherence_spectrum
-from dovetail.identification.result import caveats_of
+from dovetail.evaluation import Comparison
 from dovetail.plain_text import terminal_text
 from dovetail.report.figures import (
     INK,
     LINES,
     MARKERS,
-    MEASURED,
-    draw_amplitude,
-    draw_phase,
     new_figure,
     set_title,
     style_axes,
@@ -29,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["frf_comparison", "parameter_comparison"]
+__all__ = ["parameter_comparison"]
 
 _COLUMNS = 3
 
@@ -118,44 +112,3 @@ def _value(result: Any, name: str) -> float:
     if result.posterior is not None:
         return float(result.posterior.estimate[result.posterior.names.index(name)])
     return float(result.parameters[name].value)
-
-
-def frf_comparison(comparison: Comparison, case: Case) -> Figure:
-    """Draw amplitude, phase and coherence of one measurement and all reconstructions.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    case : Case
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    rows = comparison.of(case)
-    figure = new_figure(6.4)
-    panels = figure.subplots(3, 1, sharex=True, height_ratios=[2.4, 1.4, 1.4])
-    for axes in panels:
-        style_axes(axes)
-    measured = next(iter(rows.values())).measured
-    _draw(panels, measured, {"color": MEASURED, "linewidth": 2.6, "label": "measured"})
-    for method, row in rows.items():
-        _draw(panels, row.frf, {"color": _style(comparison.methods, method)["color"], "linewidth": 1, "label": method})
-        _draw_agreement(panels[2], row, _style(comparison.methods, method)["color"])
-    panels[2].set_ylabel("Coherence [-]")
-    panels[2].set_xlabel("Frequency [Hz]")
-    panels[2].set_xlim(float(measured.frequency[0]), float(measured.frequency[-1]))
-    _finish(figure, panels[0], caveats_of((method, row.identification) for method, row in rows.items()))
-    figure.align_ylabels(panels)
-    return figure
-
-
-def _draw(panels: Sequence[Axes], frf: Frf, style: dict[str, Any]) -> None:
-    draw_amplitude(panels[0], frf, style)
-    if frf.has_phase:
-        draw_phase(panels[1], frf, {key: value for key, value in style.items() if key != "label"})
-
-
-def _draw_agreement(axes: Axes, row: Compared, colour: str) -> None:
-    axes.plot(row.frf.frequency, coherence_spectrum(row.measured.values, row.frf.values), color=colour, linewidth=1)
-    axes.set_ylim(0.0, 1.03)

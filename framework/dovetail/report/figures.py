@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "GRID",
     "INK",
     "LINES",
     "MARKERS",
@@ -47,7 +48,7 @@ __all__ = [
 WIDTH = 9.0
 """Inches: 900 pixels at the usual 100 to the inch."""
 
-INK, _MUTED, _GRID = "#1c2430", "#5b6672", "#e3e7eb"
+INK, _MUTED, GRID = "#1c2430", "#5b6672", "#e3e7eb"
 MEASURED, RECONSTRUCTED, _AGREEMENT = "#a3acb5", "#0b5fa5", "#9a4a00"
 LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")  # Okabe and Ito
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
@@ -290,7 +291,7 @@ def set_title(figure: Figure, *lines: str) -> None:
 def style_axes(axes: Axes) -> None:
     """Give a panel the look of all figures: a light grid, no box, muted ticks."""
     axes.set_axisbelow(True)
-    axes.grid(color=_GRID, linewidth=0.8)
+    axes.grid(color=GRID, linewidth=0.8)
     axes.tick_params(colors=_MUTED, labelcolor=INK, labelsize=9, length=3)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)

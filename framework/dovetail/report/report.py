@@ -16,7 +16,7 @@ from dovetail.errors import DovetailError, Fault
 from dovetail.identification import Identification
 from dovetail.plain_text import terminal_text
 from dovetail.report import content
-from dovetail.report.charts import chart_data, script_hash, web_text
+from dovetail.report.charts import as_data, chart_data, chart_scripts
 from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
 from dovetail.report.pair_plot import pair_plot
 from dovetail.report.svg import inline_svg
@@ -120,7 +120,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "known": content.known_rows(result),
         "modes": content.mode_rows(result, truth),
         "figures": _figures(result),
-        **_scripts(),
+        **chart_scripts(),
         "mark": mark,
         "verdict": verdict,
         "misfit": content.misfit_sentence(result),
@@ -156,7 +156,7 @@ def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
         title = f"Measured and reconstructed FRF and their agreement, {response.point or 'the response'}"
         content = chart_data(title, both, coherence=response.coherence, natural=natural, bands=bands, most=_MOST_LINES)
         point = response.point if result.further else ""
-        figures.append((f"chart-{index + 1}", point, _as_data(content), response.measured.has_phase))
+        figures.append((f"chart-{index + 1}", point, as_data(content), response.measured.has_phase))
     return figures
 
 
@@ -184,16 +184,6 @@ def _again(result: Identification) -> str:
     return known + "\n".join(lines) + ("" if "start" in origin else f"\n\n# or, on the command line:\n# {command}")
 
 
-def _scripts() -> dict[str, Any]:
-    """Return the scripts that draw the charts, their hashes for the page's policy, and the charts' styles."""
-    from markupsafe import Markup
-
-    scripts = [web_text("vendor/uPlot.iife.min.js"), web_text("charts.js"), "DovetailCharts.drawAll();\n"]
-    styles = web_text("vendor/uPlot.min.css") + "\n" + web_text("charts.css")
-    hashes = Markup(" ".join(script_hash(script) for script in scripts))
-    return {"scripts": [Markup(s) for s in scripts], "hashes": hashes, "chart_styles": Markup(styles)}
-
-
 def _drawing(assembly: Assembly) -> Any:
     """Return the drawing of an assembly as markup, its text for those who cannot see it."""
     from markupsafe import Markup
@@ -208,14 +198,7 @@ def _shapes(result: Identification, assembly: Assembly) -> Any:
     listed = [mode.natural_frequency for mode in result.modes]
     computed = mode_shapes(assembly, result.theta, _MOST_SHAPES)
     shapes = [mode for mode in computed if np.isclose(mode["frequency"], listed, rtol=1e-4).any()]
-    return _as_data(shapes) if shapes else None
-
-
-def _as_data(content: object) -> Any:
-    """Return plain values as JSON that can stand in an element of a page."""
-    from markupsafe import Markup
-
-    return Markup(json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"))
+    return as_data(shapes) if shapes else None
 
 
 def _pretty(description: object) -> str | None:

@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from dovetail.plain_text import html_text
-from dovetail.report.figures import INK, png_bytes
+from dovetail.report.figures import GRID, INK, png_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,7 +53,8 @@ def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -
     text = f'<svg viewBox="{start[1]}" role="img" aria-label="{html_text(title)}">{text[start.end() :]}'
     text = text.replace("xlink:href", "href")
     text = _REFERENCE.sub(rf"\g<1>{name}-", text)
-    if themed:
+    if themed:  # what has no colour of its own is black, and would stay so
+        text = text.replace("<svg ", '<svg fill="currentColor" ', 1).replace(GRID, "var(--grid)")
         text = text.replace(INK, "currentColor").replace("#ffffff", "none").replace("#000000", "currentColor")
     return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text)
 

@@ -11,6 +11,10 @@ var DovetailCharts = (function () {
     model: { width: 1.4, colour: "--model" },
     before: { width: 1.2, colour: "--before", dash: [6, 4] },
   };
+  /* Methods have seven colours; those beyond are dashed. */
+  const COLOURS = 7;
+  const coloured = (role) => role.replace(/\d+/, (count) => count % COLOURS);
+  const styleOf = (role) => STYLE[role] || { width: 1.3, colour: `--${coloured(role)}`, dash: coloured(role) === role ? undefined : [5, 3] };
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const charts = [];
 
@@ -84,7 +88,7 @@ var DovetailCharts = (function () {
 
     decoded(curve) {
       const amplitude = decode(curve.amplitude).map((value) => (value > 0 ? value : null));
-      return { label: curve.label, role: curve.role, amplitude, phase: curve.phase ? wrapped(decode(curve.phase), this.data.centre) : null };
+      return { label: curve.label, role: curve.role, amplitude, phase: curve.phase ? wrapped(decode(curve.phase), this.data.centre) : null, coherence: curve.coherence ? decode(curve.coherence) : null };
     }
 
     /* What stands around the panels: legend, buttons, what the pointer reads, the table. */
@@ -111,16 +115,17 @@ var DovetailCharts = (function () {
     }
 
     nameCurves() {
-      this.legend.replaceChildren(...this.curves.map((curve) => element("span", { class: `key key-${curve.role}` }, curve.label)));
+      this.legend.replaceChildren(...this.curves.map((curve) => element("span", { class: `key key-${coloured(curve.role)}` }, curve.label)));
     }
 
     kinds() {
       const phase = this.curves.some((curve) => curve.phase) ? ["phase"] : [];
-      return ["amplitude", ...phase, ...(this.coherence ? ["coherence"] : [])];
+      const coherence = this.coherence || this.curves.some((curve) => curve.coherence);
+      return ["amplitude", ...phase, ...(coherence ? ["coherence"] : [])];
     }
 
     columns(kind) {
-      if (kind === "coherence") return [this.frequency, this.coherence];
+      if (kind === "coherence" && this.coherence) return [this.frequency, this.coherence];
       const empty = () => new Array(this.frequency.length).fill(null);
       return [this.frequency, ...this.curves.map((curve) => curve[kind] || empty())];
     }
@@ -134,8 +139,8 @@ var DovetailCharts = (function () {
     }
 
     options(kind, first, last) {
-      const styled = (role) => ({ stroke: () => colour(STYLE[role].colour), width: STYLE[role].width, dash: STYLE[role].dash, points: { show: false }, spanGaps: false });
-      const series = kind === "coherence" ? [{ stroke: () => colour("--agreement"), width: 1.3, points: { show: false } }] : this.curves.map((curve) => styled(curve.role));
+      const styled = (role) => ({ stroke: () => colour(styleOf(role).colour), width: styleOf(role).width, dash: styleOf(role).dash, points: { show: false }, spanGaps: false });
+      const series = kind === "coherence" && this.coherence ? [{ stroke: () => colour("--agreement"), width: 1.3, points: { show: false } }] : this.curves.map((curve) => styled(curve.role));
       const axis = { stroke: () => colour("--ink"), grid: { stroke: () => colour("--grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
       const across = { ...axis, size: last ? 34 : 8, label: last ? "Frequency [Hz]" : null, labelSize: 20, values: (plot, splits) => splits.map((value) => (last && value != null ? String(value) : "")) };
       const x = { time: false, distr: this.logarithmic ? 3 : 1 };
@@ -183,7 +188,7 @@ var DovetailCharts = (function () {
     }
 
     height(kind, first, last) {
-      const tall = document.documentElement.classList.contains("printing") ? 0.6 : this.width() < 500 ? 0.85 : this.width() > 750 ? 1.15 : 1;
+      const tall = document.documentElement.classList.contains("printing") ? 0.58 : this.width() < 500 ? 0.85 : this.width() > 750 ? 1.15 : 1;
       return Math.round(HEIGHT[kind] * tall) + (first ? 14 : 0) + (last ? 30 : 0);
     }
 
@@ -319,7 +324,8 @@ var DovetailCharts = (function () {
       }
       const words = this.curves.map((curve) => {
         const angle = curve.phase && curve.phase[line] != null ? ` \u2220 ${number(curve.phase[line], 4)}\u00b0` : "";
-        return `${curve.label} ${number(curve.amplitude[line], 4)}${angle}`;
+        const agreement = curve.coherence ? `, agreement ${number(curve.coherence[line], 3)}` : "";
+        return `${curve.label} ${number(curve.amplitude[line], 4)}${angle}${agreement}`;
       });
       if (this.coherence) words.push(`agreement ${number(this.coherence[line], 3)}`);
       this.readout.textContent = `${number(this.frequency[line], 6)} Hz: ${words.join("; ")}`;
@@ -379,11 +385,11 @@ var DovetailCharts = (function () {
     fillTable() {
       if (!this.details.open) return;
       const heads = ["Frequency [Hz]"];
-      for (const curve of this.curves) heads.push(`${curve.label} [${this.data.unit}]`, ...(curve.phase ? [`${curve.label}, phase [\u00b0]`] : []));
+      for (const curve of this.curves) heads.push(`${curve.label} [${this.data.unit}]`, ...(curve.phase ? [`${curve.label}, phase [\u00b0]`] : []), ...(curve.coherence ? [`${curve.label}, agreement [-]`] : []));
       if (this.coherence) heads.push("agreement [-]");
       const rows = this.tableLines().map((line) => {
         const cells = [number(this.frequency[line], 6)];
-        for (const curve of this.curves) cells.push(number(curve.amplitude[line], 4), ...(curve.phase ? [number(curve.phase[line], 4)] : []));
+        for (const curve of this.curves) cells.push(number(curve.amplitude[line], 4), ...(curve.phase ? [number(curve.phase[line], 4)] : []), ...(curve.coherence ? [number(curve.coherence[line], 3)] : []));
         if (this.coherence) cells.push(number(this.coherence[line], 3));
         return element("tr", {}, ...cells.map((text) => element("td", { class: "number" }, text)));
       });

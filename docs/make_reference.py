@@ -1,0 +1,217 @@
+"""Writes models.md, options.md and keys.md from the program itself: ``python docs/make_reference.py``."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import typer
+
+sys.path.insert(0, str(Path(__file__).parent))
+import make_drawings
+
+import dovetail
+from dovetail import JointModel, SubstructureModel
+from dovetail.assembly import description_schema
+from dovetail.cli import app
+from dovetail.cli.model_description import describe_offer
+from dovetail.cli.terminal import range_text
+from dovetail.registry import Offer, Registry, components
+from dovetail.units import format_quantity
+
+FOLDER = Path(__file__).parent
+OWN = "dovetail-frf"
+KINDS = {"joint": "Joints", "substructure": "Substructures", "reducer": "Reducers", "regressor": "Regressors"}
+INTERNAL = {"collet": ("c1", "c2", "c3", "c4", "c5")}
+"""Nodes that belong to a joint alone."""
+
+MODELS = """# Models
+
+Here you find what each model that ships with Dovetail stands for, what it leaves out, its parameters with their units
+and ranges, and the order of its DOFs. `dovetail describe MODEL` prints options and parameters on a
+terminal, for models of plugins too.
+
+Parts vibrate in one plane. Each node has two DOFs: `x`, the displacement across the axis, and `rz`, the rotation,
+$r_z = dx/ds$ along the axis $s$. In the drawings a zigzag is a spring and a cylinder a damper, both in `x`; a spiral is
+a spring with a damper in `rz`. A range holds where a description states none.
+
+This page is made by `python docs/make_reference.py` from the models themselves, the drawings by
+`python docs/make_drawings.py`.
+"""
+
+OPTIONS = """# Options of every command
+
+Here you find every option of every command, as `--help` prints it. [The command line](commands.md) says what the
+commands are for. This page is made by `python docs/make_reference.py` from the program itself.
+"""
+
+KEYS = """# Keys of a description
+
+Here you find every key that a description may hold, what it means and what stands if it is left out. [The description
+of an assembly](description.md) explains them with examples; the keys of a model are on the page of [models](models.md).
+This page is made by `python docs/make_reference.py` from the schema that `dovetail schema` writes.
+"""
+
+SECTIONS = {
+    "description": "The whole",
+    "frequency": "`frequency`",
+    "attachment": "`joints.NAME.connect.PORT`",
+    "parameter": "`joints.NAME.parameters.NAME`, and any number with a unit of a part",
+    "response": "`response`, and each of `responses`",
+    "force": "`response.force`",
+    "calibration": "`response.calibration`",
+    "shared_calibration": "`calibration`",
+    "sensor": "`calibration.at`, each",
+    "identification": "`identification`",
+    "identification.AugmentationSection": "`identification.augmentation`",
+    "study": "`study`",
+    "study.SearchSection": "`study.search`",
+    "study.SearchRange": "`study.search.options.NAME`",
+}
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table that the site and a code host both show."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join("| " + " | ".join(_cell(cell) for cell in line) + " |\n" for line in lines)
+
+
+def _cell(value: object) -> str:
+    """Return a text that stays in its cell, with angles and bars as they are meant."""
+    text = str(value).replace("\n", " ").replace("|", "\\|").replace("``", "`")
+    return re.sub(r"<(?=\w)", "&lt;", text).strip()
+
+
+def models(registry: Registry) -> str:
+    """Return the page of models."""
+    text = MODELS
+    for kind, heading in KINDS.items():
+        offers = [offer for offer in registry.offers(kind) if offer.source.split()[0] == OWN]
+        text += f"\n## {heading}\n"
+        text += "".join(_model(offer) for offer in offers)
+    return text
+
+
+def _model(offer: Offer) -> str:
+    model, described = offer.component, describe_offer(offer)
+    shown = make_drawings.examples().get(model.name)
+    kind = f" ({model.kind})" if model.name == "sklearn" else ""
+    text = f"\n### `{model.name}`{kind}\n\n{model.summary.rstrip('.')[0].upper()}{model.summary.rstrip('.')[1:]}.\n"
+    caption = make_drawings.CAPTIONS.get(model.name)
+    if caption:
+        about = re.search(r"<title>(.*?)</title>", make_drawings.drawings()[model.name])[1]
+        text += f"\n![{about}](drawings/{model.name}.svg)\n\n{caption}\n"
+    said = inspect.getdoc(model).replace("``", "`")
+    if said.rstrip(".") != model.summary.rstrip("."):
+        text += f"\n{_paragraphs(said)}\n"
+    if isinstance(shown, JointModel):
+        text += "\n" + _parameters(shown) + "\n" + _dofs(shown)
+    if isinstance(shown, SubstructureModel):
+        rows = [(f"`{n.label}`", f"{1e3 * n.position:g} mm", 2 * i, 2 * i + 1) for i, n in enumerate(shown.nodes)]
+        text += "\nNodes and DOFs of the drawing:\n\n" + table(("node", "position", "x", "rz"), rows)
+    text += "\n" + _options(described["options"])
+    if model.references:
+        text += "\nSource: " + "; ".join(model.references) + ".\n"
+    return text
+
+
+def _paragraphs(text: str) -> str:
+    plain = text.replace("Notes\n-----\n", "")
+    return "\n\n".join(" ".join(block.split()) for block in plain.split("\n\n"))
+
+
+def _parameters(joint: JointModel) -> str:
+    if not joint.parameters:
+        return "No parameters.\n"
+    rows = []
+    for parameter in joint.parameters:
+        unit = "" if parameter.unit == "1" else parameter.unit
+        rows.append((f"`{parameter.name}`", parameter.description, unit, range_text(parameter), parameter.scale))
+    return table(("parameter", "meaning", "SI unit", "range", "scale"), rows)
+
+
+def _dofs(joint: JointModel) -> str:
+    dofs = make_drawings.joint_dofs(joint, INTERNAL.get(joint.name, ()))
+    assert 2 * len(dofs) == joint.size
+    rows = [(f"`{name}`", x, rz) for name, x, rz in dofs]
+    return "Local DOFs, in the order of the joint's matrices:\n\n" + table(("node", "x", "rz"), rows)
+
+
+def _options(options: Sequence[Mapping[str, Any]]) -> str:
+    if not options:
+        return "No options.\n"
+    rows = [
+        (f"`{option['name']}`", option["description"], option["type"], option["unit"], _default(option["default"]))
+        for option in options
+    ]
+    return table(("option", "meaning", "value", "unit", "default"), rows)
+
+
+def _default(text: str) -> str:
+    return {"True": "true", "False": "false"}.get(text, text)
+
+
+def options() -> str:
+    """Return the page of command options."""
+    group = typer.main.get_command(app)
+    text = OPTIONS + "\n## `dovetail`\n\n" + _arguments(group)
+    for name in group.commands:
+        command = group.get_command(None, name)
+        text += f"\n## `dovetail {name}`\n\n{_paragraphs(inspect.cleandoc(command.help))}\n\n{_arguments(command)}"
+    return text
+
+
+def _arguments(command: Any) -> str:
+    rows = []
+    for parameter in command.params:
+        if parameter.param_type_name == "argument":
+            named = f"`{parameter.metavar.strip('[]').replace(']...', '...')}`"
+        else:
+            spelled = [*reversed(parameter.opts), *parameter.secondary_opts]
+            value = "" if parameter.metavar is None else f" {parameter.metavar}"
+            named = ", ".join(f"`{word}{value if word.startswith('--') else ''}`" for word in spelled)
+        rows.append((named, parameter.help or "", "yes" if parameter.required else ""))
+    return table(("argument or option", "meaning", "required"), rows)
+
+
+def keys(registry: Registry) -> str:
+    """Return the page of a description's keys."""
+    schema = description_schema(registry)
+    text = KEYS
+    for name, heading in SECTIONS.items():
+        section = schema["$defs"][name]
+        rows = list(_key_rows(section))
+        said = " ".join(str(section.get("description", "")).partition("\n\n")[0].replace("``", "`").split())
+        text += f"\n## {heading}\n\n" + (f"{said}\n\n" if said else "") + table(("key", "meaning", "default"), rows)
+    return text
+
+
+def _key_rows(section: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    for key, entry in section.get("properties", {}).items():
+        default = entry.get("default")
+        unit = entry.get("x-unit", "")
+        if key in section.get("required", ()):
+            shown = "required"
+        elif default in (None, [], {}):
+            shown = ""
+        elif unit and isinstance(default, (int, float)):
+            shown = format_quantity(default, unit)
+        else:
+            shown = f"`{_default(str(default))}`"
+        yield f"`{key}`", entry.get("description", ""), shown
+
+
+def pages() -> dict[str, str]:
+    """Return the text of each page, by its file's name."""
+    registry = components(())
+    return {"models.md": models(registry), "options.md": options(), "keys.md": keys(registry)}
+
+
+if __name__ == "__main__":
+    print(f"Dovetail {dovetail.__version__}")
+    for name, text in pages().items():
+        (FOLDER / name).write_text(text, encoding="utf-8")

@@ -1,0 +1,90 @@
+"""The report of a validation: one HTML file with each measurement and its prediction, and the table of resonances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from dovetail.atomic_files import write_whole
+from dovetail.evaluation import ValidatedCase, Validation
+from dovetail.report.charts import as_data, chart_data, chart_scripts
+from dovetail.report.report import environment
+from dovetail.report.svg import inline_svg
+from dovetail.report.validation_figures import series_figure
+from dovetail.report.wording import ABSENT, fixed
+from dovetail.version import __version__
+
+__all__ = ["write_validation"]
+
+_MOST_LINES = 2400
+"""Of an FRF; peaks and dips are among them."""
+
+
+def write_validation(validation: Validation, path: str | Path) -> Path:
+    """Write a validation as one self-contained HTML file: its own scripts, nothing loaded from anywhere.
+
+    Parameters
+    ----------
+    validation : Validation
+    path : str or Path
+        A file that is there is replaced; it is written whole or not at all.
+
+    Returns
+    -------
+    Path
+    """
+    from markupsafe import Markup
+
+    series = None
+    if validation.series:
+        series = Markup(inline_svg(series_figure(validation), "series", "Resonances over the series", themed=True))
+    cases = [
+        (f"chart-{index + 1}", case.case.name, as_data(_chart(case)), list(_rows(case)), f"{case.mean_coherence:.4f}")
+        for index, case in enumerate(validation.cases)
+    ]
+    page = (
+        environment()
+        .get_template("validation.html.jinja")
+        .render(
+            title=validation.title,
+            caveat=validation.caveat,
+            verdict=_verdict(validation),
+            cases=cases,
+            series=series,
+            **chart_scripts(),
+            version=__version__,
+            written=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        )
+    )
+    write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
+    return Path(path)
+
+
+def _chart(case: ValidatedCase) -> dict[str, Any]:
+    curves = {
+        "measured": ("compensated", case.compensated),
+        "before": ("as measured", case.measured),
+        "model": ("predicted", case.predicted),
+    }
+    return chart_data(f"FRFs of {case.case.name}", curves, natural=case.natural, most=_MOST_LINES)
+
+
+def _rows(case: ValidatedCase) -> Iterator[list[str]]:
+    """Yield each resonance as measured, compensated and predicted [Hz], the error and the shift [%]."""
+    for row in case.peaks:
+        frequencies = (row.measured, row.compensated, row.predicted)
+        cells = [ABSENT if frequency is None else f"{frequency:.1f}" for frequency in frequencies]
+        yield cells + [ABSENT if value is None else fixed(value, 2, signed=True) for value in (row.error, row.shift)]
+
+
+def _verdict(validation: Validation) -> str:
+    """Say how far predictions are off, and how many resonances have no counterpart."""
+    peaks = [row for case in validation.cases for row in case.peaks]
+    errors = [abs(row.error) for row in peaks if row.error is not None]
+    alone = len(peaks) - len(errors)
+    if not errors:
+        return "No resonance has a counterpart."
+    said = f"{len(errors)} resonances are predicted within {max(errors):.2g} %."
+    return said + (f" {alone} {'has' if alone == 1 else 'have'} no counterpart." if alone else "")

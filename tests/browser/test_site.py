@@ -1,0 +1,64 @@
+"""The pages of the documentation in headless Chromium: they fit, say nothing to the console, and ask nobody."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("fcntl", reason="the browser is reached over pipes, as POSIX has them")
+pytest.importorskip("sphinx")
+sys.path.insert(0, str(Path(__file__).parent))
+from chromium import Browser, find_chromium
+
+CHROMIUM = find_chromium()
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine"),
+]
+
+DOCS = Path(__file__).parents[2] / "docs"
+AXE = Path(__file__).parent / "vendor" / "axe.min.js"
+SIZES = [(360, "light"), (768, "dark"), (1440, "light"), (1440, "dark")]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    subprocess.run([sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", DOCS, folder], check=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    assert CHROMIUM is not None
+    started = Browser(CHROMIUM, tmp_path_factory.mktemp("profile"))
+    yield started
+    started.close()
+
+
+@pytest.mark.parametrize(("width", "scheme"), SIZES)
+def test_every_page_fits_and_is_silent(browser: Browser, site: Path, width: int, scheme: str) -> None:
+    pages = sorted(page for page in site.rglob("*.html") if "_static" not in page.parts)
+    assert len(pages) > 50
+    faults = []
+    for file in pages:
+        with browser.page(file.as_uri(), width, 900, scheme) as page:
+            wide = page.evaluate("document.documentElement.scrollWidth - window.innerWidth")
+            outside = [url for url in page.requests() if not url.startswith(("file:", "data:"))]
+            faults += [(file.name, fault) for fault in [*page.errors(), *outside, *([wide] if wide > 0 else [])]]
+    assert faults == []
+
+
+@pytest.mark.parametrize("name", ["index", "models", "first_look", "publication", "description"])
+def test_a_page_keeps_nobody_out(browser: Browser, site: Path, name: str) -> None:
+    with browser.page((site / f"{name}.html").as_uri()) as page:
+        page.evaluate(AXE.read_text(encoding="utf-8") + "; 0")
+        found = page.evaluate(
+            "axe.run(document.querySelector('article'), {resultTypes: ['violations']})"
+            ".then(r => r.violations.map(v => [v.impact, v.id, v.nodes[0].html.slice(0, 160)].join(' | ')))"
+        )
+        assert [fault for fault in found if fault.startswith(("serious", "critical"))] == []
