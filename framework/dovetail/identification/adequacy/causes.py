@@ -377,8 +377,7 @@ def _points(trials: Trials) -> Iterator[Candidate]:
     amplitude = np.abs(values_of(trials.target.frfs))
     likely = np.stack([trials.best, trials.shape])
     for other, words, start in nearest_points(trials.assembly, amplitude, likely, _SETTINGS.points):
-        starts = [trials.shape, trials.search(other, start)]
-        yield "point", words, trials.fit(other, trials.target.frfs, starts)
+        yield "point", words, trials.fit(other, trials.target.frfs, [trials.search(other, trials.shape, start)])
 
 
 def _times(frfs: Sequence[Frf], factor: Callable[[NDArray[np.float64]], Any]) -> list[Frf]:
