@@ -164,7 +164,7 @@ def identify(
     from dovetail.measurement import is_modal_table
     from dovetail.report.truth import read_truth
 
-    given = {
+    chosen = {
         "starts": starts,
         "seconds": seconds,
         "objective": objective,
@@ -173,7 +173,7 @@ def identify(
         "model_error": model_error,
         "cause_seconds": cause_seconds,
     }
-    options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    options: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
     assembly, model = assembly_or_model(source, plugin)
     by = chosen_method(method, plugin, assembly, options)
     if len(measured) == 1 and is_modal_table(measured[0]):
