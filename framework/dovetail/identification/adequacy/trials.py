@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf, coherence_spectrum
@@ -129,7 +129,9 @@ class Trials:
         axis = np.log(self.target.frequency)
         free = _SETTINGS.free * residual.weight * np.stack([np.ones_like(axis), axis - axis.mean()])
         problem = MarginalisedResiduals(FrfResiduals(model, residual), free)
-        points = qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0)).random(_SETTINGS.candidates)
+        points = scipy.stats.qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0)).random(
+            _SETTINGS.candidates
+        )
         similar = points[np.argsort(np.sum(problem.residuals(points) ** 2, axis=1))[: _SETTINGS.starts]]
         starts = np.concatenate([self.assembly.to_unit(self.best)[np.newaxis], similar])
         return np.asarray(self.assembly.from_unit(self._lowest(problem, starts)))
