@@ -92,7 +92,7 @@ def test_the_derivatives_are_those_of_the_residuals(collet, torque_20, kind):
 
 @pytest.mark.parametrize("has_phase", [True, False])
 def test_noise_leaves_a_chi_squared_of_one(collet, has_phase):
-    for seed, theta in enumerate(random_vectors(collet, 4)):
+    for seed, theta in enumerate(random_vectors(collet, 2)):  # more in tests/benchmarks/noise_floor.py
         fit = refine(collet, noisy(collet, collet.frf(theta), 0.01, seed, has_phase=has_phase))
         deviation = np.sqrt(2 / fit.degrees_of_freedom)
         assert abs(fit.chi_squared - 1) < 5 * deviation
