@@ -94,6 +94,7 @@ def test_two_responses_have_lines_of_their_own(assemblies, tmp_path):
         np.testing.assert_array_equal(stored.measured.values, at_point.measured.values)
 
 
+@pytest.mark.usefixtures("few_mode_searches")
 @pytest.mark.parametrize("form", ["samples", "laplace"])
 def test_the_posterior_of_responses_with_lines_of_their_own(assemblies, form):
     """Nearly the intervals of the same measurement on common lines."""
@@ -102,7 +103,7 @@ def test_the_posterior_of_responses_with_lines_of_their_own(assemblies, form):
     widths = []
     for second in (first, np.arange(105.0, 9001.0, 10.0)):
         theta, frfs = genuine(assembly, [first, second], 6)
-        posterior = dovetail.identify(assembly, frfs, "posterior", form=form).posterior
+        posterior = dovetail.identify(assembly, frfs, "posterior", form=form, samples=200).posterior
         low, high = np.transpose([*posterior.interval().values()])
         centre, wide = (low + high) / 2.0, 1.5 * (high - low)
         assert np.all(np.abs(theta - centre) < wide)
