@@ -25,8 +25,15 @@ ROOT = Path(__file__).resolve().parent.parent
 ASSEMBLIES = ROOT / "assemblies"
 MOST_MEMORY = 3000
 """MiB that a process of the default suite takes at most: one for each core must fit into a usual machine."""
+LAST = ("architecture", "coupling", "description", "plugins", "registry", "report")
+"""Folders of short tests, which are run when the others have begun: no worker then has a long file left at the end."""
 TOO_MUCH = pytest.StashKey[bool]()
 """Whether a test of this process has been failed for it."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the folders of short tests last, all else in its order."""
+    items.sort(key=lambda item: item.path.parent.name in LAST)
 
 
 def peak_memory() -> float:

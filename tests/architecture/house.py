@@ -37,6 +37,10 @@ def imports() -> dict[str, set[str]]:
     """
     trees = {module_name(file): ast.parse(file.read_text(encoding="utf-8")) for file in source_files()}
     handed_on = {module: _handed_on(tree) for module, tree in trees.items()}
+    for stub in [stub for package in PACKAGES for stub in package.rglob("__init__.pyi")]:  # names that are loaded late
+        package = module_name(stub.with_suffix(".py"))
+        names = _handed_on(ast.parse(stub.read_text(encoding="utf-8")))
+        handed_on[package] = {name: (f"{package}.{module}", called) for name, (module, called) in names.items()}
     return {module: set(_imported(tree, trees, handed_on)) - {module} for module, tree in trees.items()}
 
 

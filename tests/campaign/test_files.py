@@ -47,13 +47,14 @@ def test_a_file_reads_and_says_that_it_is_synthetic(name, campaign):
     assert (frf.response == frf.force) == (name != "sf_h1_ab")
 
 
-@pytest.mark.parametrize("name", ["t1", "sf_h1_ab"])
-def test_the_script_writes_the_same_bytes_again(name, campaign, tmp_path):
-    for folder in ("one", "two"):
+@pytest.mark.parametrize(
+    ("name", "times"), [("t1", 2), ("sf_h1_ab", 1), pytest.param("sf_h1_ab", 2, marks=pytest.mark.slow)]
+)
+def test_the_script_writes_the_same_bytes_again(name, times, campaign, tmp_path):
+    for folder in ("one", "two")[:times]:
         command = [sys.executable, campaign / "make_campaign.py", "--only", name, "--to", tmp_path / folder]
         subprocess.run(command, check=True, timeout=120)
-    first = (tmp_path / "one" / f"{name}.uff").read_bytes()
-    assert first == (tmp_path / "two" / f"{name}.uff").read_bytes()
+    assert len({(folder / f"{name}.uff").read_bytes() for folder in tmp_path.iterdir()}) == 1
     # Another processor may round a sample of the record the other way, which changes an FRF by a millionth.
     shipped, made = (dovetail.read_frf(f / f"{name}.uff") for f in (campaign / "measurements", tmp_path / "one"))
     np.testing.assert_allclose(made.values, shipped.values, rtol=1e-4)

@@ -48,17 +48,26 @@ def completed(shell: str, line: list[str], folder) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+LINES = {
+    "command": (["dovetail", "ident"], ["identify"], ["simulate"]),
+    "model": (["dovetail", "describe", "timo"], ["timoshenko_beam"], ["collet"]),
+    "parameter": (["dovetail", "simulate", "sdof.yaml", "--set", ""], ["k=", "c="], ["Dc="]),
+    "file": (["dovetail", "identify", "sdof.yaml", "mea"], ["measured.uff"], ["sdof.yaml"]),
+    "method": (["dovetail", "identify", "sdof.yaml", "measured.uff", "--method", "re"], ["refined"], ["network"]),
+}
+EVERYWHERE = ("command", "file")
+"""What every shell is asked by default; bash is asked everything."""
+
+
 @pytest.mark.parametrize(
-    ("line", "offered", "others"),
+    ("shell", "line", "offered", "others"),
     [
-        (["dovetail", "ident"], ["identify"], ["simulate"]),
-        (["dovetail", "describe", "timo"], ["timoshenko_beam"], ["collet"]),
-        (["dovetail", "simulate", "sdof.yaml", "--set", ""], ["k=", "c="], ["Dc="]),
-        (["dovetail", "identify", "sdof.yaml", "mea"], ["measured.uff"], ["sdof.yaml"]),
-        (["dovetail", "identify", "sdof.yaml", "measured.uff", "--method", "re"], ["refined"], ["network"]),
+        pytest.param(
+            shell, *case, id=f"{name}-{shell}", marks=[pytest.mark.slow] * (shell != "bash" and name not in EVERYWHERE)
+        )
+        for name, case in LINES.items()
+        for shell in ("bash", "zsh", "fish")
     ],
-    ids=["command", "model", "parameter", "file", "method"],
 )
 def test_a_shell_completes(shell, line, offered, others, assemblies, tmp_path):
     shutil.copy(assemblies / "sdof.yaml", tmp_path)

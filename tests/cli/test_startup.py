@@ -44,6 +44,20 @@ def test_heavy_packages_stay_unloaded(code):
     assert done.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.parametrize(
+    ("module", "unloaded"),
+    [
+        ("dovetail.measurement.formats.guarded", ["scipy.special", "scipy.sparse", "dovetail.interfaces"]),
+        ("dovetail.testing.another_process", ["scipy.special", "scipy.sparse", "dovetail.testing.kit"]),
+        ("dovetail.identification", ["scipy.stats", "scipy.signal"]),
+    ],
+)
+def test_what_many_short_processes_import_loads_little(module, unloaded):
+    script = f"import sys, {module}; print([name for name in {unloaded} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout == "[]\n"
+
+
 def least(command: list[str]) -> float:
     """Return the least processor time [s] of five runs, which other programs hardly change."""
     seconds = []

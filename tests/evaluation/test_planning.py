@@ -37,6 +37,7 @@ def test_a_node_of_vibration_is_named(collet):
     assert points[0].hidden == ()
 
 
+@pytest.mark.usefixtures("few_mode_searches")
 def test_gains_are_those_that_a_measurement_achieves(sdof):
     """One point is all that a single mass has: the prediction against samples of the posterior."""
     joints = latin_hypercube(sdof, 12, seed=0)  # those of the prediction

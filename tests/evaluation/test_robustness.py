@@ -19,7 +19,9 @@ from dovetail.registry import components
 def study(sdof, tmp_path_factory):
     description = json.loads(sdof.description.text)
     description["identification"].update(
-        samples=1000, reducer={"model": "pca", "n_components": 12}, regressor={"model": "mlp", "batch_size": 64}
+        samples=1000,
+        reducer={"model": "pca", "n_components": 12},
+        regressor={"model": "mlp", "hidden": [128, 64], "batch_size": 64},
     )
     assembly = dovetail.load(description)
     dataset = dovetail.generate(assembly, tmp_path_factory.mktemp("study") / "data.zarr")

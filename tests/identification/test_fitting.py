@@ -92,7 +92,7 @@ def test_the_derivatives_are_those_of_the_residuals(collet, torque_20, kind):
 
 @pytest.mark.parametrize("has_phase", [True, False])
 def test_noise_leaves_a_chi_squared_of_one(collet, has_phase):
-    for seed, theta in enumerate(random_vectors(collet, 4)):
+    for seed, theta in enumerate(random_vectors(collet, 2)):  # more in tests/benchmarks/noise_floor.py
         fit = refine(collet, noisy(collet, collet.frf(theta), 0.01, seed, has_phase=has_phase))
         deviation = np.sqrt(2 / fit.degrees_of_freedom)
         assert abs(fit.chi_squared - 1) < 5 * deviation
@@ -159,7 +159,7 @@ def test_what_the_model_cannot_explain_is_told(sdof):
     assert alone.discrepancy == 0
     assert fit.chi_squared > 10
     assert fit.discrepancy > 0.001
-    result = dovetail.identify(sdof, replace(clean, values=clean.values + extra), "refined")
+    result = dovetail.identify(sdof, replace(clean, values=clean.values + extra), "refined", cause_seconds=0.0)
     assert result.adequacy.word in ("good", "rough", "does not fit")
     assert any(low < at < high for low, high in result.adequacy.bands)
     assert dovetail.identify(sdof, clean, "refined").adequacy.word == "to the noise"
@@ -178,7 +178,7 @@ def test_the_ranges_hold(sdof):
     fit = refine(sdof, beyond, [np.array([-1.0, 1e9])])
     assert all(p.lower <= value <= p.upper for p, value in zip(sdof.parameters, fit.theta, strict=True))
     assert fit.at_bounds["k"] == "upper"
-    result = dovetail.identify(sdof, beyond, "refined")
+    result = dovetail.identify(sdof, beyond, "refined", cause_seconds=0.0)
     assert "In the best fit k is at the upper end of its range." in result.warnings
 
 

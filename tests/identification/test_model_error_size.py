@@ -24,6 +24,8 @@ from dovetail.identification.resonance_peaks import resonance_peaks
 
 TRUTH = np.array([2e6, 20.0, 1e6, 10.0])
 METHODS = ("refined", "multistart", "posterior")
+NO_CAUSES = {"cause_seconds": 0.0}
+"""What would explain a misfit takes most of the time, and is tested in test_causes.py."""
 
 
 def load_chain(*masses):
@@ -85,7 +87,7 @@ def check_size(told, left):
 @pytest.mark.parametrize("index", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_a_mass_that_is_two_per_cent_off(chain, index):
     true = load_chain(*("1.02 kg" if at == index else "1 kg" for at in range(5)))
-    result = dovetail.identify(chain, noisy(chain, true.frf(TRUTH), 0.005, 3), "refined")
+    result = dovetail.identify(chain, noisy(chain, true.frf(TRUTH), 0.005, 3), "refined", **NO_CAUSES)
     assert result.adequacy.word == "good"
     check_size(result.adequacy.size.natural_frequency, error_left(chain, result.theta, true, TRUTH))
     assert error_left(chain, result.theta, true, TRUTH) < 0.01
@@ -98,7 +100,7 @@ def test_a_modulus_that_is_off(collet, torque_100, modulus):
     true = {entry.name: entry for entry in list_perturbations(model)}["holder: material.young"].apply(np.log1p(modulus))
     true = true.on(model.frequency)
     measured = noisy(model, true.frf(torque_100), 0.001, 3)
-    result = dovetail.identify(collet, measured, "refined")
+    result = dovetail.identify(collet, measured, "refined", **NO_CAUSES)
     left = error_left(model, result.theta, true, torque_100)
     if modulus == 0.01:
         assert result.adequacy.word == "to the noise"
@@ -160,7 +162,9 @@ def test_a_word_is_that_of_the_worst_error(size, word):
 def test_an_allowed_error_sets_the_intervals_of_the_posterior(chain, off):
     spread, told = [], []
     for allowed in (5e-4, 0.01):
-        result = dovetail.identify(chain, off, "posterior", form="laplace", samples=100, model_error=allowed)
+        result = dovetail.identify(
+            chain, off, "posterior", form="laplace", samples=100, model_error=allowed, **NO_CAUSES
+        )
         assert result.posterior.model_error.natural_frequency == allowed
         assert result.provenance["model_error"] == allowed
         low, high = np.transpose([*result.interval.values()])
@@ -171,13 +175,13 @@ def test_an_allowed_error_sets_the_intervals_of_the_posterior(chain, off):
 
 
 def test_what_the_measurement_shows_sets_the_intervals_by_default(chain, off):
-    result = dovetail.identify(chain, off, "posterior", form="laplace", samples=100)
+    result = dovetail.identify(chain, off, "posterior", form="laplace", samples=100, **NO_CAUSES)
     assert result.adequacy.allowed is None
     assert result.posterior.model_error.natural_frequency == result.adequacy.size.natural_frequency > 1e-3
 
 
 def test_an_allowed_error_sets_the_weights_of_the_estimate(chain, off):
-    fits = [dovetail.identify(chain, off, "refined", model_error=allowed).fit for allowed in (1e-4, 0.01)]
+    fits = [dovetail.identify(chain, off, "refined", model_error=allowed, **NO_CAUSES).fit for allowed in (1e-4, 0.01)]
     deviations = [np.sqrt(np.diag(np.linalg.inv(fit.information + np.eye(4)))) for fit in fits]
     assert np.all(deviations[1] > 2.0 * deviations[0])
     assert np.max(np.abs(np.log(fits[0].theta / fits[1].theta))) > 1e-3
@@ -186,7 +190,7 @@ def test_an_allowed_error_sets_the_weights_of_the_estimate(chain, off):
 def test_many_searches_are_judged_by_the_allowed_error_and_keep_their_estimate(chain, off):
     theta = []
     for allowed, enough in ((1e-4, False), (0.05, True), (None, True)):
-        result = dovetail.identify(chain, off, "multistart", starts=8, model_error=allowed)
+        result = dovetail.identify(chain, off, "multistart", starts=8, model_error=allowed, **NO_CAUSES)
         assert result.adequacy.word == "good"
         assert result.adequacy.allowed == allowed
         assert any("more than the 0.01 % that are allowed" in text for text in result.adequacy.reasons) is not enough
@@ -216,7 +220,7 @@ def test_every_error_can_be_allowed_with_noise_and_without(sdof, method, model_e
     for values in (sdof.on(lines).frf(), 1.2 * sdof.on(lines).frf()):
         exact = dovetail.Frf(lines, values, "accelerance")
         options = {"posterior": {"samples": 20}, "multistart": {"starts": 4}}.get(method, {})
-        result = dovetail.identify(sdof, exact, method, model_error=model_error, **options)
+        result = dovetail.identify(sdof, exact, method, model_error=model_error, **options, **NO_CAUSES)
         assert np.isfinite(result.theta).all()
         assert result.adequacy.allowed == model_error
 

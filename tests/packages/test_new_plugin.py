@@ -58,7 +58,7 @@ def test_a_folder_that_is_there_is_left_alone(runner, tmp_path):
 def test_an_unknown_kind_is_a_wrong_command_line(runner, tmp_path):
     result = runner("new-plugin", "spring", "felt", "-o", tmp_path / "mine")
     assert result.exit_code == 2
-    assert "'spring' is not a kind" in result.stderr
+    assert "'spring' is not one of substructure, joint" in result.stderr
 
 
 def test_a_name_with_dashes_makes_an_identifier(runner, tmp_path):

@@ -128,19 +128,20 @@ def undamped(collet):
 
 
 def test_without_damping_the_frf_is_real_and_exact_away_from_resonance(collet):
+    """Each vector at every tenth line, beginning at another."""
     assembly = undamped(collet)
     theta = latin_hypercube(assembly, 10, seed=8)
     found = assembly.engine.drive_point(assembly.by_joint(theta))
     assert np.all(found.imag == 0)
     name, dof = assembly.description.response.point
     number = int(assembly.graph.substructure_dofs(name)[dof])
-    for vector, receptance in zip(theta, found, strict=True):
-        by_joint = assembly.by_joint(vector)
-        truth = direct_receptance(assembly.graph, assembly.frequency, by_joint, [number], [number])[:, 0, 0]
+    for first, (vector, receptance) in enumerate(zip(theta, found, strict=True)):
+        by_joint, frequency = assembly.by_joint(vector), assembly.frequency[first::10]
+        truth = direct_receptance(assembly.graph, frequency, by_joint, [number], [number])[:, 0, 0]
         modes = assembly.natural_frequencies(vector, count=8)
-        away = np.min(np.abs(assembly.frequency[:, None] / modes - 1), axis=1) > 0.01
+        away = np.min(np.abs(frequency[:, None] / modes - 1), axis=1) > 0.01
         zeros = np.abs(truth) < 0.02 * np.median(np.abs(truth))  # no route is exact next to an antiresonance
-        error = np.abs(receptance - truth)[away & ~zeros] / np.abs(truth)[away & ~zeros]
+        error = np.abs(receptance[first::10] - truth)[away & ~zeros] / np.abs(truth)[away & ~zeros]
         assert error.max() < 1e-8
 
 

@@ -10,11 +10,12 @@ from dovetail.dataset import latin_hypercube
 from dovetail.synthesis import LiteralSynthesis, direct_receptance
 
 
-def direct(assembly, theta):
+def direct(assembly, theta, lines=slice(None)):
     """Drive-point receptance by solving the whole assembly."""
     name, dof = assembly.description.response.point
     number = int(assembly.graph.substructure_dofs(name)[dof])
-    return direct_receptance(assembly.graph, assembly.frequency, assembly.by_joint(theta), [number], [number])[:, 0, 0]
+    frequency = assembly.frequency[lines]
+    return direct_receptance(assembly.graph, frequency, assembly.by_joint(theta), [number], [number])[:, 0, 0]
 
 
 def receptance(assembly, theta):
@@ -30,10 +31,13 @@ def test_the_collet_assembly_has_seventy_dofs(collet):
 
 
 def test_engine_equals_the_direct_solve_at_every_line(collet):
+    """Each vector at every tenth line, beginning at another, so that all of them are met."""
     theta = latin_hypercube(collet, 20, seed=1)
     found = receptance(collet, theta)
     assert found.shape == (20, 4451)
-    assert max(relative(h, direct(collet, vector)) for h, vector in zip(found, theta, strict=True)) < 1e-8
+    for first, (h, vector) in enumerate(zip(found, theta, strict=True)):
+        lines = slice(first % 10, None, 10)
+        assert relative(h[lines], direct(collet, vector, lines)) < 1e-8
 
 
 def test_literal_synthesis_equals_the_direct_solve(collet, torque_20):

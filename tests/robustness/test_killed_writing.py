@@ -129,7 +129,7 @@ def test_a_model_that_is_replaced_is_never_absent(model, tmp_path, stride, monke
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0", "1", "model"]
 
 
-@pytest.mark.parametrize("stride", [3, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stride", [5, pytest.param(1, marks=pytest.mark.slow)])
 def test_files_that_are_named_one_by_one_appear_together(tmp_path, stride):
     """Each takes its place by a step of its own; nothing is computed or written between those."""
     frequency = np.arange(1.0, 50.0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method, part
+from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method, one_of, part
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell
 
@@ -68,11 +68,7 @@ def calibrate(
     from dovetail.cli.result_files import prepare_folder, writing
     from dovetail.measurement.noise import NOISE_KINDS
 
-    kind = next((known for known in NOISE_KINDS if known == noise_kind), None)
-    if kind is None:
-        raise typer.BadParameter(
-            f"'{noise_kind}' is not a kind. Accepted: {', '.join(NOISE_KINDS)}", param_hint="--noise-kind"
-        )
+    kind = one_of(NOISE_KINDS, noise_kind, "--noise-kind")
     loaded, model = assembly_or_model(assembly, plugin)
     chosen_method(method, plugin, loaded)
     if method == "network" and model is None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.options import Overwrite, PluginFiles, check_new_files, quantity_in
+from dovetail.cli.options import Overwrite, PluginFiles, check_new_files
 from dovetail.cli.plot import write_figures
 from dovetail.cli.reading import (
+    AccelerometerMass,
     Columns,
     ForceDof,
     Index,
@@ -19,7 +19,7 @@ from dovetail.cli.reading import (
     Reader,
     ResponseDof,
     UnitOfFile,
-    read_measured,
+    measured_reader,
 )
 from dovetail.cli.terminal import note, say, title
 
@@ -58,10 +58,7 @@ def convert(
         str | None,
         typer.Option("--to", metavar="QUANTITY_OR_UNIT", help="What is written, such as mobility or um/N."),
     ] = None,
-    accelerometer_mass: Annotated[
-        float,
-        typer.Option(metavar="MASS", parser=quantity_in("kg"), show_default=False, help="Such as '1.2 g'; taken off."),
-    ] = 0.0,
+    accelerometer_mass: AccelerometerMass = 0.0,
     drive_point: Annotated[Path | None, _OtherFile] = None,
     to_response: Annotated[Path | None, _OtherFile] = None,
     from_force: Annotated[Path | None, _OtherFile] = None,
@@ -84,9 +81,7 @@ def convert(
     others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
     if any(others.values()) and not accelerometer_mass:
         raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
-    read = partial(
-        read_measured, names=names, columns=columns, quantity=quantity, unit=unit, reader=reader, plugins=plugin or ()
-    )
+    read = measured_reader(quantity, unit, names, columns, reader, plugin)
     other_frfs = {name: read(file) for name, file in others.items() if file is not None}
     frf = read(
         source,

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import webbrowser
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dovetail.cli.completion import complete_files
-from dovetail.cli.options import AssemblyFile, PluginFiles, note_doubts, quantity_in
+from dovetail.cli.options import AssemblyFile, PluginFiles, note_doubts
 from dovetail.cli.reading import (
+    AccelerometerMass,
     Columns,
     ForceDofs,
     Indices,
@@ -20,7 +20,7 @@ from dovetail.cli.reading import (
     Reader,
     ResponseDofs,
     UnitOfFile,
-    read_measured,
+    measured_reader,
     read_selected,
 )
 from dovetail.cli.terminal import note, say
@@ -51,15 +51,7 @@ def explore(
     names: Names = None,
     columns: Columns = None,
     reader: Reader = None,
-    accelerometer_mass: Annotated[
-        float,
-        typer.Option(
-            metavar="MASS",
-            parser=quantity_in("kg"),
-            show_default=False,
-            help="At the drive point, such as '1.2 g'; it is removed from the FRF.",
-        ),
-    ] = 0.0,
+    accelerometer_mass: AccelerometerMass = 0.0,
     plugin: PluginFiles = None,
 ) -> None:
     """Move parameters by hand in a page; the FRF follows.
@@ -74,16 +66,7 @@ def explore(
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
     note_doubts(loaded)
-    read = partial(
-        read_measured,
-        names=names,
-        columns=columns,
-        quantity=quantity,
-        unit=unit,
-        accelerometer_mass=accelerometer_mass,
-        reader=reader,
-        plugins=plugin or (),
-    )
+    read = measured_reader(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
     frfs = read_selected(read, measured, index, response, force) if measured else []
     explorer = Explorer(loaded, frfs)
     try:

@@ -9,7 +9,7 @@ import typer
 
 from dovetail.cli.convert import describe_frf
 from dovetail.cli.frf_files import check_frf_files, write_frf_files
-from dovetail.cli.options import Overwrite, quantity_in
+from dovetail.cli.options import Overwrite, one_of, quantity_in
 from dovetail.cli.reading import Columns, Names, columns_of, names_of
 from dovetail.cli.terminal import note, say, title
 
@@ -62,9 +62,7 @@ def frf(
     from dovetail.measurement.impact_test.frf_estimation import ESTIMATORS
     from dovetail.measurement.impact_test.signal_files import read_signals
 
-    chosen = next((known for known in ESTIMATORS if known == estimator), None)
-    if chosen is None:
-        raise typer.BadParameter(f"'{estimator}' is not one of {', '.join(ESTIMATORS)}.", param_hint="--estimator")
+    chosen = one_of(ESTIMATORS, estimator, "--estimator")
     check_frf_files(output, overwrite)
     read = read_signals(
         signals,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,8 +10,9 @@ import typer
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.commands import exit_unless_believable
 from dovetail.cli.completion import complete_files, complete_methods
-from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method, quantity_in
+from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method
 from dovetail.cli.reading import (
+    AccelerometerMass,
     Columns,
     ForceDofs,
     Indices,
@@ -21,7 +21,7 @@ from dovetail.cli.reading import (
     Reader,
     ResponseDofs,
     UnitOfFile,
-    read_measured,
+    measured_reader,
     read_selected,
 )
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
     from dovetail.assembly import Assembly
     from dovetail.frf import Frf
-    from dovetail.identification import Identification, ModalIdentification
+    from dovetail.identification import Identification, Identifier, ModalIdentification
+    from dovetail.interfaces import IdentificationMethod
     from dovetail.report.content import ParameterRow
     from dovetail.report.truth import Truth
 
@@ -130,15 +131,7 @@ def identify(
     names: Names = None,
     columns: Columns = None,
     reader: Reader = None,
-    accelerometer_mass: Annotated[
-        float,
-        typer.Option(
-            metavar="MASS",
-            parser=quantity_in("kg"),
-            show_default=False,
-            help="At the drive point, such as '1.2 g'; it is removed from the FRF.",
-        ),
-    ] = 0.0,
+    accelerometer_mass: AccelerometerMass = 0.0,
     truth: Annotated[
         Path | None, typer.Option(metavar="FILE", help="JSON with the true values of a synthetic measurement.")
     ] = None,
@@ -185,58 +178,54 @@ def identify(
     by = chosen_method(method, plugin, assembly, options)
     if len(measured) == 1 and is_modal_table(measured[0]):
         of_frf = (weights, amplitude_only, quantity, unit, index, response, force, names, columns, reader)
-        if (
-            any(of_frf)
-            or cause_seconds is not None
-            or network
-            or retrain
-            or accelerometer_mass
-            or method not in (None, "posterior")
-        ):
+        of_methods = (network, retrain, cause_seconds is not None, method not in (None, "posterior"))
+        if any((*of_frf, *of_methods, accelerometer_mass)):
             raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
         _identify_from_modes(assembly, measured[0], options, truth, output, as_json=as_json)
         return
-    read = partial(
-        read_measured,
-        names=names,
-        columns=columns,
-        quantity=quantity,
-        unit=unit,
-        accelerometer_mass=accelerometer_mass,
-        reader=reader,
-        plugins=plugin or (),
-    )
-    needed = by == "network" or bool(network) or retrain
-    batch = is_batch(measured, len(assembly.description.responses))
-    if batch:
-        frfs = []
+    read = measured_reader(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
+    options |= {"weights": weights, "phase": not amplitude_only}
+    if by == "network" or (retrain and network is None):
+        network = True
+    if is_batch(measured, len(assembly.description.responses)):
         _check_accelerometer(assembly, accelerometer_mass)
         check_batch(truth, output, index, response, force)
-    else:
-        frfs = read_selected(read, measured, index, response, force)
-        _check(assembly, frfs, needed, truth, output, accelerometer_mass)
-    if network is False and by != "network":
-        model = None
-    elif model is None and (needed or by in _STARTED):
-        from dovetail.cli.model_cache import kept_model, trained_model
-
-        plugins = plugin or []
-        model = trained_model(assembly, plugins, retrain=retrain) if needed else kept_model(assembly, plugins)
-    counted: dict[str, Any] = {"weights": weights, "phase": not amplitude_only}
-    if batch:
-        identify_batch(
-            assembly, measured, read, by, model, output, as_json=as_json, plugins=plugin or (), **counted, **options
-        )
+        model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
+        identify_batch(assembly, measured, read, by, model, output, as_json=as_json, plugins=plugin or (), **options)
         return
+    frfs = read_selected(read, measured, index, response, force)
+    _check(assembly, frfs, bool(network), truth, output, accelerometer_mass)
+    model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
     known = None if truth is None else read_truth(truth, assembly.parameters)
     with progress_bars() as progress:
-        result = dovetail.identify(assembly, frfs, by, model=model, progress=progress, **counted, **options)
+        result = dovetail.identify(assembly, frfs, by, model=model, progress=progress, **options)
     with writing(output, lambda folder: write_results(result, folder, known, assembly)):
         if as_json:
             print_json(result.to_dict())
         else:
             _print(result, known)
     exit_unless_believable(result)
+
+
+def _model(
+    assembly: Assembly,
+    model: Identifier | None,
+    method: str | IdentificationMethod,
+    wanted: bool | None,
+    plugins: list[Path],
+    *,
+    retrain: bool,
+) -> Identifier | None:
+    """Return the network that takes part: the one that is given, is trained because it is wanted, or was kept."""
+    from dovetail.cli.model_cache import kept_model, trained_model
+
+    if wanted is False:
+        return None
+    if model is not None:
+        return model
+    if wanted:
+        return trained_model(assembly, plugins, retrain=retrain)
+    return kept_model(assembly, plugins) if method in _STARTED else None
 
 
 def _identify_from_modes(

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from dovetail.cli.options import one_of
 from dovetail.cli.terminal import say
 
 __all__ = ["new_plugin"]
@@ -40,9 +41,7 @@ def new_plugin(
     """
     from dovetail.interfaces import KINDS
 
-    if kind not in KINDS:
-        raise typer.BadParameter(f"'{kind}' is not a kind. Accepted: {', '.join(KINDS)}", param_hint="KIND")
-    words = _words(kind, name)
+    words = _words(one_of(KINDS, kind, "KIND"), name)
     folder = output or Path(words["distribution"])
     made = _write(folder, words)
     say(f"{folder}: {', '.join(made)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -28,9 +28,13 @@ __all__ = [
     "check_new_files",
     "chosen_method",
     "note_doubts",
+    "one_of",
     "part",
     "quantity_in",
 ]
+
+
+_Choice = TypeVar("_Choice", bound=str)
 
 
 def _with_global(context: typer.Context, value: list[Path] | None) -> list[Path]:
@@ -110,6 +114,20 @@ def assembly_or_model(source: Path, plugins: Sequence[Path] | None) -> tuple[Ass
         return assembly, None
     model = dovetail.load_model(source, plugins=plugins or ())
     return model.assembly, model
+
+
+def one_of(choices: Iterable[_Choice], text: str, option: str) -> _Choice:
+    """Return the choice that an option names.
+
+    Raises
+    ------
+    typer.BadParameter
+        None is called so.
+    """
+    known = {choice: choice for choice in choices}
+    if text not in known:
+        raise typer.BadParameter(f"'{text}' is not one of {', '.join(known)}.", param_hint=option)
+    return known[text]
 
 
 def part(text: str) -> float:

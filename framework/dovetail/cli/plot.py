@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,7 +18,7 @@ from dovetail.cli.reading import (
     Reader,
     ResponseDofs,
     UnitOfFile,
-    read_measured,
+    measured_reader,
     read_selected,
 )
 from dovetail.cli.terminal import note, print_json, table
@@ -64,15 +63,7 @@ def plot(
 
     files = output or []
     check_new_files(files, FIGURE_SUFFIXES, overwrite)
-    read = partial(
-        read_measured,
-        names=names,
-        columns=columns,
-        quantity=quantity,
-        unit=unit,
-        reader=reader,
-        plugins=plugin or (),
-    )
+    read = measured_reader(quantity, unit, names, columns, reader, plugin)
     frfs = read_selected(read, measured, index, response, force)
     summaries = [_summary(frf) for frf in frfs]
     if as_json:

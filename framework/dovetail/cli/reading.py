@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from dovetail.cli.options import quantity_in
 from dovetail.cli.terminal import note
 
 if TYPE_CHECKING:
     from dovetail.frf import Frf
 
 __all__ = [
+    "AccelerometerMass",
     "Columns",
     "ForceDof",
     "ForceDofs",
@@ -27,8 +30,8 @@ __all__ = [
     "ResponseDofs",
     "UnitOfFile",
     "columns_of",
+    "measured_reader",
     "names_of",
-    "read_measured",
     "read_selected",
     "reading_options",
     "selections",
@@ -81,26 +84,39 @@ Columns = Annotated[
 Reader = Annotated[
     str | None, typer.Option("--reader", metavar="NAME", help="The reader of a plugin that is to read the file.")
 ]
+AccelerometerMass = Annotated[
+    float,
+    typer.Option(
+        "--accelerometer-mass",
+        metavar="MASS",
+        parser=quantity_in("kg"),
+        show_default=False,
+        help="Of the accelerometer, such as '1.2 g'; its effect is removed from the FRF.",
+    ),
+]
 
 
-def read_measured(file: Path, names: Sequence[str] | None, columns: str | None, **options: Any) -> Frf:
-    """Read one measured FRF; what its columns were taken for and what `read_frf` warns of are notes.
+def measured_reader(
+    quantity: str | None,
+    unit: str | None,
+    names: Sequence[str] | None,
+    columns: str | None,
+    reader: str | None,
+    plugins: Sequence[Path] | None,
+    accelerometer_mass: float = 0.0,
+) -> Callable[..., Frf]:
+    """Return what reads one measured FRF from a file with these options, and with others of `read_frf`."""
+    options = reading_options(quantity, unit, names, columns, reader, plugins, accelerometer_mass)
+    return partial(_read_measured, **options)
 
-    Parameters
-    ----------
-    file : Path
-    names : sequence of str or None
-        ``PART=NAME`` options.
-    columns : str or None
-        What the columns hold, with commas between them.
-    **options
-        Those of `read_frf`.
-    """
+
+def _read_measured(file: Path, **options: Any) -> Frf:
+    """Read one measured FRF; what its columns were taken for and what `read_frf` warns of are notes."""
     import dovetail
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        frf = dovetail.read_frf(file, names=names_of(names or []), columns=columns_of(columns), **options)
+        frf = dovetail.read_frf(file, **options)
     if frf.origin:
         note(f"Read {file.name}: {frf.origin}")
     for warning in caught:
@@ -115,10 +131,19 @@ def reading_options(
     columns: str | None,
     reader: str | None,
     plugins: Sequence[Path] | None,
+    accelerometer_mass: float = 0.0,
 ) -> dict[str, Any]:
     """Return the options of `read_frf` that were given, for files that are read one after the other."""
-    given = {"quantity": quantity, "unit": unit, "names": names_of(names or []), "columns": columns_of(columns)}
-    return {name: value for name, value in {**given, "reader": reader, "plugins": plugins}.items() if value}
+    options = {
+        "quantity": quantity,
+        "unit": unit,
+        "names": names_of(names or []),
+        "columns": columns_of(columns),
+        "reader": reader,
+        "plugins": plugins,
+        "accelerometer_mass": accelerometer_mass,
+    }
+    return {name: value for name, value in options.items() if value}
 
 
 def read_selected(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from dovetail.cli.options import Overwrite, PluginFiles, check_new_files, quantity_in
-from dovetail.cli.reading import Columns, Names, QuantityOfFile, Reader, UnitOfFile, read_measured
+from dovetail.cli.options import Overwrite, PluginFiles, check_new_files, one_of, quantity_in
+from dovetail.cli.reading import AccelerometerMass, Columns, Names, QuantityOfFile, Reader, UnitOfFile, measured_reader
 from dovetail.cli.terminal import note, say, title
 
 __all__ = ["spindle"]
@@ -32,9 +31,7 @@ def spindle(
     tip: Annotated[
         float, typer.Option(metavar="LENGTH", parser=_length, help="Position of a.", show_default="0 mm")
     ] = 0.0,
-    accelerometer_mass: Annotated[
-        float, typer.Option(metavar="MASS", parser=quantity_in("kg"), show_default=False, help="Such as '1.2 g'.")
-    ] = 0.0,
+    accelerometer_mass: AccelerometerMass = 0.0,
     rotations: Annotated[
         str, typer.Option(metavar="HOW", help="model, or difference (first-order finite differences).")
     ] = "model",
@@ -55,14 +52,10 @@ def spindle(
     from dovetail.coupling.spindle import ROTATIONS
     from dovetail.measurement import on_grid
 
-    how = next((known for known in ROTATIONS if known == rotations), None)
-    if how is None:
-        raise typer.BadParameter(f"'{rotations}' is not one of {', '.join(ROTATIONS)}.", param_hint="--rotations")
+    how = one_of(ROTATIONS, rotations, "--rotations")
     check_new_files([output], [".npz"], overwrite)
     loaded = dovetail.load(holder, plugins=plugin or ())
-    read = partial(
-        read_measured, names=names, columns=columns, quantity=quantity, unit=unit, reader=reader, plugins=plugin or ()
-    )
+    read = measured_reader(quantity, unit, names, columns, reader, plugin)
     aa, ab, bb = (on_grid(read(file), loaded.frequency) for file in (drive_a, transfer, drive_b))
     flange_receptance = dovetail.spindle_flange(
         loaded, (aa, ab, bb), (tip, at), flange, accelerometer_mass=accelerometer_mass, rotations=how

@@ -9,9 +9,9 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.optimize import brentq, linear_sum_assignment
-from scipy.stats import qmc, t
 
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError, listing
@@ -227,7 +227,7 @@ def identify_from_modes(
 def _search(residuals: _ModalResiduals, random: np.random.Generator) -> NDArray[np.float64]:
     """Return where searches from all over the ranges end, (n, p) normal quantiles, the best first and each once."""
     rough = PosteriorResiduals(residuals)
-    cube = qmc.LatinHypercube(len(residuals.assembly.parameters), rng=random).random(8 * _SETTINGS.starts)
+    cube = scipy.stats.qmc.LatinHypercube(len(residuals.assembly.parameters), rng=random).random(8 * _SETTINGS.starts)
     points = normal_from_unit(cube)
     best = np.argsort(np.sum(rough.residuals(points) ** 2, axis=1))[: _SETTINGS.starts]
     ends = maximise_posterior(rough, points[best], tolerance=1e-2)
@@ -264,7 +264,7 @@ def _size(off: Any, sd: Any, scale: Any, freedom: float, least: float, assumed: 
     size = float(brentq(excess, least, 1e6)) if excess(least) > 0.0 else least
     if sd is not None:
         return size
-    tails = t.ppf((1.0 + LEVEL) / 2.0, [freedom, np.inf])  # told from few modes, it may be far larger
+    tails = scipy.stats.t.ppf((1.0 + LEVEL) / 2.0, [freedom, np.inf])  # told from few modes, it may be far larger
     return max(size, min(size * float(tails[0] / tails[1]), assumed))
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
 
 from dovetail.frf import Frf
 
@@ -61,7 +61,7 @@ def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArr
         return np.empty(0)
     floor = _SETTINGS.floor / prominence * _noise(accelerance)
     level = 10.0 * np.log10(np.maximum(accelerance.amplitude**2 + floor**2, np.finfo(np.float64).tiny))
-    tops, properties = find_peaks(level, prominence=prominence)
+    tops, properties = scipy.signal.find_peaks(level, prominence=prominence)
     peaks = zip(tops.tolist(), properties["prominences"].tolist(), strict=True)
     return np.array([_peak_frequency(accelerance, top, height) for top, height in peaks])
 

@@ -10,8 +10,8 @@ from numbers import Integral, Real
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
+import scipy  # loads a part of it when that is first used
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from dovetail.errors import Fault, PluginError, listing
 from dovetail.interfaces.component import Component, Kind
@@ -25,7 +25,8 @@ Prior = Literal["uniform", "normal"]
 
 _DEVIATIONS = 4.0
 """Standard deviations of a normal prior between the middle and each end of its range; 6e-5 lie outside."""
-_TAIL = float(ndtr(-_DEVIATIONS))
+_TAIL = 3.167124183311986e-05
+"""Part of the normal distribution below the range: scipy.special.ndtr(-4.0)."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ class Parameter:
         low, high = self._ends()
         part = np.asarray(fraction, dtype=np.float64)
         if self.prior == "normal":
-            part = (ndtri(_TAIL + part * (1.0 - 2.0 * _TAIL)) / _DEVIATIONS + 1.0) / 2.0
+            part = (scipy.special.ndtri(_TAIL + part * (1.0 - 2.0 * _TAIL)) / _DEVIATIONS + 1.0) / 2.0
         mapped = low + part * (high - low)
         return np.exp(mapped) if self.scale == "log" else mapped
 
@@ -110,12 +111,12 @@ class Parameter:
         position = np.asarray(value, dtype=np.float64)
         part = ((np.log(position) if self.scale == "log" else position) - low) / (high - low)
         if self.prior == "normal":
-            part = (ndtr((2.0 * part - 1.0) * _DEVIATIONS) - _TAIL) / (1.0 - 2.0 * _TAIL)
+            part = (scipy.special.ndtr((2.0 * part - 1.0) * _DEVIATIONS) - _TAIL) / (1.0 - 2.0 * _TAIL)
         return part
 
     def normal_residual(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return how many standard deviations of a normal prior fractions are from the middle, and the derivative."""
-        deviations = ndtri(_TAIL + np.asarray(fraction, dtype=np.float64) * (1.0 - 2.0 * _TAIL))
+        deviations = scipy.special.ndtri(_TAIL + np.asarray(fraction, dtype=np.float64) * (1.0 - 2.0 * _TAIL))
         density = np.exp(-(deviations**2) / 2.0) / np.sqrt(2.0 * np.pi)
         return deviations, (1.0 - 2.0 * _TAIL) / density
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array
+import scipy  # loads a part of it when that is first used
 
 from dovetail.interfaces.matrices import refuse_complex
 
@@ -28,19 +28,19 @@ class SparseMatrices:
         The matrices are complex or not square, or their shapes differ.
     """
 
-    M: csc_array
-    K: csc_array
-    C: csc_array
-    D: csc_array
+    M: scipy.sparse.csc_array
+    K: scipy.sparse.csc_array
+    C: scipy.sparse.csc_array
+    D: scipy.sparse.csc_array
 
     def __init__(self, M: Any, K: Any, C: Any = None, D: Any = None) -> None:
         for name, values in (("M", M), ("K", K), ("C", C), ("D", D)):
             refuse_complex(name, values)
-        stiffness = csc_array(K, dtype=np.float64)
+        stiffness = scipy.sparse.csc_array(K, dtype=np.float64)
         if stiffness.shape[0] != stiffness.shape[1]:
             raise ValueError(f"K has the shape {stiffness.shape}; a square matrix (d, d) is expected.")
         for name, values in (("M", M), ("K", stiffness), ("C", C), ("D", D)):
-            matrix = csc_array(stiffness.shape if values is None else values, dtype=np.float64)
+            matrix = scipy.sparse.csc_array(stiffness.shape if values is None else values, dtype=np.float64)
             if matrix.shape != stiffness.shape:
                 raise ValueError(f"{name} has the shape {matrix.shape}, but K has {stiffness.shape}.")
             object.__setattr__(self, name, matrix)
@@ -50,7 +50,7 @@ class SparseMatrices:
         """Number of DOFs."""
         return int(self.K.shape[0])
 
-    def dynamic_stiffness(self, frequency: float) -> csc_array:
+    def dynamic_stiffness(self, frequency: float) -> scipy.sparse.csc_array:
         """Return the (d, d) complex sparse array Z at one frequency [Hz]."""
         omega = 2.0 * np.pi * frequency
         return (self.K - omega**2 * self.M) + 1j * (self.D + omega * self.C)

@@ -1,7 +1,9 @@
-"""The conformance kit: run it over a component of your own, in a test, in Python or by ``dovetail check-plugin``."""
+"""The conformance kit: run it over a component of your own, in a test, in Python or by ``dovetail check-plugin``.
 
-from dovetail.testing.kit import check_component, check_names
-from dovetail.testing.outcomes import CheckResult
-from dovetail.testing.parametrisation import ConformanceCheck, conformance
+The public names stand in ``__init__.pyi`` beside this file. Each is loaded when it is first used: a fresh process, in
+which a component answers, needs few of these modules.
+"""
 
-__all__ = ["CheckResult", "ConformanceCheck", "check_component", "check_names", "conformance"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

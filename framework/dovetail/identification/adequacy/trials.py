@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf, coherence_spectrum
@@ -218,7 +218,8 @@ class Trials:
 
     def _most_similar(self, problem: SumOfSquares) -> NDArray[np.float64]:
         """Return those (n, p) of many random points in the unit cube where a sum of squares is the least."""
-        points = qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0)).random(_SETTINGS.candidates)
+        hypercube = scipy.stats.qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0))
+        points = hypercube.random(_SETTINGS.candidates)
         order = np.argsort(np.sum(problem.residuals(points) ** 2, axis=1))
         return np.asarray(points[order[: _SETTINGS.starts]])
 

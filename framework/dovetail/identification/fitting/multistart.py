@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, listing
@@ -74,7 +74,7 @@ def multistart(
     weights = variance if objective == "weighted" else _mean_of_response(target, variance)
     problem = FrfResiduals(assembly, target.weighted(weights, used))
     minima = []
-    points = qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts)
+    points = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed)).random(starts)
     for number, point in enumerate(points):
         progress("fit", number, starts)
         start = point[np.newaxis]

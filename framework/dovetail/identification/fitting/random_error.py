@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 from scipy.special import chdtri, fdtrc, polygamma
-from scipy.stats import chi2
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
@@ -109,7 +109,7 @@ def _scattering_averages(frf: Frf) -> int:
     if len(variance) < 2 * len(_DIFFERENCE) or not np.all(variance > 0.0):
         return 0
     scatter = np.convolve(np.log(variance), _DIFFERENCE, mode="valid") ** 2
-    expected = float(polygamma(1, frf.averages - 1)) * float(chi2.ppf(0.5, 1))
+    expected = float(polygamma(1, frf.averages - 1)) * float(scipy.stats.chi2.ppf(0.5, 1))
     return frf.averages if np.median(scatter) > _SETTINGS.scattering * expected else 0
 
 
@@ -287,7 +287,7 @@ def _unit_quantile(has_phase: bool) -> float:
     """Return the quantile of |e|^2 where E|e|^2 = 1; for an amplitude, of its half in one direction."""
     if has_phase:
         return float(-np.log(1.0 - _SETTINGS.quantile))
-    return float(chi2.ppf(_SETTINGS.quantile, 1)) / 2.0
+    return float(scipy.stats.chi2.ppf(_SETTINGS.quantile, 1)) / 2.0
 
 
 def _floor_and_share(magnitude: NDArray[np.float64], variance: NDArray[np.float64]) -> tuple[float, float]:

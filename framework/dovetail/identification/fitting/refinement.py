@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
@@ -136,7 +136,7 @@ class _Refinement:
         self._assembly = assembly
         self._model = ModelFrfs.of(assembly)
         self._target = target
-        self._hypercube = qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed))
+        self._hypercube = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed))
         self._variance = target.variance()
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import find_peaks
 
 from dovetail.identification.fitting.observations import Observations
 
@@ -93,7 +93,7 @@ def _level(amplitude: NDArray[np.float64], variance: NDArray[np.float64]) -> NDA
 
 def _peaks(level: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the lines of the most prominent peaks."""
-    tops, properties = find_peaks(level, prominence=_SETTINGS.prominence)
+    tops, properties = scipy.signal.find_peaks(level, prominence=_SETTINGS.prominence)
     most = np.argsort(-properties["prominences"], kind="stable")[: _SETTINGS.most_peaks]
     return np.asarray(tops[most])
 

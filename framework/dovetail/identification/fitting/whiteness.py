@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 __all__ = ["assess_runs", "find_deviating_bands", "has_size_of_noise", "is_white", "log_improbability"]
 
@@ -86,7 +86,7 @@ def assess_runs(residuals: NDArray[np.float64]) -> float:
 
 def log_improbability(squares: float, degrees_of_freedom: int) -> float:
     """Return -log10 of the probability that noise gives so large a sum of squares."""
-    negative_log = -float(chi2.logsf(squares, degrees_of_freedom))
+    negative_log = -float(scipy.stats.chi2.logsf(squares, degrees_of_freedom))
     return (negative_log if np.isfinite(negative_log) else squares / 2.0) / float(np.log(10.0))
 
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import norm, qmc
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
@@ -95,8 +95,8 @@ class LaplaceApproximation:
 
     def draw(self, count: int, seed: int) -> NDArray[np.float64]:
         """Return samples (count, d) of z, spread evenly (scrambled Halton points)."""
-        points = qmc.Halton(len(self.mode), rng=np.random.default_rng([seed, 4])).random(count)
-        return np.asarray(self.mode + norm.ppf(points) @ self.axes)
+        points = scipy.stats.qmc.Halton(len(self.mode), rng=np.random.default_rng([seed, 4])).random(count)
+        return np.asarray(self.mode + scipy.stats.norm.ppf(points) @ self.axes)
 
     @property
     def unreliable(self) -> NDArray[np.bool_]:

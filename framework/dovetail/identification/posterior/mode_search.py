@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from dovetail.assembly import Assembly
 from dovetail.identification.fitting.least_squares import minimise
@@ -91,7 +91,7 @@ def search_modes(
         misfit = FrfResiduals(on_lines, likelihood.by_line.at(lines))
         some_errors = errors[:, likelihood.by_line.residuals_of(lines)]
         full_weight = float(np.sqrt(step))  # with which these lines tell as much as all
-    points = qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
+    points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
     logarithms = FrfResiduals(on_lines, likelihood.target.at(lines).logarithms(variance[lines]))
     searches = itertools.count(1)
     total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + 1 + _SETTINGS.refined_modes
