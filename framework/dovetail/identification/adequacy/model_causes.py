@@ -81,24 +81,24 @@ def nearest_points(
     (n_params,) array
         The joint whose amplitudes are the most similar.
     """
-    places = _places(assembly)
-    if not places:
+    elsewhere = _places(assembly)
+    if not elsewhere:
         return
     drawn = assembly.from_unit(np.random.default_rng(0).random((_SETTINGS.samples, len(assembly.parameters))))
     joints = np.concatenate([likely, drawn])
-    step = -(-len(places) // _SETTINGS.most_nodes)
+    step = -(-len(elsewhere) // _SETTINGS.most_nodes)
     if step > 1:
-        distances = _distances(assembly, amplitude, joints, places[::step])
+        distances = _distances(assembly, amplitude, joints, elsewhere[::step])
         best = {step * index for kind in distances for index in _nearest(kind, count)}
-        places = [place for i, place in enumerate(places) if any(abs(i - j) < step for j in best)]
-    kinds = _distances(assembly, amplitude, joints, places)
+        elsewhere = [node for i, node in enumerate(elsewhere) if any(abs(i - j) < step for j in best)]
+    kinds = _distances(assembly, amplitude, joints, elsewhere)
     if not assembly.description.response.is_drive_point:
         kinds = kinds[:1]
     found = [(kind[:, i].min(), number, i) for number, kind in enumerate(kinds) for i in _nearest(kind, count)]
     for _, with_force, index in sorted(found):
-        there = _measured_at(assembly, places[index], with_force=bool(with_force))
+        there = _measured_at(assembly, elsewhere[index], with_force=bool(with_force))
         which = "force and response" if with_force else "the response"
-        yield there, f"{which} {_words(assembly, places[index])}", joints[np.argmin(kinds[with_force][:, index])]
+        yield there, f"{which} {_words(assembly, elsewhere[index])}", joints[np.argmin(kinds[with_force][:, index])]
 
 
 def _nearest(distances: NDArray[np.float64], count: int) -> list[int]:
