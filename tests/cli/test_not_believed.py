@@ -154,13 +154,13 @@ def html_says_so(text):
     head = text[: text.index("<table")]
     title = head[head.index("<title>") : head.index("</title>")]
     sections = [section for section in text.split("<section") if "<table" in section]
-    assert len(sections) >= 2
+    assert len(sections) >= (1 if "models against measurements" in title else 2)  # one of each case, here one
     marked = all("not believed" in section.lower() for section in sections)
     return "believed:" in title and CAVEAT in head[head.index("<body>") :] and marked
 
 
 def test_every_file_says_so(made):
-    assert len(made.written) == 27
+    assert len(made.written) == 28
     said = {str(file.relative_to(made.folder)): says_so(file) for file in made.written}
     assert said == dict.fromkeys(said, not made.believable)
 

@@ -41,7 +41,14 @@ def write_validation(validation: Validation, path: str | Path) -> Path:
     if validation.series:
         series = Markup(inline_svg(series_figure(validation), "series", "Resonances over the series", themed=True))
     cases = [
-        (f"chart-{index + 1}", case.case.name, as_data(_chart(case)), list(_rows(case)), f"{case.mean_coherence:.4f}")
+        (
+            f"chart-{index + 1}",
+            case.case.name,
+            as_data(_chart(case)),
+            list(_rows(case)),
+            f"{case.mean_coherence:.4f}",
+            case.believable,
+        )
         for index, case in enumerate(validation.cases)
     ]
     page = (
