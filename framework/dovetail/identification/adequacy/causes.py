@@ -56,7 +56,9 @@ class Settings:
     beside_best: float = 0.5
     """Part of the best improvement that a further cause has at least."""
     explained: float = 0.2
-    """Misfit beyond noise from which on down nothing else is tried: the cause is found."""
+    """Misfit beyond noise from which on down nothing else is tried, if the cause is named: it is found."""
+    explained_part: float = 0.25
+    """Part of what separates the unchanged misfit from noise that may be left then."""
     gain: float = 0.05
     """Relative error of the gain that is worth naming."""
     phase: float = 0.02
@@ -136,16 +138,18 @@ def find_causes(
         return ()
     trials = Trials(assembly, measured, fit, time.monotonic() + seconds)
     before = trials.unchanged
+    excess = before.misfit - _SETTINGS.noise
     improvements: list[tuple[float, Cause]] = []
     for name, words, trial in _candidates(trials, progress):
         improvement = before.misfit - trial.misfit
         factor = float(np.exp(improvement / 2.0))
         _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", words or name, factor)
         improvements.append((improvement, Cause(name, words, (before.coherence, trial.coherence), factor)))
-        if trial.misfit < _SETTINGS.noise + _SETTINGS.explained:
+        left = min(_SETTINGS.explained, _SETTINGS.explained_part * excess)
+        if improvement >= _needed(name, excess) and trial.misfit < _SETTINGS.noise + left:
             break
     progress("causes", _STAGES, _STAGES)
-    return _named(improvements, before.misfit - _SETTINGS.noise)
+    return _named(improvements, excess)
 
 
 def _named(found: list[tuple[float, Cause]], excess: float) -> tuple[Cause, ...]:

@@ -41,6 +41,8 @@ class Settings:
     """That determine one."""
     damping: float = 0.01
     """Loss factor from which its search starts."""
+    dampings: tuple[float, float] = (1e-6, 1.0)
+    """Between which it is sought."""
     windows: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
     """Damping that a window adds, over that of the least damped resonance, from which its search starts."""
     most_window: float = 100.0
@@ -225,7 +227,9 @@ def _added_resonance(
         return np.asarray(added(logarithms)[1].view(np.float64))
 
     start = np.log([at, _SETTINGS.damping])
-    found = least_squares(residuals, start, loss="soft_l1").x
+    ends = np.log(at * (1.0 + _SETTINGS.reach * np.array([-1.0, 1.0])))
+    bounds = np.stack([ends, np.log(_SETTINGS.dampings)], axis=1)
+    found = least_squares(residuals, start, bounds=(bounds[0], bounds[1]), loss="soft_l1").x
     return np.asarray(added(found)[0] * shape(found, frequency))
 
 
