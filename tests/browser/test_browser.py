@@ -16,6 +16,8 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.report.batch import write_batch
+from dovetail.report.calibration import write_calibration
 from dovetail.report.comparison import write_comparison
 from dovetail.report.explorer import Explorer
 from dovetail.report.page_server import PageServer
@@ -79,7 +81,7 @@ cases:
 
 @pytest.fixture(scope="module")
 def evaluated(assemblies: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """The addresses of a comparison and of a validation of two cases."""
+    """The addresses of a comparison and of a validation of two cases, of their batch and of a calibration."""
     folder = tmp_path_factory.mktemp("cases")
     (folder / "sdof.yaml").write_bytes((assemblies / "sdof.yaml").read_bytes())
     (folder / "cases.yaml").write_text(CASES)
@@ -89,7 +91,16 @@ def evaluated(assemblies: Path, tmp_path_factory: pytest.TempPathFactory) -> dic
     cases = dovetail.read_cases(folder / "cases.yaml")
     compared = write_comparison(dovetail.compare(cases, ("refined", "posterior")), folder / "comparison.html")
     validated = write_validation(dovetail.validate(cases), folder / "validation.html")
-    return {"comparison": compared.as_uri(), "validation": validated.as_uri()}
+    measured = [folder / "soft.csv", folder / "stiff.csv"]
+    batch = dovetail.identify_many(assembly, measured, form="laplace", cause_seconds=0.0, processes=1)
+    calibration = dovetail.calibrate(assembly, cases=2, samples=30, workers=1)
+    pages = {
+        "comparison": compared,
+        "validation": validated,
+        "batch": write_batch(batch, folder / "batch.html", "sdof", {"soft.csv": "soft.html"}),
+        "calibration": write_calibration(calibration, folder / "calibration.html", "sdof"),
+    }
+    return {kind: page.as_uri() for kind, page in pages.items()}
 
 
 def serious_faults(page: Page) -> list[str]:
@@ -131,6 +142,19 @@ def test_reports_of_several_cases_read_well(
         assert page.requests() == [evaluated[kind]]
         assert overflow(page) <= 0
         assert page.evaluate("document.querySelectorAll('.chart')[1].querySelectorAll('.key').length") == curves
+        assert serious_faults(page) == []
+
+
+@pytest.mark.parametrize(("width", "scheme"), SIZES)
+@pytest.mark.parametrize(("kind", "drawings"), [("batch", 4), ("calibration", 2)])
+def test_pages_without_charts_read_well(
+    browser: Browser, evaluated: dict[str, str], kind: str, drawings: int, width: int, scheme: str
+) -> None:
+    with browser.page(evaluated[kind], width, 900, scheme) as page:
+        assert page.errors() == []
+        assert page.requests() == [evaluated[kind]]
+        assert overflow(page) <= 0
+        assert page.evaluate("document.querySelectorAll('section svg').length") == drawings
         assert serious_faults(page) == []
 
 

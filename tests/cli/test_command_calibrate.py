@@ -8,7 +8,8 @@ import time
 import pytest
 
 pytestmark = pytest.mark.usefixtures("few_mode_searches")
-FILES = {"calibration.json", "calibration.md", "parameters.csv", "cases.csv", "ranks.png", "coverage.png", "SHA256SUMS"}
+FILES = {f"calibration.{suffix}" for suffix in ("html", "json", "md")}
+FILES |= {"parameters.csv", "cases.csv", "ranks.png", "coverage.png", "SHA256SUMS"}
 
 
 def test_the_study_by_one_command(run, bench, tmp_path):
@@ -30,6 +31,9 @@ def test_the_study_by_one_command(run, bench, tmp_path):
     assert "| k | " in (folder / "calibration.md").read_text()
     for name in ("ranks.png", "coverage.png"):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
+    page = (folder / "calibration.html").read_text()
+    assert f"The 90 % intervals hold the truth in {told['coverage']:.1%}" in page
+    assert page.count("<svg") == 2
     again = json.loads(run(*arguments, "--json").stdout)
     assert again["parameters"] == told["parameters"]
 

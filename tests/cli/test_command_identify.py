@@ -413,10 +413,13 @@ def test_several_files_are_a_batch(run, bench, tmp_path):
     assert [row[:1] for row in rows[3:6]] == [["a.csv"], ["b=1.csv"], ["doubled.csv"]]
     assert "does not fit" in done.stdout
     assert "Warning: doubled.csv: The model does not fit the measurement" in done.stderr
-    names = {"summary.csv", "parameters.csv", "SHA256SUMS"}
+    names = {"summary.csv", "summary.html", "parameters.csv", "SHA256SUMS"}
     assert {path.name for path in out.iterdir()} == names | {
         f"{stem}.{suffix}" for stem in ("a.csv", "b_1.csv", "doubled.csv") for suffix in ("json", "html")
     }
+    page = (out / "summary.html").read_text()
+    assert '<a href="b_1.csv.html">b=1.csv</a>' in page
+    assert page.count("not believed</span>") == 2  # of doubled.csv, at each of the two parameters
     with (out / "parameters.csv").open() as stream:
         table = list(csv.DictReader(stream))
     assert [(row["measurement"], row["name"], row["believable"]) for row in table] == [

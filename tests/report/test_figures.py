@@ -14,6 +14,8 @@ import pytest
 from dovetail.errors import DovetailError
 from dovetail.frf import Frf
 from dovetail.identification import Identification
+from dovetail.report import figures
+from dovetail.report.charts import web_text
 from dovetail.report.figures import frf_figure, robustness_figure, save_png, simulated_figure
 from dovetail.report.svg import inline_svg
 
@@ -22,6 +24,62 @@ TABLE = [
     for model in ("PCA-MLP", "UMAP_$1$")
     for level, r2 in ((0.2, 0.5), (0.0, 0.9), (0.1, None))
 ]
+
+
+SEEN = {  # Machado, Oliveira, Fernandes, IEEE Trans. Vis. Comput. Graph. 15 (2009) 1291, severity 1, linear RGB
+    "trichromat": np.eye(3),
+    "protanope": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranope": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "tritanope": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+}
+
+
+def palettes() -> list[dict[str, str]]:
+    """The colours of the pages by name, on light and on dark paper."""
+    return [
+        dict(re.findall(r"--([a-z]+(?:-\d)?): (#[0-9a-f]{6})", part)) for part in web_text("charts.css").split("@media")
+    ]
+
+
+def linear(colour: str) -> np.ndarray:
+    coded = np.array([int(colour[start : start + 2], 16) / 255.0 for start in (1, 3, 5)])
+    return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+
+
+def lab(colour: str, seen: np.ndarray) -> np.ndarray:
+    """A colour as CIE L*a*b* after the eye's matrix."""
+    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    xyz = to_xyz @ np.clip(np.asarray(seen) @ linear(colour), 0.0, 1.0) / np.array([0.9505, 1.0, 1.089])
+    root = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
+    return np.array([116.0 * root[1] - 16.0, 500.0 * (root[0] - root[1]), 200.0 * (root[1] - root[2])])
+
+
+@pytest.mark.parametrize("eye", SEEN)
+@pytest.mark.parametrize("scheme", [0, 1])
+def test_curves_are_told_apart_by_every_eye(scheme: int, eye: str) -> None:
+    colours = palettes()[scheme]
+    methods = [lab(colours[f"method-{index}"], SEEN[eye]) for index in range(len(figures.LINES))]
+    roles = [lab(colours[role], SEEN[eye]) for role in ("measured", "model", "before")]
+    for curves in (methods, roles):
+        assert min(np.linalg.norm(a - b) for a, b in combinations(curves, 2)) > 20.0
+
+
+@pytest.mark.parametrize("scheme", [0, 1])
+def test_curves_stand_out_from_the_paper(scheme: int) -> None:
+    """Three to one, as WCAG 2.2 asks of graphics."""
+    colours, weights = palettes()[scheme], (0.2126, 0.7152, 0.0722)
+    paper = linear(colours["paper"]) @ weights
+    for role in ("model", "before", "agreement", *(f"method-{index}" for index in range(len(figures.LINES)))):
+        low, high = sorted((paper, linear(colours[role]) @ weights))
+        assert (high + 0.05) / (low + 0.05) >= 3.0, role
+
+
+def test_pictures_have_the_colours_of_the_pages() -> None:
+    colours = palettes()[0]
+    assert [colours[f"method-{index}"] for index in range(len(figures.LINES))] == list(figures.LINES)
+    for name in ("INK", "MUTED", "GRID", "MEASURED", "AGREEMENT"):
+        assert colours[name.lower()] == getattr(figures, name)
+    assert colours["model"] == figures.RECONSTRUCTED
 
 
 def test_amplitude_phase_and_coherence_share_the_frequency_axis(result: Identification) -> None:

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["check_batch", "identify_batch", "is_batch"]
 
 _SUMMARY = "summary.csv"
-_FILES = (_SUMMARY, "parameters.csv")
+_TABLES = (_SUMMARY, "parameters.csv")
+_PAGE = "summary.html"
 
 
 def is_batch(measured: Sequence[Path], responses: int) -> bool:
@@ -40,7 +41,7 @@ def check_batch(truth: Path | None, output: Path | None, *selected: Sequence[obj
         remedy = "one file of several FRFs takes --index, --response or --force; several files do not."
         raise typer.BadParameter(remedy, param_hint="MEASURED")
     if output is not None:
-        prepare_folder(output, _FILES, _SUMMARY)
+        prepare_folder(output, (*_TABLES, _PAGE), _SUMMARY)
 
 
 def identify_batch(
@@ -146,14 +147,17 @@ def _text(estimate: str, interval: str) -> str:
 
 def _write(batch: Batch, assembly: Assembly, folder: Path) -> None:
     from dovetail.cli.result_files import csv_text, write_texts
+    from dovetail.report.batch import write_batch
     from dovetail.report.report import write_report
 
     texts = {}
-    for name, rows in zip(_FILES, (_summary(batch), batch.table), strict=True):
+    for name, rows in zip(_TABLES, (_summary(batch), batch.table), strict=True):
         texts[name] = csv_text(list(rows[0]), [row.values() for row in rows]) if rows else ""
-    for stem, result in zip(_stems(list(batch.results)), batch.results.values(), strict=True):
-        texts[f"{stem}.json"] = _json(result)
-        write_report(result, folder / f"{stem}.html", assembly=assembly)
+    stems = dict(zip(batch.results, _stems(list(batch.results)), strict=True))
+    for name, result in batch.results.items():
+        texts[f"{stems[name]}.json"] = _json(result)
+        write_report(result, folder / f"{stems[name]}.html", assembly=assembly)
+    write_batch(batch, folder / _PAGE, assembly.name, {name: f"{stem}.html" for name, stem in stems.items()})
     write_texts(folder, texts)
 
 
@@ -162,10 +166,11 @@ def _json(result: Identification) -> str:
 
 
 def _stems(names: Sequence[str]) -> list[str]:
-    """Return a name of a file for each measurement, whatever it is called."""
+    """Return a name of a file for each measurement, whatever it is called, none of them that of the page of all."""
+    taken_by_page = Path(_PAGE).stem
     stems: list[str] = []
     for name in names:
         stem = re.sub(r"[^\w.-]+", "_", name).strip("._") or "measurement"
-        taken = stem.casefold() in map(str.casefold, stems)  # as macOS and Windows compare
+        taken = stem.casefold() in map(str.casefold, [taken_by_page, *stems])  # as macOS and Windows compare
         stems.append(f"{stem}_{len(stems) + 1}" if taken else stem)
     return stems

@@ -18,7 +18,15 @@ if TYPE_CHECKING:
 
 __all__ = ["calibrate"]
 
-_FILES = ("calibration.json", "calibration.md", "parameters.csv", "cases.csv", "ranks.png", "coverage.png")
+_FILES = (
+    "calibration.json",
+    "calibration.md",
+    "parameters.csv",
+    "cases.csv",
+    "ranks.png",
+    "coverage.png",
+    "calibration.html",
+)
 
 
 def calibrate(
@@ -90,7 +98,7 @@ def calibrate(
             workers=workers,
             progress=progress,
         )
-    with writing(output, lambda folder: _write(done, folder), _FILES[0]):
+    with writing(output, lambda folder: _write(loaded.name, done, folder), _FILES[0]):
         if as_json:
             print_json(done.to_dict())
         else:
@@ -100,55 +108,28 @@ def calibrate(
         raise typer.Exit(INTERRUPTED)
 
 
-_HEADERS = ["parameter", "90 % intervals hold the truth", "by chance", "R2 of the estimate", "uniform ranks, p"]
-
-
-def _rows(done: Calibration) -> list[list[str]]:
-    rows = [
-        [
-            parameter.name,
-            f"{parameter.coverage:.1%}",
-            f"{parameter.by_chance[0]:.1%} to {parameter.by_chance[1]:.1%}",
-            f"{parameter.r2:.2f}",
-            f"{parameter.p_uniform:.2f}",
-        ]
-        for parameter in done.parameters
-    ]
-    covered, error = done.coverage
-    mean_r2 = sum(parameter.r2 for parameter in done.parameters) / len(done.parameters)
-    return [*rows, ["all", f"{covered:.1%}", f"± {error:.1%}", f"{mean_r2:.3f}", ""]]
-
-
-def _times(done: Calibration) -> str:
-    plain = done.to_dict()
-    seconds, effective = plain["seconds"], plain["effective_samples"]
-    count = plain["not_believed"]
-    doubt = f" Results that are not to be believed: {count}; they count like the others." if count else ""
-    return (
-        f"{plain['cases']} cases in {done.wall_seconds:.0f} s, {done.workers} at once; each {seconds['median']:.1f} s "
-        f"in the median, {seconds['most']:.1f} s at most. Effective samples: {effective['median']:.0f} in the median, "
-        f"{effective['least']:.0f} at least.{doubt}"
-    )
-
-
 def _print(name: str, done: Calibration) -> None:
-    title(f"{name}: truth in the posterior, noise {done.setting.noise:g}")
-    table(_HEADERS, _rows(done), numbers=_HEADERS[1:])
+    from dovetail.report.calibration import CALIBRATION_HEADERS, calibration_rows, calibration_times
+
+    title(_title(name, done))
+    table(list(CALIBRATION_HEADERS), calibration_rows(done), numbers=list(CALIBRATION_HEADERS[1:]))
     say()
-    say(_times(done))
+    say(calibration_times(done))
 
 
-def _write(done: Calibration, folder: Path) -> None:
+def _title(name: str, done: Calibration) -> str:
+    return f"{name}: truth in the posterior, noise {done.setting.noise:g}"
+
+
+def _write(name: str, done: Calibration, folder: Path) -> None:
     from dovetail.cli.result_files import csv_text, write_texts
+    from dovetail.report.calibration import write_calibration
     from dovetail.report.calibration_figures import coverage_figure, rank_figure
     from dovetail.report.figures import save_png
 
-    plain = done.to_dict()
-    lines = [_HEADERS, ["---"] * len(_HEADERS), *_rows(done)]
-    markdown = "\n".join(f"| {' | '.join(map(markdown_cell, line))} |" for line in lines) + f"\n\n{_times(done)}\n"
     content = {
-        _FILES[0]: json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
-        _FILES[1]: markdown,
+        _FILES[0]: json.dumps(done.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _FILES[1]: _markdown(done),
         _FILES[2]: csv_text(
             ["parameter", "coverage", "by_chance_from", "by_chance_to", "r2", "p_uniform"],
             [
@@ -161,6 +142,16 @@ def _write(done: Calibration, folder: Path) -> None:
     write_texts(folder, content)
     save_png(rank_figure(done), folder / _FILES[4])
     save_png(coverage_figure(done), folder / _FILES[5])
+    write_calibration(done, folder / _FILES[6], _title(name, done))
+
+
+def _markdown(done: Calibration) -> str:
+    from dovetail.report.calibration import CALIBRATION_HEADERS, calibration_rows, calibration_times
+
+    lines = [CALIBRATION_HEADERS, ["---"] * len(CALIBRATION_HEADERS), *calibration_rows(done)]
+    return (
+        "\n".join(f"| {' | '.join(map(markdown_cell, line))} |" for line in lines) + f"\n\n{calibration_times(done)}\n"
+    )
 
 
 def _cases(done: Calibration) -> str:

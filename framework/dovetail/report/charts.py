@@ -122,10 +122,15 @@ def as_data(content: object) -> Any:
     return Markup(json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"))
 
 
-def chart_scripts() -> dict[str, Any]:
-    """Return the scripts that draw the charts, their hashes for the page's policy, and the charts' styles."""
+def chart_scripts(*, charts: bool = True) -> dict[str, Any]:
+    """Return the scripts that draw the charts, their hashes for the page's policy, and the charts' styles.
+
+    Without charts there is no script, and the styles are the colours that all pages share.
+    """
     from markupsafe import Markup
 
+    if not charts:
+        return {"scripts": [], "hashes": Markup("'none'"), "chart_styles": Markup(web_text("charts.css"))}
     scripts = [web_text("vendor/uPlot.iife.min.js"), web_text("charts.js"), "DovetailCharts.drawAll();\n"]
     styles = web_text("vendor/uPlot.min.css") + "\n" + web_text("charts.css")
     hashes = Markup(" ".join(script_hash(script) for script in scripts))

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from dovetail.atomic_files import write_whole
 from dovetail.evaluation import Compared, Comparison
 from dovetail.evaluation.cases import Case
 from dovetail.frf import coherence_spectrum
 from dovetail.identification.posterior import NOT_BELIEVED
 from dovetail.identification.result import caveats_of
-from dovetail.report.charts import as_data, chart_data, chart_scripts
+from dovetail.report.charts import as_data, chart_data
 from dovetail.report.comparison_figures import parameter_comparison
-from dovetail.report.report import environment
+from dovetail.report.pages import write_page
 from dovetail.report.svg import inline_svg
 from dovetail.report.wording import ABSENT, display_unit, fixed, number
-from dovetail.version import __version__
 
 __all__ = ["coherence_rows", "frequency_rows", "parameter_value_rows", "time_rows", "write_comparison"]
 
@@ -49,29 +46,21 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
         for index, case in enumerate(comparison.cases)
     ]
     figure = parameter_comparison(comparison)
-    page = (
-        environment()
-        .get_template("comparison.html.jinja")
-        .render(
-            title=comparison.title,
-            caveat=comparison.caveat,
-            **chart_scripts(),
-            series=comparison.series,
-            cases=[case.name for case in comparison.cases],
-            methods=comparison.methods,
-            coherence=[row[:shown] for row in coherence_rows(comparison)],
-            frequencies=[row[:shown] for row in frequency_rows(comparison)],
-            times=[row[:shown] for row in time_rows(comparison)],
-            verdicts=_verdicts(comparison),
-            parameters=Markup(inline_svg(figure, "parameters", "Identified parameters", themed=True)),
-            figures=figures,
-            truth=bool(comparison.truth),
-            version=__version__,
-            written=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-        )
-    )
-    write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
-    return Path(path)
+    content = {
+        "title": comparison.title,
+        "caveat": comparison.caveat,
+        "series": comparison.series,
+        "cases": [case.name for case in comparison.cases],
+        "methods": comparison.methods,
+        "coherence": [row[:shown] for row in coherence_rows(comparison)],
+        "frequencies": [row[:shown] for row in frequency_rows(comparison)],
+        "times": [row[:shown] for row in time_rows(comparison)],
+        "verdicts": _verdicts(comparison),
+        "parameters": Markup(inline_svg(figure, "parameters", "Identified parameters", themed=True)),
+        "figures": figures,
+        "truth": bool(comparison.truth),
+    }
+    return write_page(path, "comparison.html.jinja", content)
 
 
 def _chart(comparison: Comparison, case: Case) -> dict[str, Any]:

@@ -23,11 +23,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "AGREEMENT",
     "GRID",
     "INK",
     "LINES",
     "MARKERS",
     "MEASURED",
+    "MUTED",
     "PHASE_CENTRE",
     "RECONSTRUCTED",
     "WIDTH",
@@ -48,9 +50,10 @@ __all__ = [
 WIDTH = 9.0
 """Inches: 900 pixels at the usual 100 to the inch."""
 
-INK, _MUTED, GRID = "#1c2430", "#5b6672", "#e3e7eb"
-MEASURED, RECONSTRUCTED, _AGREEMENT = "#a3acb5", "#0b5fa5", "#9a4a00"
-LINES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")  # Okabe and Ito
+INK, MUTED, GRID = "#1c2430", "#56616d", "#e6eaee"
+MEASURED, RECONSTRUCTED, AGREEMENT = "#9aa4ae", "#0b5fa5", "#9a4a00"
+LINES = ("#6373c4", "#963f02", "#175a3a", "#813c71", "#12a3bb", "#aa8d13", INK)
+"""Told apart also without red, green or blue. All these are the colours of `web/charts.css` on light paper."""
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
@@ -292,11 +295,11 @@ def style_axes(axes: Axes) -> None:
     """Give a panel the look of all figures: a light grid, no box, muted ticks."""
     axes.set_axisbelow(True)
     axes.grid(color=GRID, linewidth=0.8)
-    axes.tick_params(colors=_MUTED, labelcolor=INK, labelsize=9, length=3)
+    axes.tick_params(colors=MUTED, labelcolor=INK, labelsize=9, length=3)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
-        axes.spines[side].set_color(_MUTED)
+        axes.spines[side].set_color(MUTED)
     for label in (axes.xaxis.label, axes.yaxis.label):
         label.set(color=INK, fontsize=9.5)
 
@@ -331,8 +334,8 @@ def _broken_at_jumps(
 
 def _draw_coherence(axes: Axes, frequency: NDArray[np.float64], coherence: NDArray[np.float64]) -> None:
     mean = float(np.mean(coherence))
-    axes.plot(frequency, coherence, color=_AGREEMENT, linewidth=1.2)
-    axes.axhline(mean, color=_AGREEMENT, linewidth=0.9, linestyle=(0, (4, 3)))
+    axes.plot(frequency, coherence, color=AGREEMENT, linewidth=1.2)
+    axes.axhline(mean, color=AGREEMENT, linewidth=0.9, linestyle=(0, (4, 3)))
     axes.text(0.995, 0.06, f"mean {mean:.3f} (dashed)", transform=axes.transAxes, ha="right", fontsize=9, color=INK)
     axes.set_ylim(0.0, 1.03)
     axes.set_yticks([0.0, 0.5, 1.0])
@@ -353,7 +356,7 @@ def _mark_frequencies(panels: Sequence[Axes], frequencies: Iterable[float]) -> N
     rows: list[float] = []
     for frequency in sorted(float(f) for f in frequencies if np.isfinite(f) and low <= f <= high):
         for axes in panels:
-            axes.axvline(frequency, color=_MUTED, linewidth=0.9, linestyle=(0, (1, 2)), zorder=1.5)
+            axes.axvline(frequency, color=MUTED, linewidth=0.9, linestyle=(0, (1, 2)), zorder=1.5)
         row = next((row for row, last in enumerate(rows) if frequency - last >= room), len(rows))
         rows[row : row + 1] = [frequency]
         panels[0].annotate(

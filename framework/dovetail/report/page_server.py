@@ -14,7 +14,7 @@ from typing import Any
 from dovetail.errors import DovetailError
 from dovetail.report.charts import web_text
 from dovetail.report.explorer import SAVED, Explorer
-from dovetail.report.report import environment
+from dovetail.report.pages import environment
 from dovetail.version import __version__
 
 __all__ = ["PageServer"]

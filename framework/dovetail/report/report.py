@@ -4,34 +4,32 @@ from __future__ import annotations
 
 import json
 import shlex
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dovetail.assembly import Assembly
-from dovetail.atomic_files import write_whole
 from dovetail.errors import DovetailError, Fault
 from dovetail.identification import Identification
-from dovetail.plain_text import terminal_text
 from dovetail.report import content
-from dovetail.report.charts import as_data, chart_data, chart_scripts
+from dovetail.report.charts import as_data, chart_data
 from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
-from dovetail.report.pair_plot import pair_plot
+from dovetail.report.pages import write_page
 from dovetail.report.svg import inline_svg
 from dovetail.report.truth import Truth
-from dovetail.report.wording import number
-from dovetail.version import __version__
+from dovetail.report.wording import fixed, number
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-__all__ = ["environment", "write_report"]
+__all__ = ["write_report"]
 
 _MOST_SHAPES = 10
 _MOST_LINES = 3000
 """Of an FRF, which a screen can show; peaks and dips are among them."""
+
+_MOST_TRADING, _SAMPLES, _SIZE, _GAP, _MARGIN = 6, 150, 92, 8, 86
+"""Of the pair plot: parameters and samples that are drawn; pixels of a panel, between panels, and for names."""
+_LEAST_CORRELATION = 0.3
+"""Below which two parameters do not trade."""
 
 
 def write_report(
@@ -63,30 +61,11 @@ def write_report(
     if not isinstance(result, Identification):
         problem = "a result from modal parameters has no FRF, and no report."
         raise DovetailError(Fault(type(result).__name__, problem, remedy="Show its 'table' and its 'modes'."))
-    drawing = None if assembly is None else _drawing(assembly)
-    page = (
-        environment()
-        .get_template("report.html.jinja")
-        .render(
-            _context(result, truth), drawing=drawing, shapes=None if assembly is None else _shapes(result, assembly)
-        )
-    )
-    write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
-    return Path(path)
-
-
-def environment() -> Environment:
-    """Return where the templates are, escaping whatever is set in them."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    return Environment(
-        loader=PackageLoader("dovetail.report", "templates"),
-        autoescape=True,
-        finalize=lambda value: terminal_text(value) if type(value) is str else value,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    context = _context(result, truth) | {
+        "drawing": None if assembly is None else _drawing(assembly),
+        "shapes": None if assembly is None else _shapes(result, assembly),
+    }
+    return write_page(path, "report.html.jinja", context)
 
 
 def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
@@ -120,18 +99,15 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "known": content.known_rows(result),
         "modes": content.mode_rows(result, truth),
         "figures": _figures(result),
-        **chart_scripts(),
         "mark": mark,
         "verdict": verdict,
         "misfit": content.misfit_sentence(result),
-        "pairs": pair_plot(result),
+        "pairs": _pair_plot(result),
         "again": _again(result),
         "evaluation": content.evaluation_rows(result),
         "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
         "provenance": content.provenance_rows(result.provenance),
         "description": _pretty(result.provenance.get("description")),
-        "version": __version__,
-        "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
     }
 
 
@@ -158,6 +134,44 @@ def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
         point = response.point if result.further else ""
         figures.append((f"chart-{index + 1}", point, as_data(content), response.measured.has_phase))
     return figures
+
+
+def _pair_plot(result: Identification) -> dict[str, Any] | None:
+    """Return panels of samples of the parameters that trade most, two a panel, as plain numbers.
+
+    None without samples, where no parameters trade, and of a result that is not to be believed.
+    """
+    posterior = result.posterior
+    if posterior is None or not result.believable or len(result.parameters) < 2:
+        return None
+    correlation = np.abs(np.nan_to_num(posterior.correlation)) - np.eye(len(result.parameters))
+    if correlation.max() < _LEAST_CORRELATION:
+        return None
+    strongest = np.argsort(-correlation.max(axis=1), kind="stable")[:_MOST_TRADING]
+    chosen = sorted(strongest[correlation[strongest].max(axis=1) >= _LEAST_CORRELATION].tolist())
+    definitions = [parameter.definition for parameter in result.parameters.values()]
+    theta = posterior.sample(_SAMPLES)
+    drawn = np.stack([definitions[column].to_unit(theta[:, column]) for column in chosen], axis=1)
+    names, count = [definitions[column].name for column in chosen], len(chosen)
+    panels, step = [], _SIZE + _GAP
+    for row in range(1, count):
+        for column in range(row):
+            x, y = _MARGIN + column * step, (row - 1) * step
+            dots = zip(x + _SIZE * drawn[:, column], y + _SIZE * (1.0 - drawn[:, row]), strict=True)
+            path = "".join(f"M{across:.1f} {down:.1f}h0" for across, down in dots)
+            value = posterior.correlation[chosen[row], chosen[column]]
+            panels.append({"x": x, "y": y, "path": path, "correlation": fixed(float(value), 2, signed=True)})
+    below = (count - 1) * step + 10
+    labels = [
+        {"x": _MARGIN - 8, "y": row * step + _SIZE // 2, "anchor": "end", "text": name}
+        for row, name in enumerate(names[1:])
+    ]
+    labels += [
+        {"x": _MARGIN + column * step + _SIZE // 2, "y": below, "anchor": "middle", "text": name}
+        for column, name in enumerate(names[:-1])
+    ]
+    size = {"width": _MARGIN + (count - 1) * step, "height": below + 8, "size": _SIZE}
+    return {**size, "panels": panels, "labels": labels, "words": f"Samples of {', '.join(names)}, two a panel"}
 
 
 def _again(result: Identification) -> str:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from dovetail.atomic_files import write_whole
 from dovetail.evaluation import ValidatedCase, Validation
-from dovetail.report.charts import as_data, chart_data, chart_scripts
-from dovetail.report.report import environment
+from dovetail.report.charts import as_data, chart_data
+from dovetail.report.pages import write_page
 from dovetail.report.svg import inline_svg
 from dovetail.report.validation_figures import series_figure
 from dovetail.report.wording import ABSENT, fixed
-from dovetail.version import __version__
 
 __all__ = ["write_validation"]
 
@@ -51,22 +48,14 @@ def write_validation(validation: Validation, path: str | Path) -> Path:
         )
         for index, case in enumerate(validation.cases)
     ]
-    page = (
-        environment()
-        .get_template("validation.html.jinja")
-        .render(
-            title=validation.title,
-            caveat=validation.caveat,
-            verdict=_verdict(validation),
-            cases=cases,
-            series=series,
-            **chart_scripts(),
-            version=__version__,
-            written=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-        )
-    )
-    write_whole(Path(path), page.encode("utf-8", errors="replace"), overwrite=True)
-    return Path(path)
+    content = {
+        "title": validation.title,
+        "caveat": validation.caveat,
+        "verdict": _verdict(validation),
+        "cases": cases,
+        "series": series,
+    }
+    return write_page(path, "validation.html.jinja", content)
 
 
 def _chart(case: ValidatedCase) -> dict[str, Any]:

@@ -1,0 +1,52 @@
+"""The report of a batch: one HTML file with a verdict for each measurement, and every parameter over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from dovetail.identification import Batch
+from dovetail.report.content import parameter_rows, verdict
+from dovetail.report.pages import write_page
+
+__all__ = ["write_batch"]
+
+
+def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str, str] | None = None) -> Path:
+    """Write a batch as one self-contained HTML file without scripts, nothing loaded from anywhere.
+
+    Parameters
+    ----------
+    batch : Batch
+    path : str or Path
+        A file that is there is replaced; it is written whole or not at all.
+    title : str
+        Such as the assembly's name.
+    reports : mapping of str to str, optional
+        The file of each measurement's own report, beside this one.
+
+    Returns
+    -------
+    Path
+    """
+    judged = {name: verdict(result) for name, result in batch.results.items()}
+    content = {
+        "title": title,
+        "count": len(batch.results) + len(batch.failures),
+        "caveat": batch.caveat,
+        "measurements": [
+            (name, mark, sentence, f"{batch.results[name].mean_coherence:.3f}", (reports or {}).get(name, ""))
+            for name, (mark, sentence) in judged.items()
+        ],
+        "failures": dict(batch.failures),
+        "parameters": _parameters(batch),
+        "believable": {name: result.believable for name, result in batch.results.items()},
+    }
+    return write_page(path, "batch.html.jinja", content, charts=False)
+
+
+def _parameters(batch: Batch) -> list[tuple[Any, list[tuple[str, Any]]]]:
+    """Return for each parameter its row of the first result, for name and unit, and its row of every measurement."""
+    tables = [[(name, row) for row in parameter_rows(result, None)] for name, result in batch.results.items()]
+    return [(rows[0][1], list(rows)) for rows in zip(*tables, strict=True)]

@@ -1,0 +1,140 @@
+"""The report of a calibration: one HTML file with how many intervals hold the truth, and the figures that show it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from dovetail.evaluation import CalibratedParameter, Calibration
+from dovetail.report.calibration_figures import coverage_figure, rank_figure
+from dovetail.report.pages import write_page
+from dovetail.report.svg import inline_svg
+
+__all__ = ["CALIBRATION_HEADERS", "calibration_rows", "calibration_times", "write_calibration"]
+
+CALIBRATION_HEADERS = (
+    "parameter",
+    "90 % intervals hold the truth",
+    "by chance",
+    "R2 of the estimate",
+    "uniform ranks, p",
+)
+
+
+def write_calibration(calibration: Calibration, path: str | Path, title: str) -> Path:
+    """Write a calibration as one self-contained HTML file without scripts, nothing loaded from anywhere.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    path : str or Path
+        A file that is there is replaced; it is written whole or not at all.
+    title : str
+        Such as the assembly's name.
+
+    Returns
+    -------
+    Path
+    """
+    from markupsafe import Markup
+
+    figures = (
+        ("coverage", "Intervals of every probability", coverage_figure(calibration), _COVERAGE_CAPTION),
+        ("ranks", "Where the truth lies among the samples", rank_figure(calibration), _RANK_CAPTION),
+    )
+    mark, verdict = calibration_verdict(calibration)
+    content = {
+        "title": title,
+        "mark": mark,
+        "verdict": verdict,
+        "setting": _setting(calibration),
+        "headers": CALIBRATION_HEADERS,
+        "rows": calibration_rows(calibration),
+        "outside": [parameter.name for parameter in calibration.parameters if not _by_chance(parameter)],
+        "times": calibration_times(calibration),
+        "figures": [
+            (heading, Markup(inline_svg(figure, name, heading, themed=True)), caption)
+            for name, heading, figure, caption in figures
+        ],
+    }
+    return write_page(path, "calibration.html.jinja", content, charts=False)
+
+
+_COVERAGE_CAPTION = (
+    "Below the diagonal the intervals are too narrow, above it too wide. The bands are those in which a right "
+    "posterior stays with 90 and 99 % confidence, at each probability by itself."
+)
+_RANK_CAPTION = (
+    "A hill: the posterior is less sure than it may be. A valley: it is too sure. A slope: it lies to one side. "
+    "The bands are those in which 90 and 99 % of the bars of a right posterior stay."
+)
+
+
+def calibration_rows(calibration: Calibration) -> list[list[str]]:
+    """Return a row for each parameter, its coverage beside what chance allows, and one for all."""
+    rows = [
+        [
+            parameter.name,
+            f"{parameter.coverage:.1%}",
+            f"{parameter.by_chance[0]:.1%} to {parameter.by_chance[1]:.1%}",
+            f"{parameter.r2:.2f}",
+            f"{parameter.p_uniform:.2f}",
+        ]
+        for parameter in calibration.parameters
+    ]
+    covered, error = calibration.coverage
+    mean_r2 = calibration.to_dict()["mean_r2"]
+    return [*rows, ["all", f"{covered:.1%}", f"± {error:.1%}", f"{mean_r2:.3f}", ""]]
+
+
+def calibration_times(calibration: Calibration) -> str:
+    """Say how long the cases took, how many samples are effective, and how many results are not believed."""
+    plain = calibration.to_dict()
+    seconds, effective, count = plain["seconds"], plain["effective_samples"], plain["not_believed"]
+    doubt = f" Results that are not to be believed: {count}; they count like the others." if count else ""
+    return (
+        f"{plain['cases']} cases in {calibration.wall_seconds:.0f} s, {calibration.workers} at once; each "
+        f"{seconds['median']:.1f} s in the median, {seconds['most']:.1f} s at most. Effective samples: "
+        f"{effective['median']:.0f} in the median, {effective['least']:.0f} at least.{doubt}"
+    )
+
+
+def calibration_verdict(calibration: Calibration) -> tuple[str, str]:
+    """Return a mark and one sentence: whether the intervals hold the truth as often as they say.
+
+    Returns
+    -------
+    mark : {"good", "rough"}
+    sentence : str
+    """
+    parameters = calibration.parameters
+    covered, error = calibration.coverage
+    within = sum(map(_by_chance, parameters))
+    sentence = (
+        f"The 90 % intervals hold the truth in {covered:.1%} (± {error:.1%}) of the cases; of {within} of "
+        f"{len(parameters)} parameters as often as chance allows."
+    )
+    return ("good" if within == len(parameters) else "rough"), sentence
+
+
+def _by_chance(parameter: CalibratedParameter) -> bool:
+    low, high = parameter.by_chance
+    return low <= parameter.coverage <= high
+
+
+def _setting(calibration: Calibration) -> list[tuple[str, Any]]:
+    setting = calibration.setting
+    kind = "of each line" if setting.noise_kind == "proportional" else "of the FRF's standard deviation"
+    rows: list[tuple[str, Any]] = [
+        ("Method", setting.method),
+        ("Noise", f"{setting.noise:g} {kind}"),
+        ("Cases", f"{len(calibration.case)} of {setting.cases}"),
+        ("Seed", setting.seed),
+    ]
+    if setting.method == "posterior":
+        rows.append(("Samples of each", setting.samples))
+    if setting.model_error:
+        rows.append(("Model error allowed", f"{setting.model_error:g} of natural frequencies"))
+    if setting.finer_mesh > 1:
+        rows.append(("Mesh of the truth", f"{setting.finer_mesh} times finer"))
+    return rows
