@@ -15,7 +15,9 @@ def _inline(writer: Any, node: nodes.Element) -> None:
 
 
 def _block(writer: Any, node: nodes.Element) -> None:
-    writer.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
+    # A wide one scrolls on a phone: the keyboard must reach it.
+    around = '<div class="math" tabindex="0" role="group" aria-label="Formula">'
+    writer.body.append(f'{around}{convert(node.astext(), display="block")}</div>')
     raise nodes.SkipNode
 
 
