@@ -27,10 +27,9 @@ and the explorer with its server took seven hundred. A study of settings that se
 tables and figures, took eight hundred and fifty; chains that all responses share, values that follow others and
 results of modal tables read back two hundred. Causes of a misfit with several responses and levels of the force, and
 noise over variances of few averages, took a hundred and twenty; samples made while the network learns, and a training
-that says how long it will take, ninety. The report of a validation took fifty-five, those of a batch and of a calibration a
-hundred. A feature that is worth more code
-raises the limit, and says here what it was. The conformance kit is left out: it grows with every mistake that it
-learns to see.
+that says how long it will take, ninety. The report of a validation took fifty-five, those of a batch and of a
+calibration a hundred. A feature that is worth more code raises the limit, and says here what it was. The conformance
+kit is left out: it grows with every mistake that it learns to see.
 """
 
 
