@@ -13,11 +13,11 @@ import dovetail
 ROOT = Path(__file__).resolve().parents[2]
 
 
-SMALLER = {"--method posterior": "--method posterior --form laplace --cause-seconds 0"}
+SMALLER = {"--method posterior": "--method posterior --form laplace"}
 
 
 def test_the_commands_of_the_page_run(tmp_path, type_line):
-    """With a Gaussian for the samples of a posterior, which other tests draw, and without a search for causes."""
+    """With a Gaussian for the samples of a posterior, which other tests draw."""
     shutil.copytree(ROOT / "assemblies", tmp_path / "assemblies")
     text = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
     commands = "".join(re.findall(r"^```bash\n(.*?)^```", text, flags=re.S | re.M)).strip().splitlines()
