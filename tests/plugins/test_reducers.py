@@ -164,6 +164,11 @@ class TestUMAP:
         assert our_r2 > 0.98
         assert our_r2 > their_r2 - 0.01
 
+    def test_what_is_compiled_is_kept_for_the_next_process(self, fits):
+        umap_, layouts = pytest.importorskip("umap.umap_"), pytest.importorskip("umap.layouts")
+        for function in (umap_.smooth_knn_dist, layouts._nb_optimize_layout_euclidean_single_epoch):
+            assert function.stats.cache_path is not None
+
     def test_a_place_is_among_its_neighbours_as_with_umap_learn(self, training, test_rows):
         umap = pytest.importorskip("umap")
         ours = UMAP(UMAP.Config(n_components=5, metric="euclidean")).fit(training, seed=0)
