@@ -25,9 +25,9 @@ def start(script, *arguments) -> str:
 def run(script, *arguments) -> str:
     """Run a benchmark in this process, which spares its start."""
     path, printed = str(Path(__file__).parent / script), io.StringIO()
-    with mock.patch.object(sys, "argv", [path, *map(str, arguments)]), mock.patch.dict(os.environ):
-        with contextlib.redirect_stdout(printed):
-            runpy.run_path(path, run_name="__main__")
+    words = mock.patch.object(sys, "argv", [path, *map(str, arguments)])
+    with words, mock.patch.dict(os.environ), contextlib.redirect_stdout(printed):
+        runpy.run_path(path, run_name="__main__")
     return printed.getvalue()
 
 

@@ -36,5 +36,5 @@ def refused(tmp_path: Path) -> Callable[..., str]:
 
 @pytest.fixture
 def unguarded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Read HDF5 files and MATLAB workspaces in this process: sound ones need no guard, whose start takes half a second."""
+    """Read HDF5 files and MATLAB workspaces in this process: sound ones need no guard, which starts slowly."""
     monkeypatch.setattr(guarded, "call_guarded", lambda function, *arguments, error: function(*arguments))
