@@ -182,8 +182,8 @@ def _layout(
     import umap
     from umap import layouts, umap_
 
-    compiled = umap_.smooth_knn_dist, umap_.compute_membership_strengths
-    for function in (*compiled, getattr(layouts, _LAYOUT, None)):
+    layout: Any = getattr(layouts, _LAYOUT, None)
+    for function in (umap_.smooth_knn_dist, umap_.compute_membership_strengths, layout):
         with suppress(AttributeError, RuntimeError):  # another version of it, or no folder to keep it in
             function.enable_caching()  # else each process compiles it anew, for ten seconds
     estimator = umap.UMAP(
