@@ -14,6 +14,10 @@ from threadpoolctl import threadpool_limits
 
 import dovetail
 
+# Some surroundings forbid modules to be kept as bytecode. Each process that a test starts would then compile torch,
+# scikit-learn and umap from their sources, which takes four to seven seconds, and the workers do so too.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 # Before torch or numba load OpenMP: threads that spin while they wait starve each other on a busy machine.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 PARALLEL = "PYTEST_XDIST_WORKER" in os.environ

@@ -92,10 +92,11 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--joints", type=int, default=40)
     parser.add_argument("--finer-mesh", type=int, default=4)
+    parser.add_argument("--assemblies", nargs="+", default=NAMES, choices=NAMES, metavar="NAME")
     given = parser.parse_args()
     print("| assembly | natural frequencies | damping, ratio | modal constants, ratio | their angles, ratio | joint |")
     print("|---|---|---|---|---|---|")
-    for name in NAMES:
+    for name in given.assemblies:
         assembly = dovetail.load(ASSEMBLIES / f"{name}.yaml")
         first, *rest = (root_mean_square(column) for column in errors(assembly, given.finer_mesh, given.joints).T)
         moved = displacement(assembly, given.finer_mesh, given.joints)

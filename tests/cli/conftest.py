@@ -150,7 +150,8 @@ def shell(command: str, environment: dict[str, str]) -> Callable[..., subprocess
 def type_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], str]:
     """Run a line of a page in `tmp_path`: `dovetail` in this process, which spares its start, all else in a shell.
 
-    What it prints is returned. A line may end with a comment that names its exit code: ``# exit code 3``.
+    What it prints is returned. A line may end with a comment that names its exit code: ``# exit code 3``. Of a loop the
+    shell says which commands it runs.
     """
     monkeypatch.chdir(tmp_path)
     path = f"{sysconfig.get_path('scripts')}{os.pathsep}{os.environ['PATH']}"
@@ -163,9 +164,11 @@ def type_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str]
             done = CliRunner().invoke(app, words[1:])
             assert done.exit_code == code, f"{line}\n{done.output}"
             return done.output
-        ran = subprocess.run(line, shell=True, env=environment, capture_output=True, text=True)
+        loop = words[0] == "for"
+        command = f"dovetail() {{ printf '%q ' dovetail \"$@\"; echo; }}\n{line}" if loop else line
+        ran = subprocess.run(["bash", "-c", command], env=environment, capture_output=True, text=True)
         assert ran.returncode == code, f"{line}\n{ran.stderr}"
-        return ran.stdout
+        return "".join(map(typed, ran.stdout.splitlines())) if loop else ran.stdout
 
     return typed
 

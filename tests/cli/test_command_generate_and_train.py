@@ -97,7 +97,7 @@ def test_ctrl_c_leaves_a_dataset_to_go_on_with(command, interruptible, environme
     folder, plugin, description = tmp_path / "data.zarr", tmp_path / "slow.py", tmp_path / "slow.yaml"
     plugin.write_text(SLOW)
     description.write_text((assemblies / "sdof.yaml").read_text().replace("spring_damper", "slow"))
-    arguments = ["generate", str(description), "-o", str(folder), "--samples", "15000"]
+    arguments = ["generate", str(description), "-o", str(folder), "--samples", "6000"]
     arguments += ["--storage", "complex", "--interpolation", "1e-09", "--plugin", str(plugin)]
     process = interruptible(*arguments)
     deadline = time.monotonic() + 120

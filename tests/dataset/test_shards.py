@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shlex
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -141,7 +141,7 @@ def test_the_command_line_says_what_a_shard_is(tmp_path):
     assert "'2-7' is not I/N, such as 2/7." in result.stderr
 
 
-def test_the_commands_of_the_page_run_as_they_stand(tmp_path):
+def test_the_commands_of_the_page_run_as_they_stand(tmp_path, monkeypatch):
     root = Path(__file__).resolve().parents[2]
     page = (root / "docs" / "cluster.md").read_text(encoding="utf-8")
     first = re.findall(r"```bash\n(.*?)```", page, flags=re.S)[0].replace("--samples 3000", "--samples 60")
@@ -151,9 +151,13 @@ def test_the_commands_of_the_page_run_as_they_stand(tmp_path):
     (tmp_path / "sdof.yaml").write_text(yaml.safe_dump(description))
     program = tmp_path / "bin" / "dovetail"
     program.parent.mkdir()
-    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m dovetail "$@"\n')
+    program.write_text('#!/bin/bash\nprintf "%s\\n" "$(printf "%q " "$@")" >> words\n')
     program.chmod(0o755)
     environment = {**os.environ, "PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
     subprocess.run(["bash", "-euo", "pipefail", "-c", first], cwd=tmp_path, env=environment, check=True, timeout=120)
+    monkeypatch.chdir(tmp_path)
+    for words in (tmp_path / "words").read_text().splitlines():  # in this process, which spares their starts
+        done = CliRunner().invoke(app, shlex.split(words))
+        assert done.exit_code == 0, done.output
     assert dovetail.Dataset(tmp_path / "data.zarr").complete
     assert (tmp_path / "model" / "manifest.json").is_file()

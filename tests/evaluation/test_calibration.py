@@ -20,17 +20,28 @@ from dovetail.evaluation.mesh_refinement import finer
 from dovetail.parallel import side_by_side
 
 pytestmark = pytest.mark.usefixtures("few_mode_searches")
-CASES = 120
+FEW, MANY = 60, 120
+"""Cases of the study by default, and of that which sees smaller faults."""
+WRONG = {
+    FEW: {"too sure": (0.35, 0.0), "too unsure": (3.0, 0.0), "to one side": (1.0, 1.0)},
+    MANY: {"too sure": (0.5, 0.0), "too unsure": (2.5, 0.0), "to one side": (1.0, 1.0)},
+}
+"""By how much the samples are stretched, and moved by how many standard deviations."""
+
+
+@pytest.fixture(scope="module", params=[FEW, pytest.param(MANY, marks=pytest.mark.slow)])
+def cases(request):
+    return request.param
 
 
 @pytest.fixture(scope="module")
-def posteriors():
+def posteriors(cases):
     """The posterior of each case by its number, filled by the calibration that is right."""
     return {}
 
 
 @pytest.fixture(scope="module")
-def right(sdof, posteriors):
+def right(sdof, cases, posteriors):
     """A calibration in this process, so that its posteriors can be kept."""
     identify = study.identify
 
@@ -41,7 +52,7 @@ def right(sdof, posteriors):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study, "identify", keeping)
-        return calibrate(sdof, cases=CASES, samples=200, noise=0.1, workers=1)
+        return calibrate(sdof, cases=cases, samples=200, noise=0.1, workers=1)
 
 
 @pytest.fixture
@@ -62,9 +73,9 @@ def spoilt(monkeypatch, right, posteriors):
     return install
 
 
-def test_a_right_posterior_holds_the_truth_as_often_as_it_says(right):
+def test_a_right_posterior_holds_the_truth_as_often_as_it_says(right, cases):
     assert right.names == ("k", "c")
-    assert right.rank.shape == (CASES, 2)
+    assert right.rank.shape == (cases, 2)
     for one in right.parameters:
         low, high = one.by_chance
         assert low <= one.coverage <= high
@@ -75,10 +86,10 @@ def test_a_right_posterior_holds_the_truth_as_often_as_it_says(right):
     assert 0 < error < 0.03
 
 
-@pytest.mark.parametrize(("stretch", "moved"), [(0.5, 0.0), (2.5, 0.0), (1.0, 1.0)])
-def test_one_that_is_too_sure_or_too_unsure_or_to_one_side_is_seen(sdof, spoilt, stretch, moved):
-    spoilt(stretch, moved)
-    spoilt_study = calibrate(sdof, cases=CASES, samples=200, noise=0.1, workers=1)
+@pytest.mark.parametrize("wrong", ["too sure", "too unsure", "to one side"])
+def test_one_that_is_too_sure_or_too_unsure_or_to_one_side_is_seen(sdof, spoilt, cases, wrong):
+    spoilt(*WRONG[cases][wrong])
+    spoilt_study = calibrate(sdof, cases=cases, samples=200, noise=0.1, workers=1)
     for one in spoilt_study.parameters:
         low, high = one.by_chance
         assert one.p_uniform < 1e-3
@@ -93,9 +104,9 @@ def test_every_case_is_the_same_whatever_goes_on_beside_it(sdof, right):
     assert not np.any(other.truth == right.truth[:3])
 
 
-def test_the_band_is_where_chance_alone_leads(right):
+def test_the_band_is_where_chance_alone_leads(right, cases):
     low, high = right.by_chance(0.9, 0.95)
-    drawn = np.random.default_rng(0).binomial(CASES, 0.9, 20000) / CASES
+    drawn = np.random.default_rng(0).binomial(cases, 0.9, 20000) / cases
     assert np.mean((low <= drawn) & (drawn <= high)) >= 0.95
     assert np.mean((low < drawn) & (drawn < high)) <= 0.95
 

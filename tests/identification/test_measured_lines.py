@@ -95,7 +95,7 @@ def test_two_responses_have_lines_of_their_own(assemblies, tmp_path):
 
 
 @pytest.mark.usefixtures("few_mode_searches")
-@pytest.mark.parametrize("form", ["samples", "laplace"])
+@pytest.mark.parametrize("form", [pytest.param("samples", marks=pytest.mark.slow), "laplace"])
 def test_the_posterior_of_responses_with_lines_of_their_own(assemblies, form):
     """Nearly the intervals of the same measurement on common lines."""
     assembly = dovetail.load(assemblies / "bt40_er32_two_points.yaml")

@@ -106,6 +106,7 @@ def test_errors_of_the_model_widen_it_as_they_do_on_a_grid(sdof, level, wider):
     np.testing.assert_allclose(spread[1], deviation, rtol=0.05)
 
 
+@pytest.mark.slow  # by default test_calibration.py counts the same of as many cases
 @pytest.mark.usefixtures("few_mode_searches")
 def test_intervals_hold_the_truth_as_often_as_they_say(sdof):
     rng = np.random.default_rng(5)

@@ -11,6 +11,7 @@ import pytest
 from measured_files import accelerance, fault_of
 
 from dovetail.frf import Frf
+from dovetail.measurement.formats import guarded
 
 
 @pytest.fixture
@@ -31,3 +32,9 @@ def refused(tmp_path: Path) -> Callable[..., str]:
         return fault_of(path, **arguments)
 
     return refuse
+
+
+@pytest.fixture
+def unguarded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read HDF5 files and MATLAB workspaces in this process: sound ones need no guard, which starts slowly."""
+    monkeypatch.setattr(guarded, "call_guarded", lambda function, *arguments, error: function(*arguments))

@@ -144,6 +144,7 @@ def test_the_intact_file_is_read(form: str, tmp_path: Path) -> None:
     assert frf.quantity == "receptance"
 
 
+@pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("form", WRITERS)
 def test_what_is_wrong_with_the_numbers(form: str, fault: str, tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ def test_version_5(tmp_path: Path, compressed: bool, oned: str) -> None:
     assert (frf.quantity, frf.averages) == ("accelerance", 10)
 
 
+@pytest.mark.usefixtures("unguarded")
 def test_a_struct_and_integers(tmp_path: Path) -> None:
     inner = {"freq": FREQUENCY.astype(np.int16) * 4, "compliance": VALUES, "comment": "hit", "axes": [1, 2]}
     frf = read_frf(saved(tmp_path / "a.mat", test={"frf": inner, "date": "today"}))
@@ -47,6 +48,7 @@ def test_a_struct_and_integers(tmp_path: Path) -> None:
     assert frf.quantity == "receptance"
 
 
+@pytest.mark.usefixtures("unguarded")
 def test_names_amplitude_and_phase(tmp_path: Path) -> None:
     path = saved(tmp_path / "a.mat", X=FREQUENCY, A=np.abs(VALUES), P=np.angle(VALUES, deg=True), other=np.eye(3))
     names = {"frequency": "X", "amplitude": "A", "phase_deg": "P"}
@@ -59,6 +61,7 @@ def test_names_amplitude_and_phase(tmp_path: Path) -> None:
     assert "\n    other: (3, 3) float64\n" in message
 
 
+@pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (1, 0, 2)])
 def test_one_of_a_matrix_of_frfs(tmp_path: Path, axes: tuple) -> None:
     frfs = np.arange(1, 43).reshape(7, 2, 3) * (1 + 1j)
@@ -72,6 +75,7 @@ def test_one_of_a_matrix_of_frfs(tmp_path: Path, axes: tuple) -> None:
         assert "holds 2 x 3 FRFs, and one is wanted" in fault_of(path, **wrong)
 
 
+@pytest.mark.usefixtures("unguarded")
 def test_one_of_several_columns(tmp_path: Path) -> None:
     frfs = VALUES[:, np.newaxis] * np.array([1, 10, 100])
     path = saved(tmp_path / "a.mat", f=FREQUENCY, H=frfs, coh=np.full((7, 3), [0.1, 0.2, 0.3]), quantity="mobility")
@@ -111,6 +115,7 @@ def test_version_7_3(tmp_path: Path) -> None:
     assert (frf.quantity, frf.averages) == ("accelerance", 5)
 
 
+@pytest.mark.usefixtures("unguarded")
 def test_what_cannot_be_read_is_listed(tmp_path: Path) -> None:
     path = saved(tmp_path / "a.mat", f=FREQUENCY, H=csc_matrix(np.eye(7) * 1j))
     assert fault_of(path) == (
@@ -120,6 +125,7 @@ def test_what_cannot_be_read_is_listed(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.usefixtures("unguarded")
 def test_what_cannot_be_read_is_passed_over(tmp_path: Path) -> None:
     others = {
         "K": csc_matrix((100_000, 100_000)),
@@ -131,6 +137,7 @@ def test_what_cannot_be_read_is_passed_over(tmp_path: Path) -> None:
     assert ("\n    K: of a class that is not read (sparse,") in fault_of(saved(tmp_path / "b.mat", **others))
 
 
+@pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize(
     ("variables", "message"),
     [
@@ -205,6 +212,7 @@ def cell(*values: object) -> np.ndarray:
     return array
 
 
+@pytest.mark.usefixtures("unguarded")
 def test_cells(tmp_path: Path) -> None:
     path = saved(tmp_path / "a.mat", data=cell(FREQUENCY, "text", cell(VALUES, np.eye(2))))
     names = {"frequency": "data{1}", "values": "data{3}{1}"}
@@ -216,6 +224,7 @@ FRFS = np.arange(1, 43).reshape(2, 3, 7) * (1 + 2j)
 PER_UNIT = {"Hz": 1.0, "kHz": 1e-3, "rad/s": 2 * np.pi, "rad/TimeUnit": 2 * np.pi, "cycles/TimeUnit": 1.0}
 
 
+@pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize("unit", PER_UNIT)
 @pytest.mark.parametrize("key", ["FrequencyUnit", "Units"])
 @pytest.mark.parametrize("old_object", [False, True])
@@ -234,6 +243,7 @@ def test_frequency_response_data(tmp_path: Path, unit: str, key: str, old_object
     assert "Choose it by response and force" in fault_of(path, unit="um/N")
 
 
+@pytest.mark.usefixtures("unguarded")
 def test_frequency_response_data_with_units_and_without(tmp_path: Path) -> None:
     fields = {"ResponseData": FRFS[:1, :1], "Frequency": FREQUENCY, "FrequencyUnit": "Hz"}
     units = {"OutputUnit": cell("g"), "InputUnit": cell("N")}
@@ -253,6 +263,7 @@ def test_frequency_response_data_with_units_and_without(tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.usefixtures("unguarded")
 def test_cells_and_frequency_response_data_of_version_7_3(tmp_path: Path) -> None:
     fields = {"sys/ResponseData": FRFS, "sys/Frequency": FREQUENCY * 2 * np.pi, "sys/FrequencyUnit": "rad/TimeUnit"}
     path = matlab_7_3(tmp_path / "a.mat", **fields, **{"sys/TimeUnit": "seconds", "x": FREQUENCY, "y": VALUES})
@@ -281,6 +292,7 @@ def opaque(name: bytes, label: bytes) -> bytes:
     return element(14, flags + element(1, name) + element(1, b"MCOS") + element(1, label) + element(14, reference))
 
 
+@pytest.mark.usefixtures("unguarded")
 @pytest.mark.parametrize("compressed", [False, True])
 def test_an_object_that_only_matlab_opens(tmp_path: Path, compressed: bool) -> None:
     def added(label: bytes, **variables: object) -> str:

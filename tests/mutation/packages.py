@@ -31,7 +31,6 @@ SLOW = (
     "quick",
     "two_points",
     "test_one_vector_equals_the_direct_solve_at_every_line",
-    "as_well_as_off_umap_learns_own",
     "test_the_worst_files_take_bounded_time_and_memory",
     "test_random_assemblies_against_the_dense_solve",
 )

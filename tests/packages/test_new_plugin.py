@@ -9,15 +9,10 @@ import pytest
 
 from dovetail.testing import check_component, check_names
 
-KINDS = [
-    "joint",
-    *(
-        pytest.param(kind, marks=pytest.mark.slow)
-        for kind in ("substructure", "reducer", "regressor", "reader", "method")
-    ),
-]
+KINDS = ("joint", "substructure", "reducer", "regressor", "reader", "method")
 
 
+@pytest.mark.slow  # by default test_transcript.py does so with a joint
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_package_passes_its_own_tests_in_a_fresh_environment(kind, environment, tmp_path):
     package = tmp_path / "mine"
@@ -67,7 +62,7 @@ def test_a_name_with_dashes_makes_an_identifier(runner, tmp_path):
     assert 'name = "dovetail-felt-pad"' in (tmp_path / "mine/pyproject.toml").read_text()
 
 
-@pytest.mark.parametrize("kind", ["reader", "method"])
+@pytest.mark.parametrize("kind", ["joint", "substructure", "reader", "method"])
 def test_what_it_makes_conforms(kind, runner, tmp_path, monkeypatch):
     assert runner("new-plugin", kind, "my_own", "-o", tmp_path / "mine").exit_code == 0
     source = tmp_path / "mine" / "src" / "dovetail_my_own" / f"{kind}.py"

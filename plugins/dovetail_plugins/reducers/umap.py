@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from dovetail_plugins.reducers.neighbours import Neighbours, membership_strength
 __all__ = ["UMAP", "FittedUMAP"]
 
 _OWNER = "reducer 'umap'"
+_LAYOUT = "_nb_optimize_layout_euclidean_single_epoch"
 
 
 class FittedUMAP(dovetail.FittedReducer):
@@ -178,7 +180,12 @@ def _layout(
 ) -> NDArray[np.float32]:
     """Return the embedding (n_samples, n_components) that umap-learn lays out from the neighbours of each row."""
     import umap
+    from umap import layouts, umap_
 
+    layout: Any = getattr(layouts, _LAYOUT, None)
+    for function in (umap_.smooth_knn_dist, umap_.compute_membership_strengths, layout):
+        with suppress(AttributeError, RuntimeError):  # another version of it, or no folder to keep it in
+            function.enable_caching()  # else each process compiles it anew, for ten seconds
     estimator = umap.UMAP(
         n_components=config.n_components,
         n_neighbors=config.n_neighbors,
