@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method, one_of, part
+from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method, one_of, part
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell
 
@@ -51,6 +51,7 @@ def calibrate(
         int | None,
         typer.Option(metavar="N", min=1, help="Cases at work at once; one a processor.", show_default=False),
     ] = None,
+    scheduler: Scheduler = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for tables and figures.")
     ] = None,
@@ -88,6 +89,7 @@ def calibrate(
             model=model,
             noise_kind=kind,
             workers=workers,
+            scheduler=scheduler,
             progress=progress,
         )
     with writing(output, lambda folder: _write(done, folder), _FILES[0]):
@@ -124,8 +126,9 @@ def _times(done: Calibration) -> str:
     seconds, effective = plain["seconds"], plain["effective_samples"]
     count = plain["not_believed"]
     doubt = f" Results that are not to be believed: {count}; they count like the others." if count else ""
+    at_once = "on a cluster" if done.workers is None else f"{done.workers} at once"
     return (
-        f"{plain['cases']} cases in {done.wall_seconds:.0f} s, {done.workers} at once; each {seconds['median']:.1f} s "
+        f"{plain['cases']} cases in {done.wall_seconds:.0f} s, {at_once}; each {seconds['median']:.1f} s "
         f"in the median, {seconds['most']:.1f} s at most. Effective samples: {effective['median']:.0f} in the median, "
         f"{effective['least']:.0f} at least.{doubt}"
     )
