@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 27_500
+LINES_OF_CODE = 27_590
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -27,10 +27,10 @@ and the explorer with its server took seven hundred. A study of settings that se
 tables and figures, took eight hundred and fifty; chains that all responses share, values that follow others and
 results of modal tables read back two hundred. Causes of a misfit with several responses and levels of the force, and
 noise over variances of few averages, took a hundred and twenty; samples made while the network learns, and a training
-that says how long it will take, ninety. The report of a validation took fifty-five. The workers of
-a cluster, with what is wrong with them said, took a hundred and thirty. A feature that is worth more code
-raises the limit, and says here what it was. The conformance kit is left out: it grows with every mistake that it
-learns to see.
+that says how long it will take, ninety. The report of a validation took fifty-five. The workers of a cluster, with what
+is wrong with them said, took a hundred and thirty, noise like that of a measurement eighty. A feature that is worth
+more code raises the limit, and says here what it was. The conformance kit is left out: it grows with every mistake that
+it learns to see.
 """
 
 
