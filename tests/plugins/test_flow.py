@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 
 import numpy as np
@@ -105,6 +106,25 @@ def test_it_is_the_same_whatever_the_number_of_threads(rows):
     for name, values in states[0].items():
         np.testing.assert_array_equal(states[1][name], values)
     np.testing.assert_allclose(answers[1], answers[0], atol=1e-6)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux alone")
+def test_forked_processes_ask_it_though_the_threads_of_torch_are_not_theirs():
+    """In a process of its own, which is ended where it waits without end."""
+    script = """
+import numpy as np, torch
+from dovetail.parallel import side_by_side
+from dovetail_plugins.regressors.flow import Flow
+torch.set_num_threads(2)
+torch.rand(2000, 2000).exp().sum()
+flow = Flow(Flow.Config(hidden=(8,), transforms=1))
+fitted = flow.fitted(flow.network(3, 2))
+row = np.zeros((1, 3), np.float32)
+here = fitted.predict_distribution(row).samples
+answers = side_by_side(lambda _: fitted.predict_distribution(row).samples, 2, 2)
+assert all(np.array_equal(there, here) for _, there in answers)
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
 
 
 def test_a_state_that_is_not_of_a_flow_is_refused(fitted, rows):

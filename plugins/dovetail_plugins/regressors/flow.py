@@ -19,6 +19,7 @@ from dovetail_plugins.regressors.network_regressor import (
     NetworkRegressor,
     TrainingConfig,
     normal_quantiles,
+    one_thread,
 )
 
 if TYPE_CHECKING:
@@ -30,8 +31,8 @@ _OWNER = "regressor 'flow'"
 _SIZES = "sizes"
 _DRAWS, _DRAWS_OF_MEAN = 500, 32
 """Of a distribution, and for its mean alone, which is asked for thousands of FRFs."""
-_ROWS = 16
-"""At a time: 500 draws of each with twelve targets take some ten megabytes."""
+_DRAWN_AT_ONCE = 4000
+"""Of all rows: with twelve targets they take some three hundred megabytes on their way."""
 _MOST_UNITS, _MOST_LAYERS = 10_000, 20
 _PASSES = 2
 """Couplings: one half of the targets is transformed by what the other is, so that drawing is as fast as training."""
@@ -67,10 +68,10 @@ class FittedFlow(dovetail.FittedRegressor):
         rows = checked_rows(features, _OWNER, width=int(self._sizes[0])).astype(np.float32)
         rows = np.clip(rows, -LARGEST_FEATURE, LARGEST_FEATURE)
         normal = torch.from_numpy(dovetail.spread_normal(count, int(self._sizes[1]))).float()
-        blocks = []
-        with torch.inference_mode():
-            for start in range(0, len(rows), _ROWS):
-                context = self._network.trunk(torch.from_numpy(rows[start : start + _ROWS]))
+        blocks, step = [], _DRAWN_AT_ONCE // count
+        with one_thread(), torch.inference_mode():  # a forked process would wait for other threads without end
+            for start in range(0, len(rows), step):
+                context = self._network.trunk(torch.from_numpy(rows[start : start + step]))
                 transform = self._network.flow(context[:, None]).transform
                 blocks.append(kept(ndtr(transform.inv(normal.expand(len(context), -1, -1)).double().numpy())))
         return np.concatenate(blocks)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     Tensors = tuple[torch.Tensor, torch.Tensor]
 
-__all__ = ["LARGEST_FEATURE", "NetworkRegressor", "TrainingConfig", "normal_quantiles"]
+__all__ = ["LARGEST_FEATURE", "NetworkRegressor", "TrainingConfig", "normal_quantiles", "one_thread"]
 
 LARGEST_FEATURE = 8.0
 """Standard deviations beyond which features tell a distribution no more: what is unlike all gets no sure answer."""
@@ -218,11 +218,28 @@ def _own_torch(seed: int) -> Iterator[None]:
     """Seed torch; the caller's random numbers and threads are afterwards as they were."""
     import torch
 
+    with _own_threads(), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        yield
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let torch compute on this thread alone."""
+    import torch
+
+    with _own_threads():
+        torch.set_num_threads(1)
+        yield
+
+
+@contextmanager
+def _own_threads() -> Iterator[None]:
+    import torch
+
     threads = torch.get_num_threads()
     try:
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
-            yield
+        yield
     finally:
         torch.set_num_threads(threads)
 
