@@ -17,7 +17,7 @@ def _inline(writer: Any, node: nodes.Element) -> None:
 def _block(writer: Any, node: nodes.Element) -> None:
     # A wide one scrolls on a phone: the keyboard must reach it.
     around = '<div class="math" tabindex="0" role="group" aria-label="Formula">'
-    writer.body.append(f'{around}{convert(node.astext(), display="block")}</div>')
+    writer.body.append(f"{around}{convert(node.astext(), display='block')}</div>")
     raise nodes.SkipNode
 
 

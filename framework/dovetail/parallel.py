@@ -1,21 +1,42 @@
-"""Parallel work: the cores of this process, and independent tasks in several processes."""
+"""Parallel work: the cores of this process, and independent tasks in several processes or on a cluster."""
 
 from __future__ import annotations
 
 import os
+import platform
 import sys
+import threading
 import warnings
-from collections.abc import Callable, Generator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from functools import lru_cache
+from importlib.metadata import version
+from itertools import islice
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
-from dovetail.errors import DovetailError, Fault
+from dovetail.errors import DovetailError, Fault, require_package
 
-__all__ = ["cores", "side_by_side"]
+__all__ = ["FILE_MODULE", "cores", "on_cluster", "side_by_side"]
 
 Result = TypeVar("Result")
+Task = TypeVar("Task")
+
+FILE_MODULE = "dovetail_plugin_file_"
+"""Begins the name of a module that was loaded from a plugin file. Its code goes with a task to other machines."""
+
+_REACHED, _PATIENCE = 5.0, 60.0
+"""Seconds in which a scheduler must answer, and for which it may have no worker."""
+_AHEAD = 2
+"""Tasks for each worker, of which one is at work: what is done and not yet fetched takes memory."""
+_SAME = ("dovetail-frf", "numpy", "scipy", "llvmlite")
+"""Packages of which every machine must have the same version, since results would differ."""
+_WHERE = "scheduler"
+
+_turn = threading.Lock()
+"""Held by the task that is at work in this worker: an assembly's engine is not made for several threads."""
 
 _work: Callable[[int], Any] | None = None
 """The task of this worker process; set once, when it starts."""
@@ -27,7 +48,9 @@ def cores() -> int:
     return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
-def side_by_side(work: Callable[[int], Result], count: int, workers: int) -> Generator[tuple[int, Result], None, None]:
+def side_by_side(
+    work: Callable[[int], Result], count: int, workers: int, scheduler: str | None = None
+) -> Generator[tuple[int, Result], None, None]:
     """Yield ``(index, work(index))`` for each index below `count`, in the order in which they finish.
 
     Parameters
@@ -38,6 +61,8 @@ def side_by_side(work: Callable[[int], Result], count: int, workers: int) -> Gen
     workers : int
         Number of processes. They are forked, which is safe on Linux only; elsewhere the tasks run one after another
         in this process.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers do the tasks in their place.
 
     Raises
     ------
@@ -48,6 +73,9 @@ def side_by_side(work: Callable[[int], Result], count: int, workers: int) -> Gen
     -----
     After Ctrl-C, or when the caller stops iterating, running tasks are finished and no others are started.
     """
+    if scheduler is not None:
+        yield from on_cluster(work, range(count), scheduler)
+        return
     if workers == 1 or count <= 1 or sys.platform != "linux":
         yield from ((index, work(index)) for index in range(count))
         return
@@ -81,3 +109,129 @@ def _begin(work: Callable[[int], Any]) -> None:
 def _run_task(index: int) -> Any:
     assert _work is not None
     return _work(index)
+
+
+def on_cluster(
+    work: Callable[[Task], Result], tasks: Iterable[Task], scheduler: str
+) -> Generator[tuple[int, Result], None, None]:
+    """Yield ``(number, work(task))`` in the order in which the workers of a Dask scheduler finish.
+
+    Parameters
+    ----------
+    work : callable
+        It is sent once to each worker, with the code of plugin files that it needs.
+    tasks : iterable
+        Drawn as workers get free. Two for each worker are under way, so that memory is bounded.
+    scheduler : str
+        Its address, such as ``tcp://host:8786``.
+
+    Raises
+    ------
+    DovetailError
+        Dask is not installed, the scheduler does not answer, there are no workers, or they have other versions.
+
+    Notes
+    -----
+    A task of a worker that is killed is done by another one. A worker does one task at a time.
+    """
+    require_package("distributed", "dask", _WHERE)
+    from distributed import wait
+
+    with _client(scheduler) as client:
+        packed = client.submit(_packed, _pack(work), pure=False)
+        left = enumerate(tasks)
+        running: dict[Any, int] = {}
+        while True:
+            room = _AHEAD * len(client.nthreads()) - len(running)
+            for number, task in islice(left, max(room, 0 if running else 1)):
+                running[client.submit(_run_on_worker, packed, task, pure=False)] = number
+            if not running:
+                return
+            try:
+                finished = wait(list(running), timeout=_PATIENCE, return_when="FIRST_COMPLETED").done
+            except TimeoutError:
+                _require_workers(client.nthreads())
+                continue
+            for future in finished:
+                yield running.pop(future), future.result()
+                del future  # what it holds on the cluster goes with it
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    """Connect with a scheduler whose workers are those of this program."""
+    from distributed import Client, KilledWorker
+    from distributed.comm import CommClosedError
+
+    try:
+        client = Client(address, timeout=_REACHED)
+    except (OSError, ValueError, TypeError) as error:
+        problem = f"no Dask scheduler answers at '{address}' ({type(error).__name__})."
+        remedy = "Start one by 'dask scheduler', which prints its address."
+        raise DovetailError(Fault(_WHERE, problem, "an address such as tcp://host:8786", remedy)) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=_PATIENCE)
+            _require_same_versions(client.run(_versions, on_error="return"))
+            yield client
+        except TimeoutError:
+            _require_workers({})
+        except KilledWorker:
+            problem = "several workers were ended at the same task, by the system or by hand."
+            raise DovetailError(Fault(_WHERE, problem, remedy="Give each more memory.")) from None
+        except (CommClosedError, CancelledError):
+            problem = "the connection with the scheduler was lost."
+            raise DovetailError(Fault(_WHERE, problem, remedy="Start it and its workers anew.")) from None
+
+
+def _require_workers(workers: dict[str, int]) -> None:
+    if not workers:
+        problem = f"it has had no worker for {_PATIENCE:.0f} s."
+        raise DovetailError(Fault(_WHERE, problem, remedy="Start some by 'dask worker ADDRESS --nthreads 1'."))
+
+
+def _require_same_versions(by_worker: dict[str, Any]) -> None:
+    """Raise where a worker lacks Dovetail, or has another version of what results depend on."""
+    own = _versions()
+    for worker, installed in by_worker.items():
+        if not isinstance(installed, dict):
+            problem = f"the worker {worker} cannot load Dovetail ({type(installed).__name__}: {installed})."
+            raise DovetailError(Fault(_WHERE, problem, remedy="Install the same packages on every machine."))
+        for name, wanted in own.items():
+            if installed.get(name) != wanted:
+                problem = f"the worker {worker} has {name} {installed.get(name)}, and this process {wanted}."
+                raise DovetailError(Fault(_WHERE, problem, remedy="Install the same packages on every machine."))
+
+
+def _versions() -> dict[str, str]:
+    return {"Python": platform.python_version().rpartition(".")[0], **{name: version(name) for name in _SAME}}
+
+
+def _pack(work: Callable[..., Any]) -> bytes:
+    """Pickle a callable, with the code of modules that come from plugin files."""
+    import cloudpickle
+
+    for name, module in list(sys.modules.items()):
+        if name.startswith(FILE_MODULE):
+            cloudpickle.register_pickle_by_value(module)
+    return bytes(cloudpickle.dumps(work))
+
+
+def _packed(content: bytes) -> bytes:
+    """Return what was sent, as a result that other workers fetch and the scheduler can have made anew."""
+    return content
+
+
+@lru_cache(maxsize=1)
+def _unpacked(content: bytes) -> Callable[[Any], Any]:
+    import pickle
+
+    work: Callable[[Any], Any] = pickle.loads(content)
+    return work
+
+
+def _run_on_worker(content: bytes, task: Any) -> Any:
+    from threadpoolctl import threadpool_limits
+
+    with _turn, threadpool_limits(1, user_api="blas"):
+        return _unpacked(content)(task)

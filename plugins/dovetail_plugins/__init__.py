@@ -18,6 +18,7 @@ from dovetail_plugins.reducers.none import NoReducer
 from dovetail_plugins.reducers.pca import PCA
 from dovetail_plugins.reducers.scikit_learn import Transformer
 from dovetail_plugins.reducers.umap import UMAP
+from dovetail_plugins.regressors.flow import Flow
 from dovetail_plugins.regressors.mlp import MLP
 from dovetail_plugins.regressors.scikit_learn import ScikitLearnRegressor
 from dovetail_plugins.substructures.ground import Ground
@@ -47,6 +48,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
         NoReducer,
         Transformer,
         MLP,
+        Flow,
         ScikitLearnRegressor,
     ]
 

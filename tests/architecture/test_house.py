@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 27_475
+LINES_OF_CODE = 27_860
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -28,8 +28,9 @@ tables and figures, took eight hundred and fifty; chains that all responses shar
 results of modal tables read back two hundred. Causes of a misfit with several responses and levels of the force, and
 noise over variances of few averages, took a hundred and twenty; samples made while the network learns, and a training
 that says how long it will take, ninety. The report of a validation took fifty-five, those of a batch and of a
-calibration a hundred. A feature that is worth more code raises the limit, and says here what it was. The conformance
-kit is left out: it grows with every mistake that it learns to see.
+calibration a hundred. The workers of a cluster, with what is wrong with them said, took a hundred and thirty, noise
+like that of a measurement eighty, a normalising flow a hundred and sixty. A feature that is worth more code raises the
+limit, and says here what it was. The conformance kit is left out: it grows with every mistake that it learns to see.
 """
 
 

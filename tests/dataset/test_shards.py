@@ -6,7 +6,9 @@ import hashlib
 import os
 import re
 import shlex
+import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +117,30 @@ def test_a_shard_that_was_cut_off_is_told_and_goes_on(assembly, whole, tmp_path)
     assert not (tmp_path / "data.zarr").exists()
     dovetail.generate(assembly, paths[1], samples=SAMPLES, shard=(2, 3), resume=True)
     dovetail.merge(paths, tmp_path / "data.zarr")
+    assert digests(tmp_path / "data.zarr") == digests(whole)
+
+
+@pytest.mark.parametrize("count", [1, 3, 7])
+def test_a_shard_that_was_killed_goes_on(assembly, whole, tmp_path, count):
+    """It is killed by SIGKILL while its first chunk is being written, with another one to go."""
+    description, path = tmp_path / "block.yaml", tmp_path / "shard1.zarr"
+    description.write_text(assembly.description.text)
+    script = f"""
+import os, signal, dovetail
+from dovetail.dataset import generation
+generation._CHUNK_BYTES = 4e4
+end = lambda stage, done, total, *_: done and os.kill(os.getpid(), signal.SIGKILL)
+dovetail.generate({str(description)!r}, {str(path)!r}, samples={SAMPLES}, shard=(1, {count}), progress=end)
+"""
+    assert subprocess.run([sys.executable, "-c", script], timeout=60).returncode == -signal.SIGKILL
+    assert dovetail.Dataset(path).amplitude.complete_chunks().sum() <= 1
+    with pytest.raises(DatasetError, match="are in none of the"):
+        dovetail.merge([path], tmp_path / "data.zarr")
+    dovetail.generate(assembly, path, samples=SAMPLES, shard=(1, count), resume=True)
+    others = [tmp_path / f"shard{number}.zarr" for number in range(2, count + 1)]
+    for number, other in enumerate(others, start=2):
+        dovetail.generate(assembly, other, samples=SAMPLES, shard=(number, count))
+    dovetail.merge([path, *others], tmp_path / "data.zarr")
     assert digests(tmp_path / "data.zarr") == digests(whole)
 
 

@@ -10,7 +10,8 @@ import pytest
 import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.errors import DatasetError
-from dovetail.identification.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures, Reduction
+from dovetail.identification.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures
+from dovetail.identification.network.network import Reduction
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 
 AXIS = np.arange(1.0, 2001.0)

@@ -6,7 +6,7 @@ import ast
 import subprocess
 import sys
 import textwrap
-from importlib.metadata import EntryPoint
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -97,7 +97,9 @@ def test_an_unknown_model_names_the_nearest_and_what_failed_to_load(monkeypatch)
     def broken(self):
         raise ImportError("No module named 'felt'")
 
-    monkeypatch.setattr(EntryPoint, "load", broken)
+    installed = entry_points(group="dovetail")
+    for kind in {type(entry) for entry in installed}:  # importlib_metadata, once imported, brings its own
+        monkeypatch.setattr(kind, "load", broken)
     registry = Registry()
     registry.load_entry_points()
     registry.add(plugin(joint()), "pads 1.0")

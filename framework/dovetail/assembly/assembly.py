@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,10 @@ class Assembly:
 
     def __repr__(self) -> str:
         return f"Assembly({self.name!r}, {len(self.parameters)} parameters, {len(self.frequency)} lines)"
+
+    def __reduce__(self) -> tuple[Any, ...]:  # without engines, which are compiled anew elsewhere
+        made = partial(type(self), rigid=self._rigid, interpolation=self._interpolation)
+        return partial(made, further_frequencies=self._axes[1:]), (self.description,)
 
     def _repr_html_(self) -> str:
         return html_table(repr(self), self._space.rows)
@@ -131,10 +135,7 @@ class Assembly:
         return Assembly(alone, rigid=self._rigid, interpolation=self._interpolation)
 
     def engine_of(
-        self,
-        points: Sequence[Point],
-        interpolation: float | None = None,
-        pairs: Sequence[tuple[int, int]] = ((0, 0),),
+        self, points: Sequence[Point], interpolation: float | None = None, pairs: Sequence[tuple[int, int]] = ((0, 0),)
     ) -> Engine:
         """Return a synthesis engine for FRFs between pairs of some points, by their numbers: output and input."""
         inside = np.random.default_rng(0).random((_STRUCTURE_SAMPLES, len(self.parameters)))

@@ -10,13 +10,13 @@ from typing import Any
 from pydantic import BaseModel
 
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.tree import Path, format_value, replace_value
+from dovetail.documents.tree import Mark, Path, format_value, replace_value
 from dovetail.documents.validation import validate
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import FileName, Kind
 from dovetail.registry import Offer, Registry
 
-__all__ = ["LabelledComponent", "build_component", "read_property"]
+__all__ = ["LabelledComponent", "build_component", "locate_files", "read_property"]
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def build_component(
         return None
     label = f"{kind} model '{offer.component.name}' ({offer.source})"
     keys = ("model", *reserved)
-    if not _locate_files(offer.component.Config, path, faults):
+    if not locate_files(offer.component.Config, path, faults):
         return None
     config = validate(offer.component.Config, path, faults, label, reserved=keys, data={})
     if config is None:
@@ -71,21 +71,28 @@ def build_component(
         return None
 
 
-def _locate_files(config: type[BaseModel], path: Path, faults: FaultList) -> bool:
+def locate_files(config: type[BaseModel], path: Path, faults: FaultList) -> bool:
     """Make the file names of the section absolute; return whether they may be named."""
     for name, field in config.model_fields.items():
         item = faults.root.at((*path, name))
         if item is None or not any(isinstance(mark, FileName) for mark in field.metadata):
             continue
-        if isinstance(item.value, str) and item.value:
-            folder = os.path.dirname(os.path.abspath(item.mark.file)) if item.mark.line else os.getcwd()
-            file = os.path.normpath(os.path.join(faults.files_in or folder, item.value))
-            inside = os.path.join(os.path.realpath(faults.files_in or folder), item.value)
-            if faults.files_in and (os.path.isabs(item.value) or os.path.realpath(file) != inside):
-                faults.add((*path, name), f"the file '{item.value}' is not in '{faults.files_in}'.")
+        listed = enumerate(item.value) if isinstance(item.value, tuple) else ()
+        for place, one in [((*path, name), item), *(((*path, name, number), one) for number, one in listed)]:
+            if isinstance(one.value, str) and one.value and not _locate_file(place, one.value, one.mark, faults):
                 return False
-            faults.files[*path, name] = file
-            faults.root = replace_value(faults.root, (*path, name), file)
+    return True
+
+
+def _locate_file(place: Path, name: str, mark: Mark, faults: FaultList) -> bool:
+    folder = os.path.dirname(os.path.abspath(mark.file)) if mark.line else os.getcwd()
+    file = os.path.normpath(os.path.join(faults.files_in or folder, name))
+    inside = os.path.join(os.path.realpath(faults.files_in or folder), name)
+    if faults.files_in and (os.path.isabs(name) or os.path.realpath(file) != inside):
+        faults.add(place, f"the file '{name}' is not in '{faults.files_in}'.")
+        return False
+    faults.files[place] = file
+    faults.root = replace_value(faults.root, place, file)
     return True
 
 

@@ -33,7 +33,7 @@ def load(
     plugins : path or iterable of paths
         Plugin files to load in addition to the installed plugins. Their code runs with the rights of the caller.
     files_in : path, optional
-        A folder from which the files that substructures name are taken, and which they may not leave: no absolute
+        A folder from which the files that the description names are taken, and which they may not leave: no absolute
         path, no ``..``, no link. By default they are relative to the description and may lie anywhere.
 
     Returns

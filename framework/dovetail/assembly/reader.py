@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.calibration import SHARED
-from dovetail.assembly.component_sections import build_component, read_property
+from dovetail.assembly.component_sections import build_component, locate_files, read_property
 from dovetail.assembly.description import (
     Description,
     IdentificationSettings,
@@ -27,6 +27,7 @@ from dovetail.assembly.parameter_sections import check_ties
 from dovetail.assembly.responses import RESPONSE, RESPONSES, calibration_place, read_responses
 from dovetail.assembly.sections import (
     FORMAT,
+    AugmentationSection,
     DescriptionSection,
     DescriptionSectionOfSeveral,
     FrequencyList,
@@ -204,6 +205,11 @@ def _read_joints(substructures: Substructures, faults: FaultList, registry: Regi
 def _read_identification(faults: FaultList, registry: Registry) -> IdentificationSettings | None:
     path = ("identification",)
     stated = set(_add_defaults(path, faults, registry))
+    noise = (*path, "augmentation")
+    locate_files(AugmentationSection, noise, faults)
+    for place in faults.files:
+        if place[: len(noise)] == noise and not os.path.isfile(faults.files[place]):
+            faults.add(place, f"there is no file '{faults.files[place]}'.")
     section = validate(IdentificationSection, path, faults, "'identification'", data={})
     if not stated:  # no section
         return None

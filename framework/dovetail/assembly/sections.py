@@ -9,9 +9,10 @@ import re
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, RootModel
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, RootModel, model_validator
 
 from dovetail.frf import Quantity
+from dovetail.interfaces import FileName
 from dovetail.units import Frequency, InUnit, Mass
 
 __all__ = [
@@ -210,6 +211,7 @@ class ResponseSection(_Section):
 
 
 _Level = Annotated[_Number, Field(ge=0, le=10)]
+_Index = Annotated[_Count, Field(ge=1)]
 
 
 class AugmentationSection(_Section):
@@ -230,6 +232,14 @@ class AugmentationSection(_Section):
     circular : float
         Share of the FRFs whose noise is complex, as that of a measurement, before the amplitude is taken. That of the
         others is real and added to the amplitude: where it drowns the FRF, the two are unlike.
+    like : file, or sequence of files
+        Measured FRFs, one for all responses or one for each. Each FRF gets complex noise of their random error: the
+        stated variance, the part of the amplitude that follows from coherence and averages, or both as estimated from
+        the scatter from line to line. `additive` and `multiplicative` are 0 then, unless stated.
+    like_index : int, or sequence of int
+        Which FRF of a file with several, from 1, file by file.
+    like_decades : float
+        Over which the level of that noise varies around the measured one, evenly on a logarithmic scale.
     gain : float
         Standard deviation of an FRF's relative calibration error, the same at all its lines.
     bad_lines : float
@@ -252,6 +262,9 @@ class AugmentationSection(_Section):
     multiplicative: _Level = 0.02
     multiplicative_decades: Annotated[_Number, Field(ge=0, le=6)] = 0.0
     circular: Annotated[_Number, Field(ge=0, le=1)] = 0.0
+    like: Annotated[str | tuple[str, ...], FileName()] = ()
+    like_index: _Index | tuple[_Index, ...] | None = None
+    like_decades: Annotated[_Number, Field(ge=0, le=6)] = 1.0
     gain: _Level = 0.0
     bad_lines: Annotated[_Number, Field(ge=0, le=1)] = 0.0
     stretch: Annotated[_Number, Field(ge=0, le=0.1)] = 0.0
@@ -259,6 +272,12 @@ class AugmentationSection(_Section):
     copies: Annotated[_Count, Field(ge=1, le=1000)] = 8
     fresh: bool = False
     reuse: Annotated[_Count, Field(ge=1, le=1000)] = 1
+
+    @model_validator(mode="before")
+    @classmethod
+    def _measured_noise_alone(cls, stated: Any) -> Any:
+        is_measured = isinstance(stated, Mapping) and stated.get("like")
+        return {"additive": 0.0, "multiplicative": 0.0, **stated} if is_measured else stated
 
 
 class IdentificationSection(_Section):

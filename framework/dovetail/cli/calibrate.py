@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method, one_of, part
+from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method, one_of, part
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell
 
@@ -59,6 +59,7 @@ def calibrate(
         int | None,
         typer.Option(metavar="N", min=1, help="Cases at work at once; one a processor.", show_default=False),
     ] = None,
+    scheduler: Scheduler = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for tables and figures.")
     ] = None,
@@ -96,6 +97,7 @@ def calibrate(
             model=model,
             noise_kind=kind,
             workers=workers,
+            scheduler=scheduler,
             progress=progress,
         )
     with writing(output, lambda folder: _write(loaded.name, done, folder), _FILES[0]):

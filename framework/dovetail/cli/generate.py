@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dovetail.cli.commands import INTERRUPTED
-from dovetail.cli.options import AssemblyFile, PluginFiles, note_doubts
+from dovetail.cli.options import AssemblyFile, PluginFiles, Scheduler, note_doubts
 from dovetail.cli.terminal import progress_bars, say, tell
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def generate(
         str,
         typer.Option(metavar="I/N", help="Compute only part I of N, for another machine each; 'merge' joins them."),
     ] = "1/1",
+    scheduler: Scheduler = None,
     plugin: PluginFiles = None,
 ) -> None:
     """Make a dataset for training.
@@ -67,7 +68,7 @@ def generate(
     note_doubts(loaded)
     kept: Storage = storage.value
     chosen: dict[str, object] = {"samples": samples, "seed": seed, "storage": kept, "interpolation": interpolation}
-    chosen |= {"shard": None if shards == 1 else shard}
+    chosen |= {"shard": None if shards == 1 else shard, "scheduler": scheduler}
     try:
         with progress_bars() as progress:
             dataset = dovetail.generate(
@@ -79,6 +80,7 @@ def generate(
                 interpolation=interpolation,
                 resume=resume,
                 shard=(part, shards),
+                scheduler=scheduler,
                 progress=progress,
             )
     except KeyboardInterrupt:

@@ -10,7 +10,7 @@ import typer
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.commands import exit_unless_believable
 from dovetail.cli.completion import complete_files, complete_methods
-from dovetail.cli.options import AsJson, PluginFiles, assembly_or_model, chosen_method
+from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method
 from dovetail.cli.reading import (
     AccelerometerMass,
     Columns,
@@ -139,6 +139,7 @@ def identify(
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and all files.")
     ] = None,
     retrain: Annotated[bool, typer.Option("--retrain", help="Train even if there is a model already.")] = False,
+    scheduler: Scheduler = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -191,8 +192,11 @@ def identify(
         _check_accelerometer(assembly, accelerometer_mass)
         check_batch(truth, output, index, response, force)
         model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
+        options["scheduler"] = scheduler
         identify_batch(assembly, measured, read, by, model, output, as_json=as_json, plugins=plugin or (), **options)
         return
+    if scheduler is not None:
+        raise typer.BadParameter("it divides several measurements, and this is one.", param_hint="--scheduler")
     frfs = read_selected(read, measured, index, response, force)
     _check(assembly, frfs, bool(network), truth, output, accelerometer_mass)
     model = _model(assembly, model, by, network, plugin or [], retrain=retrain)

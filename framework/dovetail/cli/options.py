@@ -23,6 +23,7 @@ __all__ = [
     "Overwrite",
     "PluginFiles",
     "PointNumber",
+    "Scheduler",
     "assembly_or_model",
     "at_point",
     "check_new_files",
@@ -63,6 +64,15 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that
 
 PointNumber = Annotated[
     int, typer.Option("--point", metavar="N", min=1, help="Which response, from 1, if the description has several.")
+]
+
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Let the workers of a Dask scheduler do the work, such as tcp://host:8786.",
+        show_default=False,
+    ),
 ]
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self, get_args
@@ -21,6 +23,7 @@ from dovetail.dataset.storage import ARRAYS, Storage
 from dovetail.errors import DatasetError, Fault, FileError, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Progress, logged, progress_reporter
+from dovetail.parallel import on_cluster
 
 __all__ = ["complex_accelerance", "generate"]
 
@@ -38,6 +41,7 @@ def generate(
     interpolation: float | None = None,
     resume: bool = False,
     shard: tuple[int, int] = (1, 1),
+    scheduler: str | None = None,
     progress: Progress | bool | None = None,
 ) -> Dataset:
     """Generate a dataset: Latin hypercube samples and the accelerance of each, for all responses.
@@ -62,6 +66,8 @@ def generate(
     shard : (int, int)
         Number of a part, from 1, and number of parts: of the same samples only the chunks of this part are computed.
         `merge` joins the parts, which may have been made on different machines, to the dataset that is made in one go.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``tcp://host:8786``, whose workers compute the FRFs. They are written here.
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
@@ -105,7 +111,7 @@ def generate(
                 _check_resumable(folder, assembly, plan, resume)
             else:
                 _create(folder, assembly, plan)
-            _fill(folder, assembly, shard, report)
+            _fill(folder, assembly, shard, scheduler, report)
     except FileError as error:
         raise DatasetError(*error.faults) from None
     except OSError as error:
@@ -189,7 +195,7 @@ def _create(folder: Path, assembly: Assembly, plan: _Plan) -> None:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def _fill(folder: Path, assembly: Assembly, shard: tuple[int, int], progress: Progress) -> None:
+def _fill(folder: Path, assembly: Assembly, shard: tuple[int, int], scheduler: str | None, progress: Progress) -> None:
     """Compute the missing chunks of a shard, every n-th. Each is written while the next is computed."""
     import zarr
 
@@ -211,13 +217,15 @@ def _fill(folder: Path, assembly: Assembly, shard: tuple[int, int], progress: Pr
         frfs[index * chunk : index * chunk + len(values)] = values
         flags[index] = 1
 
-    with ThreadPoolExecutor(max_workers=1) as writer:
+    work, blocks = partial(compute, assembly), (parameters[index * chunk : (index + 1) * chunk] for index in missing)
+    here = ((number, work(block)) for number, block in enumerate(blocks))
+    computed = here if scheduler is None else on_cluster(work, blocks, scheduler)
+    with closing(computed), ThreadPoolExecutor(max_workers=1) as writer:
         pending: Future[None] | None = None
-        for index in missing:
-            values = compute(assembly, parameters[index * chunk : (index + 1) * chunk])
+        for number, values in computed:
             if pending is not None:
                 pending.result()
-            pending = writer.submit(write, index, values)
+            pending = writer.submit(write, missing[number], values)
             done += len(values)
             progress("generate", done, size)
         if pending is not None:

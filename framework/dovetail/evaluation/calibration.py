@@ -108,8 +108,8 @@ class Calibration:
         Whether each result may be believed; those that may not count like the others.
     wall_seconds : float
         For the whole study.
-    workers : int
-        Cases at work at once.
+    workers : int or None
+        Cases at work at once; None on a cluster, whose workers come and go.
     """
 
     setting: Setting
@@ -123,7 +123,7 @@ class Calibration:
     seconds: NDArray[np.float64]
     believable: NDArray[np.bool_]
     wall_seconds: float
-    workers: int
+    workers: int | None
 
     def inside(self, level: float = LEVEL) -> NDArray[np.bool_]:
         """Return whether the central interval of this probability holds the truth, (n, n_params)."""
@@ -194,6 +194,7 @@ def calibrate(
     model: TrainedNetwork | None = None,
     noise_kind: NoiseKind = "uniform",
     workers: int | None = None,
+    scheduler: str | None = None,
     progress: Progress | bool | None = None,
 ) -> Calibration:
     """Simulate noisy measurements of random joints, identify each, and rank the truth within its posterior.
@@ -222,6 +223,8 @@ def calibrate(
         The same standard deviation at every line, or `noise` times the magnitude of each.
     workers : int, optional
         Cases at work at once, each in a process of its own; one a processor by default.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers do the cases in place of `workers` here.
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
@@ -251,7 +254,8 @@ def calibrate(
     began = time.perf_counter()
     done: dict[int, _Case] = {}
     try:
-        with progress_reporter(progress) as report, closing(side_by_side(study.case, cases, at_once)) as results:
+        cases_done = side_by_side(study.case, cases, at_once, scheduler)
+        with progress_reporter(progress) as report, closing(cases_done) as results:
             report("cases", 0, cases)
             for index, case in results:
                 done[index] = case
@@ -260,7 +264,7 @@ def calibrate(
     except KeyboardInterrupt:
         if not done:
             raise
-    return _calibration(setting, assembly, done, time.perf_counter() - began, at_once)
+    return _calibration(setting, assembly, done, time.perf_counter() - began, None if scheduler else at_once)
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,7 +337,7 @@ class _Study:
 
 
 def _calibration(
-    setting: Setting, assembly: Assembly, done: dict[int, _Case], wall_seconds: float, workers: int
+    setting: Setting, assembly: Assembly, done: dict[int, _Case], wall_seconds: float, workers: int | None
 ) -> Calibration:
     order = sorted(done)
     rows: Sequence[_Case] = [done[index] for index in order]

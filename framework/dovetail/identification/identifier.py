@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -227,6 +228,7 @@ def identify_many(
     *,
     model: TrainedNetwork | None = None,
     processes: int | None = None,
+    scheduler: str | None = None,
     progress: Progress | bool | None = None,
     **options: Any,
 ) -> Batch:
@@ -244,6 +246,8 @@ def identify_many(
         As of `identify`; with it, one measurement follows the other.
     processes : int, optional
         How many work at once; one for each core by default.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers identify in place of processes here, with a `model` too.
     progress : bool or callable, optional
         True shows a bar in a terminal or a notebook; a function is called after each measurement.
     **options
@@ -278,10 +282,12 @@ def identify_many(
             report("identifying", len(outcomes), len(frfs))
 
         report("identifying", 0, len(frfs))
-        if frfs:
-            keep(0, work(0))
-            for index, outcome in side_by_side(lambda index: work(index + 1), len(frfs) - 1, workers):
-                keep(index + 1, outcome)
+        first = 1 if frfs and scheduler is None else 0
+        for index in range(first):
+            keep(index, work(index))
+        with closing(side_by_side(lambda index: work(first + index), len(frfs) - first, workers, scheduler)) as done:
+            for index, outcome in done:
+                keep(first + index, outcome)
     ordered = [(name, outcomes[index]) for index, name in enumerate(names)]
     return Batch(
         MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, Identification)}),

@@ -33,6 +33,7 @@ from dovetail.interfaces import (
     Regressor,
     SubstructureModel,
 )
+from dovetail.parallel import FILE_MODULE
 from dovetail.registry.hookspec import GROUP, HookSpecification
 
 __all__ = ["HOW_TO_OFFER", "LoadFailure", "Offer", "PluginPaths", "Registry", "components", "installed_components"]
@@ -193,7 +194,7 @@ class Registry:
         if file.resolve() in self._files:
             return
         digest = hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]
-        name = f"dovetail_plugin_file_{file.stem}_{digest}"  # files of the same name in two folders are two modules
+        name = f"{FILE_MODULE}{file.stem}_{digest}"  # files of the same name in two folders are two modules
         spec = importlib.util.spec_from_file_location(name, file)
         if spec is None or spec.loader is None:
             raise PluginError(Fault(str(path), "this is not a Python file.", "a file that ends in .py"))

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import os
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -18,31 +14,26 @@ from scipy.special import expit, ndtr
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_array
+from dovetail_plugins.regressors.network_regressor import (
+    LARGEST_FEATURE,
+    NetworkRegressor,
+    TrainingConfig,
+    normal_quantiles,
+)
 
 if TYPE_CHECKING:
     import torch
 
-    Tensors = tuple[torch.Tensor, torch.Tensor]
 
 __all__ = ["MLP", "FittedMLP"]
-
-Layers = list[tuple[NDArray[Any], NDArray[Any]]]
-"""Weight (n_in, n_out) and bias (n_out,) of each layer."""
 
 Activation = Literal["relu", "silu"]
 
 _OWNER = "regressor 'mlp'"
 _GAUSSIAN, _ACTIVATION = "gaussian", "activation"
-_MARGIN = 1e-3
-"""How near to the ends of the targets' range, 0 and 1, normal quantiles are taken: three standard deviations."""
 _LARGEST_LOGARITHM = 10.0
 """Of a precision's Cholesky factor: a standard deviation of a twenty-thousandth."""
-_LARGEST_GRADIENT = 5.0
-_LARGEST_FEATURE = 8.0
-"""Standard deviations beyond which features tell a Gaussian no more: what is unlike all else gets no sure answer."""
 _DRAWS = 500
-_FEWEST = 3
-_LARGE = 500_000
 _BLOCK = 4096
 
 
@@ -97,7 +88,7 @@ class FittedMLP(dovetail.FittedRegressor):
     def _output(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         rows = checked_rows(features, _OWNER, width=self._weights[0].shape[0])
         if self._is_gaussian:
-            rows = np.clip(rows, -_LARGEST_FEATURE, _LARGEST_FEATURE)
+            rows = np.clip(rows, -LARGEST_FEATURE, LARGEST_FEATURE)
         blocks = [self._forward(rows[start : start + _BLOCK]) for start in range(0, len(rows), _BLOCK)]
         return np.concatenate(blocks)
 
@@ -117,7 +108,7 @@ class FittedMLP(dovetail.FittedRegressor):
         return result
 
 
-class MLP(dovetail.Regressor):
+class MLP(NetworkRegressor):
     """A multilayer perceptron: hidden layers, linear output, mean squared error or likelihood, Adam.
 
     Notes
@@ -137,7 +128,7 @@ class MLP(dovetail.Regressor):
         "Dorta, Vicente, Agapito, Campbell and Simpson, Structured uncertainty prediction networks, CVPR 2018",
     )
 
-    class Config(dovetail.ComponentConfig):
+    class Config(TrainingConfig):
         """Options of the network and its training.
 
         Attributes
@@ -148,82 +139,13 @@ class MLP(dovetail.Regressor):
             What is predicted: values alone, or a Gaussian with a full covariance.
         activation : {"relu", "silu"}
             Of the hidden units: rectified linear, or x / (1 + exp(-x)), which learns a smooth map from fewer samples.
-        dropout : float
-            Share of hidden units left out at random in each training step.
-        weight_decay : float
-            Factor of the L2 regularisation of the weights.
-        learning_rate : float
-            Of Adam, at the start; halved each time the validation loss has not fallen for a third of `patience`.
-        batch_size : int
-            Samples of a training step.
-        max_epochs : int
-            Passes over the training samples at most.
-        patience : int
-            Epochs without a better validation loss after which training stops.
-        validation_fraction : float
-            Share of the training samples held back for the validation loss.
         """
 
         hidden: Annotated[tuple[PositiveInt, ...], Field(min_length=1, max_length=8)] = (512, 256)
         uncertainty: Literal["none", "gaussian"] = "none"
         activation: Activation = "relu"
-        dropout: float = Field(default=0.1, ge=0.0, lt=1.0)
-        weight_decay: float = Field(default=1e-5, ge=0.0)
-        learning_rate: float = Field(default=1e-3, gt=0.0)
-        batch_size: PositiveInt = 256
-        max_epochs: PositiveInt = 200
-        patience: PositiveInt = 20
-        validation_fraction: float = Field(default=0.1, gt=0.0, lt=1.0)
 
-    def fit(
-        self,
-        features: NDArray[np.float32],
-        targets: NDArray[np.float64],
-        *,
-        seed: int,
-        progress: dovetail.Progress = dovetail.silent,
-        context: dovetail.FeatureContext | None = None,
-    ) -> FittedMLP:
-        """Fit to features (n_samples, n_features) and targets (n_samples, n_targets).
-
-        Raises
-        ------
-        DovetailError
-            The two differ in length, hold values that are not finite, or are too few for a validation part.
-        """
-        samples = self._tensors(features, targets)
-        return self._fit(lambda _: samples, seed, progress, context)
-
-    def fit_epochs(
-        self,
-        epoch: dovetail.Epoch,
-        *,
-        seed: int,
-        progress: dovetail.Progress = dovetail.silent,
-        context: dovetail.FeatureContext | None = None,
-    ) -> FittedMLP:
-        """Fit to samples whose features change from epoch to epoch.
-
-        The validation part is taken from the first epoch; its rows are left out of all others.
-
-        Raises
-        ------
-        DovetailError
-            As `fit`.
-        """
-        return self._fit(lambda number: self._tensors(*epoch(number)), seed, progress, context)
-
-    def _fit(
-        self,
-        epoch: Callable[[int], Tensors],
-        seed: int,
-        progress: dovetail.Progress,
-        context: dovetail.FeatureContext | None,
-    ) -> FittedMLP:
-        with _own_torch(seed):
-            layers = self._train(epoch, progress, None if context is None else context.seconds)
-        weights, biases = ([pair[i] for pair in layers] for i in (0, 1))
-        return FittedMLP(weights, biases, self.config.activation, self.config.uncertainty == _GAUSSIAN)
+    config: Config
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
@@ -245,12 +167,13 @@ class MLP(dovetail.Regressor):
         biases = [state_array(state, f"bias{i}", _OWNER, (weight.shape[1],)) for i, weight in enumerate(weights)]
         return FittedMLP(weights, biases, activation, bool(state.get(_GAUSSIAN, False)))
 
-    def _tensors(self, features: NDArray[np.float32], targets: NDArray[np.float64]) -> Tensors:
-        inputs, outputs = _tensors(features, targets)
-        limit = _LARGEST_FEATURE if self.config.uncertainty == _GAUSSIAN else math.inf
-        return inputs.clamp(-limit, limit), outputs
+    @property
+    def is_distribution(self) -> bool:
+        """Whether the answer is a Gaussian."""
+        return bool(self.config.uncertainty == _GAUSSIAN)
 
-    def _network(self, n_features: int, n_targets: int) -> torch.nn.Sequential:
+    def network(self, n_features: int, n_targets: int) -> torch.nn.Module:
+        """Return the layers before training."""
         from torch import nn
 
         layers: list[nn.Module] = []
@@ -258,62 +181,24 @@ class MLP(dovetail.Regressor):
             unit = nn.ReLU() if self.config.activation == "relu" else nn.SiLU()
             layers += [nn.Linear(n_features, width), unit, nn.Dropout(self.config.dropout)]
             n_features = width
-        is_gaussian = self.config.uncertainty == _GAUSSIAN
-        outputs = n_targets + n_targets * (n_targets + 1) // 2 if is_gaussian else n_targets
+        outputs = n_targets + n_targets * (n_targets + 1) // 2 if self.is_distribution else n_targets
         return nn.Sequential(*layers, nn.Linear(n_features, outputs))
 
-    def _train(self, samples: Callable[[int], Tensors], progress: dovetail.Progress, seconds: float | None) -> Layers:
-        """Return the layers at the epoch of the lowest validation loss.
-
-        Within a time the learning rate falls like half a cosine, so that the end of it is a minimum.
-        """
+    def loss(self, network: torch.nn.Module, inputs: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
+        """Return the mean squared error, or the mean negative log-likelihood."""
         import torch
 
-        config, began = self.config, time.monotonic()
-        inputs, outputs = samples(0)
-        widths = (inputs.shape[1], *config.hidden)
-        _choose_threads(sum(one * other for one, other in itertools.pairwise(widths)))
-        loss_of = _negative_log_likelihood if config.uncertainty == _GAUSSIAN else torch.nn.functional.mse_loss
-        order = torch.randperm(len(inputs))
-        held_back = min(max(round(config.validation_fraction * len(inputs)), 1), len(inputs) - 1)
-        validation, training = order[:held_back], order[held_back:]
-        validation_inputs, validation_outputs = inputs[validation], outputs[validation]
-        network = self._network(inputs.shape[1], outputs.shape[1])
-        optimizer = torch.optim.Adam(
-            network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
-        )
-        schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(optimizer, factor=0.5, patience=config.patience // 3)
-        best_loss, best_epoch, best = float("inf"), 0, _layers(network)
-        for epoch in range(1, config.max_epochs + 1):
-            if epoch > 1:
-                inputs, outputs = samples(epoch - 1)
-            network.train()
-            for batch in torch.split(training[torch.randperm(len(training))], config.batch_size):
-                if seconds is not None:
-                    part = min((time.monotonic() - began) / seconds, 1.0)
-                    optimizer.param_groups[0]["lr"] = 0.5 * config.learning_rate * (1.0 + math.cos(math.pi * part))
-                    if part == 1.0:
-                        break
-                optimizer.zero_grad()
-                loss = loss_of(network(inputs[batch]), outputs[batch])
-                torch.autograd.backward(loss)
-                if config.uncertainty == _GAUSSIAN:  # one sample far from its mean may tell more than all others
-                    torch.nn.utils.clip_grad_norm_(network.parameters(), _LARGEST_GRADIENT)
-                optimizer.step()
-            network.eval()
-            with torch.no_grad():
-                current = float(loss_of(network(validation_inputs), validation_outputs))
-            if not math.isfinite(current):
-                raise dovetail.DovetailError(_diverged(epoch, config.learning_rate))
-            if seconds is None:
-                schedule.step(current)
-            if current < best_loss:
-                best_loss, best_epoch, best = current, epoch, _layers(network)
-            progress("regressor", epoch, config.max_epochs, f"validation loss {current:.6g}")
-            is_over = seconds is not None and time.monotonic() - began >= seconds
-            if is_over or (seconds is None and epoch - best_epoch >= config.patience):
-                break
-        return best
+        loss_of = _negative_log_likelihood if self.is_distribution else torch.nn.functional.mse_loss
+        return loss_of(network(inputs), targets)
+
+    def fitted(self, network: torch.nn.Module) -> FittedMLP:
+        """Return weights and biases of a trained network, for its forward pass."""
+        from torch import nn
+
+        linear = [layer for layer in network.children() if isinstance(layer, nn.Linear)]
+        weights = [layer.weight.detach().numpy().T.copy() for layer in linear]
+        biases = [layer.bias.detach().numpy().copy() for layer in linear]
+        return FittedMLP(weights, biases, self.config.activation, self.is_distribution)
 
 
 def _negative_log_likelihood(output: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
@@ -321,7 +206,7 @@ def _negative_log_likelihood(output: torch.Tensor, targets: torch.Tensor) -> tor
     import torch
 
     count = targets.shape[1]
-    quantiles = torch.special.ndtri(targets.clamp(_MARGIN, 1.0 - _MARGIN))
+    quantiles = normal_quantiles(targets)
     rows, columns = torch.tril_indices(count, count)
     factor = output.new_zeros(len(output), count, count)
     factor[:, rows, columns] = output[:, count:]
@@ -345,56 +230,3 @@ def _gaussians(output: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
         inverse[:, row, row] += 1.0
         inverse[:, row] /= factor[:, row, row, np.newaxis]
     return output[:, :count], inverse
-
-
-def _tensors(features: NDArray[np.float32], targets: NDArray[np.float64]) -> Tensors:
-    import torch
-
-    inputs = np.require(checked_rows(features, _OWNER), np.float32, ["C", "W"])
-    outputs = np.require(checked_rows(targets, f"{_OWNER}, targets"), np.float32, ["C", "W"])
-    if len(inputs) != len(outputs):
-        problem = f"it was given {len(inputs)} rows of features and {len(outputs)} of targets."
-        raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem))
-    if len(inputs) < _FEWEST:
-        problem = f"{len(inputs)} samples are too few to train on and to validate with."
-        raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, f"{_FEWEST} or more"))
-    return torch.from_numpy(inputs), torch.from_numpy(outputs)
-
-
-def _diverged(epoch: int, learning_rate: float) -> dovetail.Fault:
-    problem = f"the validation loss is no longer finite after epoch {epoch}."
-    return dovetail.Fault(_OWNER, problem, remedy=f"Choose a 'learning_rate' below {learning_rate:g}.")
-
-
-@contextmanager
-def _own_torch(seed: int) -> Iterator[None]:
-    """Seed torch; the caller's random numbers and threads are afterwards as they were."""
-    import torch
-
-    threads = torch.get_num_threads()
-    try:
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
-            yield
-    finally:
-        torch.set_num_threads(threads)
-
-
-def _choose_threads(weights: int) -> None:
-    """Train a small network on one thread, a large one on half of the cores.
-
-    More gain little on an idle machine, and where anything else wants a core an epoch takes up to fifty times as long,
-    since threads wait for each other after every product.
-    """
-    import torch
-
-    wanted = 1 if weights < _LARGE else max(1, (os.cpu_count() or 1) // 2)
-    torch.set_num_threads(min(torch.get_num_threads(), wanted))
-
-
-def _layers(network: torch.nn.Sequential) -> Layers:
-    """Return copies of the (n_in, n_out) weight and the bias of each linear layer."""
-    from torch import nn
-
-    linear = [layer for layer in network if isinstance(layer, nn.Linear)]
-    return [(layer.weight.detach().numpy().T.copy(), layer.bias.detach().numpy().copy()) for layer in linear]

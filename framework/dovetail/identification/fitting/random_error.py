@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 import scipy
@@ -15,7 +15,9 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 
 __all__ = [
+    "MeasuredNoise",
     "Weights",
+    "error_parts",
     "estimated_variance",
     "isolated_lines",
     "known_variance",
@@ -159,10 +161,71 @@ def estimated_variance(frf: Frf, model: NDArray[Any] | None = None) -> NDArray[n
     Fourth differences keep the noise and remove the curve. In bins of the magnitude their lower quantile gives the
     variance, since peaks that are sharper than a few lines spoil only the upper part. a and b follow by least squares.
     """
+    floor, share = _estimated_parts(frf, model)
+    return np.asarray(np.maximum(floor + share * frf.amplitude**2, _least_variance(frf)))
+
+
+def error_parts(frf: Frf) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a and b (n_freq,) of ``E|error|^2 = a + b |H|^2``, as the measurement states or shows them.
+
+    A variance that is stated is a. From coherence and averages follows b; lines with a coherence of 0 get the largest
+    of the others, or 1. Of any other measurement both are estimated, the same at all lines.
+    """
+    if frf.variance is not None:
+        return frf.variance, np.zeros_like(frf.variance)
+    if (variance := frf.random_variance) is None:
+        floor, share = (np.full(frf.frequency.shape, part) for part in _estimated_parts(frf))
+        return floor, share
+    known = np.isfinite(variance) & (frf.amplitude > 0.0)
+    share = np.divide(variance, frf.amplitude**2, out=np.zeros_like(variance), where=known)
+    return np.zeros_like(share), np.where(known, share, share[known].max(initial=0.0) or 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredNoise:
+    """The random error of a measured FRF, ``E|error|^2 = floor + share |H|^2``, at an assembly's lines.
+
+    Parameters
+    ----------
+    floor : (n_freq,) array
+        Of the accelerance [(m/(N s^2))^2].
+    share : (n_freq,) array
+    """
+
+    floor: NDArray[np.float32]
+    share: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, frf: Frf, frequency: NDArray[np.float64]) -> Self:
+        """Interpolate to some lines (n_freq,); those beyond the measurement get what its last line has.
+
+        Raises
+        ------
+        MeasurementError
+            No line of the measurement is in the band.
+        """
+        first, last = frf.frequency[0], frf.frequency[-1]
+        if first > frequency[-1] or last < frequency[0]:
+            problem = f"it was measured from {first:g} to {last:g} Hz."
+            band = f"lines from {frequency[0]:g} to {frequency[-1]:g} Hz, those of the description"
+            raise MeasurementError(Fault(frf.label, problem, band))
+        parts = error_parts(frf.to("accelerance"))
+        floor, share = (np.interp(frequency, frf.frequency, part).astype(np.float32) for part in parts)
+        return cls(floor, share)
+
+    def add(self, amplitude: NDArray[np.float32], level: NDArray[np.float32], generator: np.random.Generator) -> None:
+        """Add complex noise to amplitudes (n, n_freq), in place, with `level` (n, 1) times the measured deviation."""
+        deviation = level * np.sqrt(0.5 * (self.floor + self.share * np.square(amplitude)))
+        in_phase, quadrature = (deviation * generator.standard_normal(amplitude.shape, np.float32) for _ in range(2))
+        np.hypot(amplitude + in_phase, quadrature, out=amplitude)
+
+
+def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float, float]:
+    """Estimate a and b of ``a + b |H|^2``."""
     least = _least_variance(frf)
     values = frf.values if frf.has_phase else frf.amplitude
     if len(values) < 2 * len(_DIFFERENCE):
-        return np.full(len(values), np.maximum(least, (_SETTINGS.short * frf.amplitude.max()) ** 2))
+        return float((_SETTINGS.short * frf.amplitude.max()) ** 2), 0.0
     residuals = values if model is None else values - model
     squares = np.abs(np.convolve(residuals, _DIFFERENCE, mode="valid")) ** 2
     level = np.sqrt(np.convolve(frf.amplitude**2, _DIFFERENCE**2, mode="valid"))
@@ -170,8 +233,7 @@ def estimated_variance(frf: Frf, model: NDArray[Any] | None = None) -> NDArray[n
     bins = np.array_split(np.argsort(level), count)
     magnitude = np.array([np.sqrt(np.mean(level[rows] ** 2)) for rows in bins])
     quantiles = np.array([np.quantile(squares[rows], _SETTINGS.quantile) for rows in bins])
-    floor, share = _floor_and_share(magnitude, np.maximum(quantiles / _unit_quantile(frf.has_phase), least))
-    return np.asarray(np.maximum(floor + share * frf.amplitude**2, least))
+    return _floor_and_share(magnitude, np.maximum(quantiles / _unit_quantile(frf.has_phase), least))
 
 
 def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:

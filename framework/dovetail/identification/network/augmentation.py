@@ -20,18 +20,18 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AugmentationSection
 from dovetail.dataset import complex_accelerance, latin_hypercube
-from dovetail.errors import DatasetError, Fault
-from dovetail.identification.network.network import reduce_features
-from dovetail.identification.network.preprocessing import TargetScaling, ZScore, log10p1
-from dovetail.interfaces import FittedReducer
+from dovetail.errors import DatasetError, Fault, FileError, MeasurementError
+from dovetail.identification.fitting.random_error import MeasuredNoise
+from dovetail.identification.network.network import Pair, Reduction
+from dovetail.identification.network.preprocessing import log10p1
+from dovetail.measurement import read_frf
 
-__all__ = ["Augmentation", "FreshEpochs", "NoisyFeatures", "ReducedEpochs", "Reduction"]
-
-Pair = tuple[NDArray[np.float32], NDArray[np.float64]]
-"""Features (n, n_components) and targets (n, n_targets)."""
+__all__ = ["Augmentation", "FreshEpochs", "NoisyFeatures", "ReducedEpochs", "measured_noises"]
 
 _CHOICE_STREAM = 4
 """Keeps the choice among samples apart from other random numbers of the same seed."""
+
+_LIKE = "identification.augmentation.like"
 
 _MOST_BYTES = 1e9
 """Of the features that are kept to be drawn again."""
@@ -46,6 +46,33 @@ _ROWS = 512
 """FRFs to which noise is added at a time, with a generator each: epochs are the same on any number of cores."""
 
 
+def measured_noises(assembly: Assembly) -> list[MeasuredNoise | None]:
+    """Read the measurements whose noise the description's `augmentation` names, one for each response.
+
+    Raises
+    ------
+    MeasurementError, FileError
+        A file is not one FRF, or not within the band; or there are neither one of them nor as many as responses.
+    """
+    settings, count = assembly.description.identification.augmentation, len(assembly.description.responses)
+    if settings is None or not settings.like:
+        return [None] * count
+    files = (settings.like,) if isinstance(settings.like, str) else settings.like
+    index = settings.like_index
+    indices = index if isinstance(index, tuple) else (index,) * len(files)
+    if len(files) not in (1, count) or len(indices) != len(files):
+        problem = f"{len(files)} files and {len(indices)} indices were given for {count} responses."
+        raise MeasurementError(Fault(_LIKE, problem, "one file for all responses or one for each, and an index each"))
+    try:
+        frfs = [read_frf(file, index=index) for file, index in zip(files, indices, strict=True)]
+        noises = [MeasuredNoise.of(frf, assembly.frequency) for frf in frfs]
+    except (MeasurementError, FileError) as error:
+        fault = error.faults[0]
+        remedy = "Say which by 'like_index', from 1." if "one is wanted" in fault.problem else fault.remedy
+        raise type(error)(Fault(f"{_LIKE}  {fault.where}", fault.problem, fault.accepted, remedy)) from None
+    return [*noises] if len(noises) == count else [noises[0]] * count
+
+
 @dataclass(frozen=True, eq=False)
 class Augmentation:
     """Makes a noisy FRF of a clean one, another each time.
@@ -58,11 +85,14 @@ class Augmentation:
         Hz.
     deviation : float
         Standard deviation of all training amplitudes, the unit of additive noise [m/(N s^2)].
+    measured : MeasuredNoise, optional
+        Noise of a measurement.
     """
 
     settings: AugmentationSection
     frequency: NDArray[np.float64]
     deviation: float
+    measured: MeasuredNoise | None = None
 
     @property
     def needs_phase(self) -> bool:
@@ -88,6 +118,9 @@ class Augmentation:
         amplitude = self._stretch(amplitude, generator)
         amplitude *= (1 + self.settings.gain * generator.standard_normal(rows)).astype(np.float32)
         self._add_noise(amplitude, generator)
+        if self.measured is not None:
+            level = 10.0 ** (self.settings.like_decades * (generator.random(rows) - 0.5))
+            self.measured.add(amplitude, level.astype(np.float32), generator)
         self._spoil_lines(amplitude, generator)
         return np.abs(amplitude, out=amplitude)
 
@@ -180,11 +213,16 @@ class NoisyFeatures:
         ------
         DatasetError
             A remaining mass is asked for, which needs phases, but `clean` has none and samples are not drawn afresh.
+        MeasurementError, FileError
+            As of `measured_noises`.
         """
         settings = assembly.description.identification.augmentation
         assert settings is not None
         responses = np.split(clean, len(assembly.description.responses), axis=1)
-        augmentations = [Augmentation(settings, assembly.frequency, _deviation(response)) for response in responses]
+        augmentations = [
+            Augmentation(settings, assembly.frequency, _deviation(response), measured)
+            for response, measured in zip(responses, measured_noises(assembly), strict=True)
+        ]
         if augmentations[0].needs_phase and not settings.fresh and not np.iscomplexobj(clean):
             problem = "the mass left at the drive point needs the phase of each FRF, and the dataset holds amplitudes."
             remedy = "Generate it with --storage complex, or set 'fresh: true', or 'mass: 0'."
@@ -249,33 +287,6 @@ def _deviation(accelerance: NDArray[np.number]) -> float:
     """Return the standard deviation of all amplitudes, without a second copy of them where they are stored as such."""
     amplitude = np.abs(accelerance) if np.iscomplexobj(accelerance) else accelerance
     return float(np.std(amplitude, dtype=np.float64))
-
-
-@dataclass(frozen=True, eq=False)
-class Reduction:
-    """How FRFs become what the regressor is trained with.
-
-    Parameters
-    ----------
-    name : str
-        The reducer's.
-    reducer : FittedReducer
-    features : ZScore
-    targets : TargetScaling
-    """
-
-    name: str
-    reducer: FittedReducer
-    features: ZScore
-    targets: TargetScaling
-
-    def __call__(self, features: NDArray[np.float32], theta: NDArray[np.float64]) -> Pair:
-        """Reduce and standardise features (n, n_responses n_freq); scale parameters (n, n_params)."""
-        return self.standardise(reduce_features(self.reducer, self.name, features), theta)
-
-    def standardise(self, reduced: NDArray[np.float32], theta: NDArray[np.float64]) -> Pair:
-        """Standardise reduced features, in their place; scale parameters."""
-        return self.features.transform(reduced, out=reduced), self.targets.transform(theta)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,10 @@ from dovetail.interfaces import (
     silent,
 )
 
-__all__ = ["Network", "check_contract", "check_rows", "component_label", "reduce_features"]
+__all__ = ["Network", "Pair", "Reduction", "check_contract", "check_rows", "component_label", "reduce_features"]
+
+Pair = tuple[NDArray[np.float32], NDArray[np.float64]]
+"""Features (n, n_components) and targets (n, n_targets)."""
 
 _FEWEST_DRAWS = 50
 """Of a distribution, for an interval to have ends."""
@@ -199,3 +202,30 @@ def reduce_features(
         reduced[rows] = block
         progress("reduction", rows.stop, len(features))
     return reduced
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """How FRFs become what the regressor is trained with.
+
+    Parameters
+    ----------
+    name : str
+        The reducer's.
+    reducer : FittedReducer
+    features : ZScore
+    targets : TargetScaling
+    """
+
+    name: str
+    reducer: FittedReducer
+    features: ZScore
+    targets: TargetScaling
+
+    def __call__(self, features: NDArray[np.float32], theta: NDArray[np.float64]) -> Pair:
+        """Reduce and standardise features (n, n_responses n_freq); scale parameters (n, n_params)."""
+        return self.standardise(reduce_features(self.reducer, self.name, features), theta)
+
+    def standardise(self, reduced: NDArray[np.float32], theta: NDArray[np.float64]) -> Pair:
+        """Standardise reduced features, in their place; scale parameters."""
+        return self.features.transform(reduced, out=reduced), self.targets.transform(theta)

@@ -21,8 +21,8 @@ from threadpoolctl import threadpool_limits
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, Storage, generate
 from dovetail.errors import DatasetError, Fault, ParameterError, PluginError
-from dovetail.identification.network.augmentation import FreshEpochs, NoisyFeatures, ReducedEpochs, Reduction
-from dovetail.identification.network.network import Network, check_contract, component_label, reduce_features
+from dovetail.identification.network.augmentation import FreshEpochs, NoisyFeatures, ReducedEpochs, measured_noises
+from dovetail.identification.network.network import Network, Reduction, check_contract, component_label, reduce_features
 from dovetail.identification.network.novelty import learn_novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
 from dovetail.identification.network.trained_network import TrainedNetwork
@@ -66,6 +66,7 @@ def train_network(
     timer = _StageTimer(_seconds(assembly, minutes))
     if robust or fresh:
         assembly = _with_augmentation(assembly, fresh=fresh)
+    measured_noises(assembly)  # what is wrong with their files is said before any work
     if dataset is not None:
         return _train(assembly, dataset, timer, progress)
     with tempfile.TemporaryDirectory(prefix="dovetail-") as folder:

@@ -1,0 +1,261 @@
+"""What all networks of torch have in common: samples as tensors, training by Adam, and an end to it."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, PositiveInt
+
+import dovetail
+from dovetail_plugins.arrays import checked_rows
+
+if TYPE_CHECKING:
+    import torch
+
+    Tensors = tuple[torch.Tensor, torch.Tensor]
+
+__all__ = ["LARGEST_FEATURE", "NetworkRegressor", "TrainingConfig", "normal_quantiles", "one_thread"]
+
+LARGEST_FEATURE = 8.0
+"""Standard deviations beyond which features tell a distribution no more: what is unlike all gets no sure answer."""
+_LARGEST_GRADIENT = 5.0
+_MARGIN = 1e-3
+"""How near to the ends of the targets' range, 0 and 1, normal quantiles are taken: three standard deviations."""
+_FEWEST = 3
+_LARGE = 500_000
+
+
+class TrainingConfig(dovetail.ComponentConfig):
+    """Options of a training by Adam that ends when the validation loss no longer falls."""
+
+    dropout: float = Field(
+        default=0.1, ge=0.0, lt=1.0, description="Share of hidden units left out at random in each training step."
+    )
+    weight_decay: float = Field(default=1e-5, ge=0.0, description="Factor of the L2 regularisation of the weights.")
+    learning_rate: float = Field(
+        default=1e-3,
+        gt=0.0,
+        description="Of Adam, at the start; halved each time the validation loss has not fallen for a third of "
+        "`patience`.",
+    )
+    batch_size: PositiveInt = Field(default=256, description="Samples of a training step.")
+    max_epochs: PositiveInt = Field(default=200, description="Passes over the training samples at most.")
+    patience: PositiveInt = Field(
+        default=20, description="Epochs without a better validation loss after which training stops."
+    )
+    validation_fraction: float = Field(
+        default=0.1, gt=0.0, lt=1.0, description="Share of the training samples held back for the validation loss."
+    )
+
+
+class NetworkRegressor(dovetail.Regressor):
+    """A recipe for a network of torch: subclasses say what it is, what is minimised, and what comes of it."""
+
+    config: TrainingConfig
+    name: ClassVar[str]
+
+    @property
+    def owner(self) -> str:
+        """Its name in messages."""
+        return f"regressor '{self.name}'"
+
+    @property
+    @abstractmethod
+    def is_distribution(self) -> bool:
+        """Whether it learns a distribution, for which features and gradients are kept within limits."""
+
+    @abstractmethod
+    def network(self, n_features: int, n_targets: int) -> torch.nn.Module:
+        """Return the network before training."""
+
+    @abstractmethod
+    def loss(self, network: torch.nn.Module, inputs: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
+        """Return the mean loss of some samples."""
+
+    @abstractmethod
+    def fitted(self, network: torch.nn.Module) -> dovetail.FittedRegressor:
+        """Return what a trained network is used as."""
+
+    def fit(
+        self,
+        features: NDArray[np.float32],
+        targets: NDArray[np.float64],
+        *,
+        seed: int,
+        progress: dovetail.Progress = dovetail.silent,
+        context: dovetail.FeatureContext | None = None,
+    ) -> dovetail.FittedRegressor:
+        """Fit to features (n_samples, n_features) and targets (n_samples, n_targets).
+
+        Raises
+        ------
+        DovetailError
+            The two differ in length, hold values that are not finite, or are too few for a validation part.
+        """
+        samples = self._tensors(features, targets)
+        return self._fit(lambda _: samples, seed, progress, context)
+
+    def fit_epochs(
+        self,
+        epoch: dovetail.Epoch,
+        *,
+        seed: int,
+        progress: dovetail.Progress = dovetail.silent,
+        context: dovetail.FeatureContext | None = None,
+    ) -> dovetail.FittedRegressor:
+        """Fit to samples whose features change from epoch to epoch.
+
+        The validation part is taken from the first epoch; its rows are left out of all others.
+
+        Raises
+        ------
+        DovetailError
+            As `fit`.
+        """
+        return self._fit(lambda number: self._tensors(*epoch(number)), seed, progress, context)
+
+    def _fit(
+        self,
+        epoch: Callable[[int], Tensors],
+        seed: int,
+        progress: dovetail.Progress,
+        context: dovetail.FeatureContext | None,
+    ) -> dovetail.FittedRegressor:
+        with _own_torch(seed):
+            return self.fitted(self._train(epoch, progress, None if context is None else context.seconds))
+
+    def _tensors(self, features: NDArray[np.float32], targets: NDArray[np.float64]) -> Tensors:
+        import torch
+
+        inputs = np.require(checked_rows(features, self.owner), np.float32, ["C", "W"])
+        outputs = np.require(checked_rows(targets, f"{self.owner}, targets"), np.float32, ["C", "W"])
+        if len(inputs) != len(outputs):
+            problem = f"it was given {len(inputs)} rows of features and {len(outputs)} of targets."
+            raise dovetail.DovetailError(dovetail.Fault(self.owner, problem))
+        if len(inputs) < _FEWEST:
+            problem = f"{len(inputs)} samples are too few to train on and to validate with."
+            raise dovetail.DovetailError(dovetail.Fault(self.owner, problem, f"{_FEWEST} or more"))
+        limit = LARGEST_FEATURE if self.is_distribution else math.inf
+        return torch.from_numpy(inputs).clamp(-limit, limit), torch.from_numpy(outputs)
+
+    def _train(
+        self, samples: Callable[[int], Tensors], progress: dovetail.Progress, seconds: float | None
+    ) -> torch.nn.Module:
+        """Return the network of the lowest validation loss.
+
+        Within a time the learning rate falls like half a cosine, so that the end of it is a minimum.
+        """
+        import torch
+
+        config, began = self.config, time.monotonic()
+        inputs, outputs = samples(0)
+        order = torch.randperm(len(inputs))
+        held_back = min(max(round(config.validation_fraction * len(inputs)), 1), len(inputs) - 1)
+        validation, training = order[:held_back], order[held_back:]
+        validation_inputs, validation_outputs = inputs[validation], outputs[validation]
+        network = self.network(inputs.shape[1], outputs.shape[1])
+        _choose_threads(network)
+        optimizer = torch.optim.Adam(
+            network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
+        )
+        schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(optimizer, factor=0.5, patience=config.patience // 3)
+        best_loss, best_epoch, best = float("inf"), 0, _copied(network)
+        for epoch in range(1, config.max_epochs + 1):
+            if epoch > 1:
+                inputs, outputs = samples(epoch - 1)
+            network.train()
+            for batch in torch.split(training[torch.randperm(len(training))], config.batch_size):
+                if seconds is not None:
+                    part = min((time.monotonic() - began) / seconds, 1.0)
+                    optimizer.param_groups[0]["lr"] = 0.5 * config.learning_rate * (1.0 + math.cos(math.pi * part))
+                    if part == 1.0:
+                        break
+                optimizer.zero_grad()
+                torch.autograd.backward(self.loss(network, inputs[batch], outputs[batch]))
+                if self.is_distribution:  # one sample far from its mean may tell more than all others
+                    torch.nn.utils.clip_grad_norm_(network.parameters(), _LARGEST_GRADIENT)
+                optimizer.step()
+            network.eval()
+            with torch.no_grad():
+                current = float(self.loss(network, validation_inputs, validation_outputs))
+            if not math.isfinite(current):
+                raise dovetail.DovetailError(self._diverged(epoch))
+            if seconds is None:
+                schedule.step(current)
+            if current < best_loss:
+                best_loss, best_epoch, best = current, epoch, _copied(network)
+            progress("regressor", epoch, config.max_epochs, f"validation loss {current:.6g}")
+            is_over = seconds is not None and time.monotonic() - began >= seconds
+            if is_over or (seconds is None and epoch - best_epoch >= config.patience):
+                break
+        network.load_state_dict(best)
+        return network
+
+    def _diverged(self, epoch: int) -> dovetail.Fault:
+        problem = f"the validation loss is no longer finite after epoch {epoch}."
+        remedy = f"Choose a 'learning_rate' below {self.config.learning_rate:g}."
+        return dovetail.Fault(self.owner, problem, remedy=remedy)
+
+
+def normal_quantiles(targets: torch.Tensor) -> torch.Tensor:
+    """Return the normal quantiles of targets from 0 to 1, which are normal where a target is not told at all."""
+    import torch
+
+    quantiles: torch.Tensor = torch.special.ndtri(targets.clamp(_MARGIN, 1.0 - _MARGIN))
+    return quantiles
+
+
+@contextmanager
+def _own_torch(seed: int) -> Iterator[None]:
+    """Seed torch; the caller's random numbers and threads are afterwards as they were."""
+    import torch
+
+    with _own_threads(), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        yield
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let torch compute on this thread alone."""
+    import torch
+
+    with _own_threads():
+        torch.set_num_threads(1)
+        yield
+
+
+@contextmanager
+def _own_threads() -> Iterator[None]:
+    import torch
+
+    threads = torch.get_num_threads()
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _choose_threads(network: torch.nn.Module) -> None:
+    """Train a small network on one thread, a large one on half of the cores.
+
+    More gain little on an idle machine, and where anything else wants a core an epoch takes up to fifty times as long,
+    since threads wait for each other after every product.
+    """
+    import torch
+
+    weights = sum(parameter.numel() for parameter in network.parameters())
+    wanted = 1 if weights < _LARGE else max(1, (os.cpu_count() or 1) // 2)
+    torch.set_num_threads(min(torch.get_num_threads(), wanted))
+
+
+def _copied(network: torch.nn.Module) -> dict[str, torch.Tensor]:
+    return {name: values.detach().clone() for name, values in network.state_dict().items()}
