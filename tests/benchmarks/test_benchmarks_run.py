@@ -99,6 +99,12 @@ def test_genuine_measurements_of_random_structures_reach_the_noise():
     assert [row[0] for row in alone] == ["additive, stated", "all"]
 
 
+def test_two_resonances_that_lie_close_together_are_told_apart():
+    """1 % apart, with a narrow way between a minimum in which both are one and the right one."""
+    rows = cells(run("genuine_measurements.py", "--only", 59, "--seed", 79, "--lines", "4451,4451"))[2:]
+    assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]
+
+
 @pytest.mark.slow
 def test_the_benchmark_of_a_second_point_prints_prediction_and_achievement():
     table = cells(run("second_point.py", "--cases", 1))[2:]

@@ -304,14 +304,19 @@ def _times(assembly: dovetail.Assembly, factor: np.ndarray) -> dovetail.Assembly
     return ChangedMeasurement(assembly, lambda values: values * factor)
 
 
-def _at_another_point(assembly: dovetail.Assembly, rng: np.random.Generator) -> dovetail.Assembly:
+def _at_another_point(assembly: dovetail.Assembly, rng: np.random.Generator) -> dovetail.Assembly | None:
     description = assembly.description
     response = description.response
     last = len(description.substructures[response.substructure].nodes) - 1
     away = int(rng.integers(1, 4)) * (-1 if response.node > last // 2 else 1)
     moved = replace(response, node=int(np.clip(response.node + away, 0, last)))
     changed = replace(description, responses=(moved, *description.responses[1:]))
-    return dovetail.Assembly(changed).on(assembly.frequency)
+    elsewhere = dovetail.Assembly(changed).on(assembly.frequency)
+    try:
+        elsewhere.frf(elsewhere.from_unit(np.full(len(elsewhere.parameters), 0.5)))
+    except dovetail.DovetailError:  # it is held there
+        return None
+    return elsewhere
 
 
 def _overhanging(assembly: dovetail.Assembly, rng: np.random.Generator) -> dovetail.Assembly | None:

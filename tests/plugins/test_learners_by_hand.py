@@ -78,6 +78,17 @@ def test_rows_without_a_length_are_no_fault():
         assert np.isfinite(Compression.fit(rows, metric, fewest=2, seed=0).project(rows)).all()
 
 
+@pytest.mark.parametrize("spread", [1.0, 1e-5])
+def test_the_nearest_are_exact_where_single_precision_cannot_tell_them_apart(spread):
+    rows = 1.0 + spread * np.random.default_rng(0).standard_normal((400, 6))
+    points = rows[:300] + 0.1 * spread
+    squares = np.sum((rows - points[:, np.newaxis]) ** 2, axis=2)
+    wanted = np.argsort(squares, axis=1, kind="stable")[:, :5]
+    indices, found = Neighbours(rows).nearest(points, 5)
+    np.testing.assert_array_equal(indices, wanted)
+    np.testing.assert_allclose(found, np.take_along_axis(squares, wanted, axis=1), rtol=1e-12)
+
+
 def test_the_nearest_of_more_points_than_a_block_and_of_few_rows():
     rows, points = random_rows(11, 3), random_rows(600, 3, seed=1)
     indices, squares = Neighbours(rows).nearest(points, 4)

@@ -173,6 +173,17 @@ def test_the_network_of_the_best_epoch_is_kept():
     np.testing.assert_array_equal(one_more.state()["weight0"], until_best.state()["weight0"])
 
 
+def test_one_cycle_makes_every_epoch_and_ends_in_a_minimum(training):
+    """With a rate that has not fallen the loss still jumps where that of one cycle has settled."""
+    steady, cycle = Log(), Log()
+    options = {"max_epochs": 30, "learning_rate": 0.01, "batch_size": 32, "patience": 29}
+    recipe(**options).fit(*training, seed=0, progress=steady)
+    recipe(**options | {"patience": 3}, schedule="one_cycle").fit(*training, seed=0, progress=cycle)
+    assert len(cycle.losses) == 30
+    assert cycle.losses[-1] < 1.01 * min(cycle.losses)
+    assert np.std(cycle.losses[-5:]) < 0.2 * np.std(steady.losses[-5:])
+
+
 def test_l2_regularisation_makes_the_weights_smaller(training):
     free, held = (recipe(max_epochs=10, weight_decay=decay).fit(*training, seed=0) for decay in (0.0, 0.1))
     assert np.linalg.norm(held.state()["weight0"]) < 0.5 * np.linalg.norm(free.state()["weight0"])

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 __all__ = ["Neighbours", "membership_strengths"]
 
@@ -21,6 +24,8 @@ class Settings:
         Points that are compared with all rows at once. It bounds the memory of their distances.
     spare : int
         Candidates beyond the number of neighbours, since the matrix product rounds their distances.
+    threads : int
+        Blocks at work at once, at most.
     bisections : int
         Halvings of the interval of sigma, to the last bit.
     least_sigma : float
@@ -29,6 +34,7 @@ class Settings:
 
     block: int = 256
     spare: int = 8
+    threads: int = 8
     bisections: int = 64
     least_sigma: float = 1e-3
 
@@ -46,7 +52,10 @@ class Neighbours:
 
     def __init__(self, rows: NDArray[Any]) -> None:
         self._rows = np.ascontiguousarray(rows, dtype=np.float64)
+        self._short_rows = self._rows.astype(np.float32)
         self._squares = np.einsum("ij,ij->i", self._rows, self._rows)
+        self._short_squares = self._squares.astype(np.float32)
+        self._longest = float(np.sqrt(self._squares.max(initial=0.0)))
 
     def nearest(self, points: NDArray[Any], count: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         """Find the nearest rows of each point.
@@ -62,24 +71,52 @@ class Neighbours:
             Numbers of the rows and their squared distances, nearest first. A point's answer does not depend on the
             other points.
         """
-        blocks = [
-            self._nearest(points[start : start + SETTINGS.block], count)
-            for start in range(0, len(points), SETTINGS.block)
-        ]
-        return np.concatenate([indices for indices, _ in blocks]), np.concatenate([squares for _, squares in blocks])
+        blocks = [points[start : start + SETTINGS.block] for start in range(0, len(points), SETTINGS.block)]
+        threads = min(len(blocks), SETTINGS.threads, os.cpu_count() or 1)
+        if threads <= 1:
+            found = [self._nearest(block, count) for block in blocks]
+        else:
+            with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(threads) as pool:
+                found = list(pool.map(lambda block: self._nearest(block, count), blocks))
+        return np.concatenate([indices for indices, _ in found]), np.concatenate([squares for _, squares in found])
 
     def _nearest(self, points: NDArray[Any], count: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Choose candidates by a matrix product, whose rounding depends on the block, then measure each distance."""
+        """Choose candidates in single precision, and in double precision where its rounding might hide a nearer row."""
         points = points.astype(np.float64)
-        ranking = points @ self._rows.T
-        ranking *= -2.0
-        ranking += self._squares
-        spared = min(count + SETTINGS.spare, len(self._rows))
-        candidates = np.sort(np.argpartition(ranking, spared - 1, axis=1)[:, :spared], axis=1)
+        candidates, border = _candidates(points.astype(np.float32), self._short_rows, self._short_squares, count)
+        indices, squares = self._sorted(points, candidates, count)
+        own = np.einsum("ij,ij->i", points, points)
+        rounding = (points.shape[1] + 4) * np.finfo(np.float32).eps * (np.sqrt(own) + self._longest) ** 2
+        unsure = np.flatnonzero(squares[:, -1] >= border + own - rounding)
+        if len(unsure) and candidates.shape[1] < len(self._rows):
+            candidates, _ = _candidates(points[unsure], self._rows, self._squares, count)
+            indices[unsure], squares[unsure] = self._sorted(points[unsure], candidates, count)
+        return indices, squares
+
+    def _sorted(
+        self, points: NDArray[np.float64], candidates: NDArray[np.intp], count: int
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Measure each distance, and keep the shortest, nearest first."""
         differences = self._rows[candidates] - points[:, np.newaxis]
         squares = np.einsum("ijk,ijk->ij", differences, differences)
         order = np.argsort(squares, axis=1, kind="stable")[:, :count]
         return np.take_along_axis(candidates, order, axis=1), np.take_along_axis(squares, order, axis=1)
+
+
+def _candidates(
+    points: NDArray[Any], rows: NDArray[Any], squares: NDArray[Any], count: int
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return some rows near each point by a matrix product, whose rounding depends on the block, and a border.
+
+    All other rows are beyond the border, but for rounding: in squared distances, less the square of the point.
+    """
+    ranking = points @ rows.T
+    ranking *= -2.0
+    ranking += squares
+    spared = min(count + SETTINGS.spare, len(rows))
+    chosen = np.argpartition(ranking, spared - 1, axis=1)[:, :spared]
+    border = np.take_along_axis(ranking, chosen, axis=1).max(axis=1).astype(np.float64)
+    return np.sort(chosen, axis=1), border
 
 
 def membership_strengths(distances: NDArray[np.float64]) -> NDArray[np.float64]:

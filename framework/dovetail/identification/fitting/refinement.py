@@ -36,6 +36,10 @@ class Settings:
     """At least."""
     more_starts: int = 8
     """In each further batch."""
+    along_axes: int = 4
+    """Of these, those that differ from the best minimum so far in one parameter."""
+    places: int = 64
+    """Along the range of each parameter, where such starts are looked for."""
     first_carried: int = 2
     """Searches of the first batch, those with the most similar FRFs, whose minima are fitted before the others'."""
     carried: int = 4
@@ -136,7 +140,8 @@ class _Refinement:
         self._assembly = assembly
         self._model = ModelFrfs.of(assembly)
         self._target = target
-        self._hypercube = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed))
+        self._random = np.random.default_rng(seed)
+        self._hypercube = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=self._random)
         self._variance = target.variance()
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
@@ -193,7 +198,9 @@ class _Refinement:
             if enough and batch >= _SETTINGS.least_batches and not self._missed(best).size:
                 break
             self._expected = self._searches + _SETTINGS.more_starts + _SETTINGS.carried + len(minima.cost) + 1
-            ends = self._searched(self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates))
+            along = self._along_axes(best.position[0], _SETTINGS.along_axes)
+            similar = self._most_similar(_SETTINGS.more_starts - len(along), _SETTINGS.more_candidates)
+            ends = self._searched(np.concatenate([along, similar]))
             minima = _Ranked.of(minima, self._told_apart(ends[: _SETTINGS.carried]))
         return minima, best
 
@@ -210,6 +217,24 @@ class _Refinement:
         points = self._hypercube.random(candidates)
         squares = np.sum(self._search.residuals(points) ** 2, axis=1)
         return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
+
+    def _along_axes(self, position: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+        """Return points that differ from a minimum in one parameter, where FRFs are more alike than on either side.
+
+        Where two resonances lie close together the way into the right minimum is narrow, but most parameters are right
+        in a wrong one. A second search from the same minimum finds other points, next to those.
+        """
+        places, size = _SETTINGS.places, len(position)
+        grid = (np.arange(places) + self._random.random()) / places
+        points = np.repeat(position[np.newaxis], size * places, axis=0).reshape(size, places, size)
+        for column, along in enumerate(points):
+            along[:, column] = grid
+        squares = np.sum(self._search.residuals(points.reshape(-1, size)) ** 2, axis=1).reshape(size, places)
+        around = np.pad(squares, ((0, 0), (1, 1)), constant_values=np.inf)
+        lowest = (squares < around[:, :-2]) & (squares < around[:, 2:])
+        lowest &= np.abs(grid - position[:, np.newaxis]) > 1.0 / places
+        order = np.argsort(squares[lowest], kind="stable")[:count]
+        return np.asarray(points[lowest][order])
 
     @property
     def _search(self) -> FrfResiduals:
