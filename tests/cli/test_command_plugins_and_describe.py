@@ -169,4 +169,6 @@ def test_wide_tables_stay_within_80_columns(run):
 def test_a_row_stays_a_line_in_a_pipe(run, monkeypatch):
     monkeypatch.delenv("COLUMNS")
     printed = run("describe", "mlp").stdout
-    assert "Of Adam, at the start; halved each time the validation loss has not fallen for a third" in printed
+    assert (
+        "The learning rate is halved each time the validation loss has not fallen for a third of `patience`;" in printed
+    )

@@ -38,7 +38,7 @@ class Settings:
     """In each further batch."""
     along_axes: int = 4
     """Of these, those that differ from the best minimum so far in one parameter."""
-    places: int = 64
+    grid_points: int = 64
     """Along the range of each parameter, where such starts are looked for."""
     first_carried: int = 2
     """Searches of the first batch, those with the most similar FRFs, whose minima are fitted before the others'."""
@@ -218,22 +218,22 @@ class _Refinement:
         squares = np.sum(self._search.residuals(points) ** 2, axis=1)
         return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
 
-    def _along_axes(self, position: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    def _along_axes(self, position: NDArray[np.float64], most: int) -> NDArray[np.float64]:
         """Return points that differ from a minimum in one parameter, where FRFs are more alike than on either side.
 
         Where two resonances lie close together the way into the right minimum is narrow, but most parameters are right
         in a wrong one. A second search from the same minimum finds other points, next to those.
         """
-        places, size = _SETTINGS.places, len(position)
-        grid = (np.arange(places) + self._random.random()) / places
-        points = np.repeat(position[np.newaxis], size * places, axis=0).reshape(size, places, size)
+        count, size = _SETTINGS.grid_points, len(position)
+        grid = (np.arange(count) + self._random.random()) / count
+        points = np.repeat(position[np.newaxis], size * count, axis=0).reshape(size, count, size)
         for column, along in enumerate(points):
             along[:, column] = grid
-        squares = np.sum(self._search.residuals(points.reshape(-1, size)) ** 2, axis=1).reshape(size, places)
+        squares = np.sum(self._search.residuals(points.reshape(-1, size)) ** 2, axis=1).reshape(size, count)
         around = np.pad(squares, ((0, 0), (1, 1)), constant_values=np.inf)
         lowest = (squares < around[:, :-2]) & (squares < around[:, 2:])
-        lowest &= np.abs(grid - position[:, np.newaxis]) > 1.0 / places
-        order = np.argsort(squares[lowest], kind="stable")[:count]
+        lowest &= np.abs(grid - position[:, np.newaxis]) > 1.0 / count
+        order = np.argsort(squares[lowest], kind="stable")[:most]
         return np.asarray(points[lowest][order])
 
     @property
