@@ -5,7 +5,7 @@
 
 Joints at random, complex noise proportional to each line, told with the measurement. For each level of the noise:
 
-- the refined fit from the ranges alone, and with the network's answer as one more start: searches, and seconds;
+- the refined fit from the ranges alone, and from the network's answer: steps, and seconds;
 - the sampler's posterior (of the first cases only, for it takes long), and the network's draws weighted by the exact
   likelihood (importance sampling with Pareto-smoothed weights, from the network's Gaussian in normal quantiles, a fifth
   wider): effective samples, the share of cases whose weights may be trusted (their tail's shape k below 0.7), seconds,
@@ -93,9 +93,7 @@ def study(
     """Print the table; the sampler runs on the first `sampled` cases."""
     assembly = model.assembly
     truths = latin_hypercube(assembly, cases, seed=23)
-    report(
-        "| noise | route | searches or effective samples | tail below 0.7 | intervals with the truth | median time |"
-    )
+    report("| noise | route | steps or effective samples | tail below 0.7 | intervals with the truth | median time |")
     report("|---|---|---|---|---|---|")
     for noise in levels:
         tallies = {route: Tally() for route in ("refined", "refined, network's start", "sampler", "importance")}
@@ -106,7 +104,8 @@ def study(
             if seed < sampled:
                 sample(model.assembly, frf, theta, seed, tallies["sampler"])
         for route, tally in tallies.items():
-            report(tally.row(noise, route))
+            if tally.seconds:
+                report(tally.row(noise, route))
 
 
 def one_case(
@@ -123,7 +122,9 @@ def one_case(
     for route, starts in (("refined", ()), ("refined, network's start", (answer.theta,))):
         fit = refine(assembly, frf, starts=list(starts), seed=seed)
         tallies[route].seconds.append(fit.seconds)
-        tallies[route].counted.append(fit.starts)
+        tallies[route].counted.append(fit.steps)
+    if not draws:
+        return
     began = time.perf_counter()
     told = model.network.predict_samples(frf.amplitude)
     fraction, weight, shape = importance(assembly, frf, told, draws, seed)
@@ -152,7 +153,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--sampled", type=int, default=20)
     parser.add_argument("--noise", type=float, nargs="+", default=[0.01, 0.2])
-    parser.add_argument("--draws", type=int, default=4000)
+    parser.add_argument("--draws", type=int, default=4000, help="0 for none")
     options = parser.parse_args()
     study(dovetail.load_model(options.model), options.cases, options.noise, options.draws, options.sampled)
 

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 import dovetail
 from dovetail.errors import MeasurementError, ParameterError
-from dovetail.identification.fitting import multistart, refine
+from dovetail.identification.fitting import multistart, refine, refinement
 from dovetail.identification.fitting.least_squares import Linearisation, minimise
 from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines
 from dovetail.identification.fitting.residuals import FrfResiduals, LogAmplitude, Weighted
@@ -180,6 +180,15 @@ def test_the_ranges_hold(sdof):
     assert fit.at_bounds["k"] == "upper"
     result = dovetail.identify(sdof, beyond, "refined", cause_seconds=0.0)
     assert "In the best fit k is at the upper end of its range." in result.warnings
+
+
+def test_a_start_that_reaches_the_noise_is_enough_and_others_follow_one_that_does_not(collet, torque_100, monkeypatch):
+    few_steps = refinement.Settings(search_steps=3, fit_steps=3, more_batches=1)
+    monkeypatch.setattr(refinement, "_SETTINGS", few_steps)
+    frf = measured_of(collet, torque_100, 0.01)
+    right, wrong = torque_100, collet.from_unit(1.0 - collet.to_unit(torque_100))
+    assert refine(collet, frf, [right]).starts == 1
+    assert refine(collet, frf, [wrong]).starts == 1 + few_steps.more_starts
 
 
 @pytest.mark.parametrize("objective", ["frf", "weighted"])

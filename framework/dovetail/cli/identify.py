@@ -152,8 +152,8 @@ def identify(
     A table of natural frequencies and damping ratios (CSV) is a measurement too, for the method posterior.
 
     By default the answer is the fit with intervals and verdicts, for which nothing is trained. Where there is a
-    trained network (a model in place of the description, or one kept from an earlier run), its answer is one of the
-    starts and stands beside. --network trains one if there is none, and --method network is the network's answer
+    trained network (a model in place of the description, or one kept from an earlier run), the fit begins with its
+    answer, which stands beside. --network trains one if there is none, and --method network is the network's answer
     alone, the method of the publication. Networks are kept in the user's cache folder (or where DOVETAIL_CACHE_DIR
     says). Files of an earlier run in the output folder are replaced.
 

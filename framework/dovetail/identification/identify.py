@@ -79,7 +79,7 @@ def identify(
         over the ranges. ``"network"``: the answer of `model` as it is, which is the method of the publication. Or
         a method of a plugin, which is the default where the description names one.
     model : TrainedNetwork, optional
-        A trained network of this assembly: its answer is one more start of the refined fit, and stands beside it in
+        A trained network of this assembly: its answer is a start of the refined fit, and stands beside it in
         the result (`Identification.network`).
     weights : {"coherence", "amplitude"} or (n_freq,) array, optional
         How much lines count in a fit: by their random error by default; by their coherence; by amplitude, so that
@@ -89,7 +89,7 @@ def identify(
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
     **options
-        Of the method: ``seed`` for all but the network; ``start``, one more start [SI], for ``"refined"`` and
+        Of the method: ``seed`` for all but the network; ``start``, where the fit begins [SI], for ``"refined"`` and
         ``"posterior"``; ``starts``, ``seconds`` and ``objective`` (``"frf"`` or ``"weighted"``) for
         ``"multistart"``; ``form`` (``"samples"`` or ``"laplace"``),
         ``samples`` and ``model_error`` for ``"posterior"``; ``cause_seconds``, the time after which no further cause

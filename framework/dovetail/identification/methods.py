@@ -126,9 +126,9 @@ def by_refined_fit(
     ----------
     measured : MeasuredLines
     trained : TrainedNetwork, optional
-        Its answer is one more start, if the measurement covers its frequencies.
+        The fit begins with its answer, if the measurement covers its frequencies.
     start : (n_params,) array or mapping of names to values, optional
-        One more start.
+        Where the fit begins.
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed; what the measurement shows, by default.
     cause_seconds : float
@@ -258,12 +258,12 @@ def by_posterior(
     ----------
     measured : MeasuredLines
     trained : TrainedNetwork, optional
-        Its answer is one more start of the fit, if the measurement covers its frequencies.
+        The fit begins with its answer, if the measurement covers its frequencies.
     form : {"samples", "laplace"}
         Samples of the posterior, or a Gaussian at its most probable place: faster, and straight.
     samples : int
     start : (n_params,) array or mapping of names to values, optional
-        One more start of the fit.
+        Where the fit begins.
     model_error : float, optional
         Relative error of natural frequencies that the model is allowed; by default what the measurement shows, or 5e-4
         if it shows none.

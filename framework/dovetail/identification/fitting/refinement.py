@@ -33,7 +33,7 @@ class Settings:
     more_candidates: int = 4096
     """For each further batch."""
     first_starts: int = 4
-    """At least."""
+    """Where none are given."""
     more_starts: int = 8
     """In each further batch."""
     along_axes: int = 4
@@ -91,9 +91,9 @@ def refine(
         One for each response, on the assembly's frequencies. Its random error is taken from its variance, or coherence
         and averages, or from the scatter from line to line.
     starts : sequence of (n_params,) arrays
-        SI; values outside the ranges are brought to their bounds. Further starts are the middle of the ranges and those
-        points of a Latin hypercube whose FRFs are most like the measured ones, more of them until a fit is as good as
-        the random error allows.
+        SI; values outside the ranges are brought to their bounds. The first batch has these alone or, if none are
+        given, the middle of the ranges and those points of a Latin hypercube whose FRFs are most like the measured
+        ones. Further batches follow until a fit is as good as the random error allows.
     seed : int
         Of the Latin hypercube.
     progress : Progress
@@ -164,7 +164,7 @@ class _Refinement:
         minima = self._told_apart(ends[: _SETTINGS.first_carried])
         best = self._reweighted(self._fitted(minima.position[:1]))
         if not self._is_noise(best):
-            minima, best = self._further(_Ranked.of(minima, self._told_apart(ends[_SETTINGS.first_carried :])))
+            minima, best = self._further(self._with(minima, ends[_SETTINGS.first_carried :]))
         chi_squared = self._chi_squared(best)
         discrepancy = background = 0.0
         if not self._is_noise(best):
@@ -201,16 +201,15 @@ class _Refinement:
             along = self._along_axes(best.position[0], _SETTINGS.along_axes)
             similar = self._most_similar(_SETTINGS.more_starts - len(along), _SETTINGS.more_candidates)
             ends = self._searched(np.concatenate([along, similar]))
-            minima = _Ranked.of(minima, self._told_apart(ends[: _SETTINGS.carried]))
+            minima = self._with(minima, ends[: _SETTINGS.carried])
         return minima, best
 
     def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        middle = np.full(len(self._assembly.parameters), 0.5)
-        given = np.array(
-            [*(self._assembly.to_unit(np.maximum(start, np.finfo(float).tiny)) for start in starts), middle]
-        )
-        count = max(1, _SETTINGS.first_starts - len(given))
-        return np.concatenate([given, self._most_similar(count, _SETTINGS.candidates)])
+        """Return the given starts alone, which often are enough, or the middle of the ranges and similar points."""
+        if starts:
+            return self._assembly.to_unit(np.maximum(np.array(starts), np.finfo(float).tiny))
+        middle = np.full((1, len(self._assembly.parameters)), 0.5)
+        return np.concatenate([middle, self._most_similar(_SETTINGS.first_starts - 1, _SETTINGS.candidates)])
 
     def _most_similar(self, count: int, candidates: int) -> NDArray[np.float64]:
         """Return those of many random points whose FRFs are most like the measured ones."""
@@ -269,6 +268,9 @@ class _Refinement:
         """Fit on some of the lines: enough to tell which minimum is the best."""
         residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
         return self._minimised(FrfResiduals(self._model_of_some, residual), start)
+
+    def _with(self, minima: _Ranked, ends: NDArray[np.float64]) -> _Ranked:
+        return _Ranked.of(minima, self._told_apart(ends)) if len(ends) else minima
 
     def _fitted(self, start: NDArray[np.float64]) -> _Ranked:
         """Fit on all lines."""
