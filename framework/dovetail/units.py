@@ -35,16 +35,24 @@ __all__ = [
 ]
 
 _LONGEST_TEXT = 100
+_WRITTEN_TOGETHER = ("newton_meter = N m = Nm", "newton_millimeter = N mm = Nmm", "newton_second = N s = Ns",
+                     "newton_meter_second = N m s = Nms")  # fmt: skip
+"""Products that laboratories write as one word, with and without a prefix; pint takes Nm for a measure of yarn."""
 _POWER = r"(?:\^|\*\*)\s*-?\d{1,2}(?:\.\d{1,3})?|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]{1,3}"
 _UNIT = re.compile(rf"(?:[^\W\d⁰¹²³⁴⁵⁶⁷⁸⁹]|(?:{_POWER})(?![\d.⁻⁰¹²³⁴⁵⁶⁷⁸⁹]|\s*(?:\^|\*\*))|1(?!\d)|[\s*/·()°%])*+")
 """Names, small powers and products. Pint's parser would not return from a tower of powers."""
+_GLUED_POWER = re.compile(r"(?<=[a-z])(?=[234](?![\d.]))")
+"""Where a power stands behind its unit without a mark, as in kg/m3."""
 
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
     import pint
 
-    return pint.UnitRegistry(cache_folder=None)
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(cache_folder=None, on_redefinition="ignore")
+    for definition in _WRITTEN_TOGETHER:
+        registry.define(definition)
+    return registry
 
 
 def to_si(value: object, unit: str) -> float:
@@ -125,7 +133,7 @@ def _parse_text(text: str, unit: str) -> float:
         magnitude = plain_float(number)
     except ValueError:
         raise UnitError(f"{text!r} is not a quantity: write a number, a space and a unit of {unit}.") from None
-    return magnitude * _factor(suffix.strip(), unit, text)
+    return magnitude * _factor(_GLUED_POWER.sub("^", suffix.strip()), unit, text)
 
 
 def _split_glued(text: str) -> tuple[str, str]:
@@ -148,7 +156,9 @@ def _factor(unit: str, target: str, text: str) -> float:
     try:
         if not _UNIT.fullmatch(unit):
             raise ValueError(unit)
-        return float(registry.convert(1.0, registry.Unit(unit), registry.Unit(target)))
+        source = registry.Unit(unit)
+        angular = target == "Hz" and "radian" in dict(registry.Quantity(1.0, source).to_root_units().unit_items())
+        return float(registry.convert(1.0, source, registry.Unit(target))) / (2.0 * math.pi if angular else 1.0)
     except pint.DimensionalityError as error:
         raise UnitError(
             f"{text!r} has the dimension {error.dim1}, but a unit of {target} {error.dim2} was expected."
