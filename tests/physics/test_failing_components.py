@@ -91,10 +91,24 @@ class Hollow(dovetail.SubstructureModel):
         raise OSError("no such mesh")
 
 
+class Table(dovetail.SubstructureModel):
+    """A part known by its FRFs, whose receptance takes the lines alone."""
+
+    name = "table"
+    summary = "A part"
+    nodes = (dovetail.Node("n", 0.0),)
+
+    def matrices(self):
+        return None
+
+    def receptance(self, frequency):
+        return np.zeros((len(frequency), 2, 2))
+
+
 class Plugin:
     @dovetail.hookimpl
     def dovetail_components(self):
-        return [Frail, Dependent, WithoutFrequency, Wordy, Hollow]
+        return [Frail, Dependent, WithoutFrequency, Wordy, Hollow, Table]
 
 
 def assembly(model: str, fails: str = "", part: str = "lumped"):
@@ -178,3 +192,9 @@ def test_a_failing_substructure():
     for compute in (broken.frf, broken.natural_frequencies):
         with pytest.raises(PluginError, match=said):
             compute()
+
+
+def test_a_substructure_that_takes_other_arguments():
+    said = rf"^{HERE}\n  substructure 'mass' \(table\) failed: TypeError: Table.receptance\(\) takes 2 positional"
+    with pytest.raises(PluginError, match=said):
+        assembly("frail", part="table").frf()

@@ -132,17 +132,19 @@ def plugin_errors(component: object, label: str) -> Iterator[None]:
     except DovetailError:
         raise
     except (Exception, SystemExit) as error:
-        where = _failing_line(component, error.__traceback__) or _refusing_file(component, error.__traceback__)
+        where = _failing_line(component, error.__traceback__) or _refusing_file(component, error)
         if not where:
             raise
         problem = f"{label} failed: {type(error).__name__}: {error}".rstrip(": ")
         raise PluginError(Fault(where, problem, remedy="The fault is in the code of the model.")) from error
 
 
-def _refusing_file(component: object, trace: TracebackType | None) -> str:
-    """Return the component's file if no other code failed than the statement that calls it, or takes its answer."""
+def _refusing_file(component: object, error: BaseException) -> str:
+    """Return the component's file if a call of it was refused, or no other code failed than what takes its answer."""
+    refused = isinstance(error, TypeError) and str(error).startswith(f"{type(component).__qualname__}.")
+    trace = error.__traceback__
     at_statement = trace is not None and trace.tb_next is not None and trace.tb_next.tb_next is None
-    return source_file(component) if at_statement else ""
+    return source_file(component) if refused or at_statement else ""
 
 
 def source_file(component: object) -> str:
