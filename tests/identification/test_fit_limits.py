@@ -223,3 +223,12 @@ def test_an_amplitude_far_below_the_model_is_compared(sdof):
     expected = (np.abs(values) - amplitude.amplitude) * residual.weight
     np.testing.assert_allclose(residual.of(values), expected, rtol=1e-4)
     assert not dovetail.identify(sdof, amplitude, method="refined", cause_seconds=0).believable
+
+
+@pytest.mark.parametrize("lines", [1, 2, 4])
+def test_as_few_residuals_as_parameters_do_not_tell_the_noise(sdof, lines):
+    """Two or four parameters that reach every value would leave none: the error of a short FRF stands, 1 %."""
+    near = slice(*np.argmax(np.abs(sdof.frf())) + np.array([-lines, 0]))
+    frf = noisy(sdof.on(sdof.frequency[near]), sdof.frf()[near], 0.01, 1)
+    fit = refine(sdof.on(frf.frequency), replace(frf, variance=None))
+    np.testing.assert_allclose(fit.variance, (0.01 * frf.amplitude.max()) ** 2, rtol=0.5)
