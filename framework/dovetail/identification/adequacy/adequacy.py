@@ -34,7 +34,7 @@ _MEANING: Final[dict[AdequacyWord, str]] = {
     "does not fit": "No error of a plausible size explains the measurement: do not believe the numbers.",
     "not judged": "",
 }
-_CHANGE = "One change explains more: if it is so, parameters may lie beyond these intervals; make it and identify again."
+_CHANGE = "A change explains more: if it is so, parameters may lie beyond these intervals; make it and identify again."
 
 
 @dataclass(frozen=True)
