@@ -132,8 +132,9 @@ def _parse_text(text: str, unit: str) -> float:
     try:
         magnitude = plain_float(number)
     except ValueError:
-        raise UnitError(f"{text!r} is not a quantity: write a number, a space and a unit of {unit}.") from None
-    return magnitude * _factor(_GLUED_POWER.sub("^", suffix.strip()), unit, text)
+        problem = f"{text!r} is not a quantity: write a number, a space and a unit of {unit}."
+        raise UnitError(problem + _decimal_mark(text)) from None
+    return magnitude * _factor(suffix.strip(), unit, text)
 
 
 def _split_glued(text: str) -> tuple[str, str]:
@@ -149,14 +150,17 @@ def _split_glued(text: str) -> tuple[str, str]:
 
 @cache
 def _factor(unit: str, target: str, text: str) -> float:
-    """Return the factor from one unit to another; `text` is for the message."""
+    """Return the factor from one unit to another; `text`, from which it was taken, is for the message.
+
+    A declared unit, which is the whole text, is in pint's spelling.
+    """
     import pint
 
-    registry = _registry()
+    registry, spelled = _registry(), _GLUED_POWER.sub("^", unit) if text != unit else unit
     try:
-        if not _UNIT.fullmatch(unit):
+        if not _UNIT.fullmatch(spelled):
             raise ValueError(unit)
-        source = registry.Unit(unit)
+        source = registry.Unit(spelled)
         angular = target == "Hz" and "radian" in dict(registry.Quantity(1.0, source).to_root_units().unit_items())
         return float(registry.convert(1.0, source, registry.Unit(target))) / (2.0 * math.pi if angular else 1.0)
     except pint.DimensionalityError as error:
@@ -164,7 +168,12 @@ def _factor(unit: str, target: str, text: str) -> float:
             f"{text!r} has the dimension {error.dim1}, but a unit of {target} {error.dim2} was expected."
         ) from None
     except Exception:  # pint's parser raises whatever its tokenizer does
-        raise UnitError(f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected.") from None
+        problem = f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected."
+        raise UnitError(problem + _decimal_mark(text)) from None
+
+
+def _decimal_mark(text: str) -> str:
+    return " The decimal mark is a point." if "," in text else ""
 
 
 @dataclass(frozen=True)

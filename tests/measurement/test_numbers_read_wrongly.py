@@ -59,6 +59,24 @@ def test_as_laboratories_write_units(text: str, unit: str, expected: float) -> N
     assert to_si(text, unit) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("text", "unit", "said"),
+    [
+        ("2,5e3", "N/m", "',5e3' in '2,5e3' is not a unit; a unit of N/m was expected. The decimal mark is a point."),
+        (
+            "1,5 mm",
+            "m",
+            "'1,5 mm' is not a quantity: write a number, a space and a unit of m. The decimal mark is a point.",
+        ),
+        ("5 kgm2", "kg m^2", "'kgm2' in '5 kgm2' is not a unit; a unit of kg m^2 was expected."),
+    ],
+)
+def test_what_is_refused_is_quoted_as_it_was_written(text: str, unit: str, said: str) -> None:
+    with pytest.raises(UnitError) as raised:
+        to_si(text, unit)
+    assert raised.value.faults[0].problem == said
+
+
 @pytest.mark.parametrize("name", HEADER)
 def test_a_last_number_cut_off(tmp_path: Path, name: str) -> None:
     values = np.random.default_rng(0).random((9, 2))
