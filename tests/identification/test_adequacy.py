@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from html import unescape
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ import dovetail
 from dovetail.assembly import Assembly
 from dovetail.cli import app
 from dovetail.identification.adequacy.adequacy import Adequacy, Cause, ModelError
+from dovetail.identification.adequacy.assess import _reasons
 from dovetail.identification.adequacy.overhang import find_overhangs
 from dovetail.identification.adequacy.perturbations import (
     PerturbedResiduals,
@@ -255,3 +257,12 @@ def test_a_named_change_is_said_to_move_parameters_beyond_their_intervals():
     assert named.meaning.startswith(unnamed.meaning)
     assert "make it and identify again" in named.meaning
     assert "identify again" not in unnamed.meaning + Adequacy("does not fit", ModelError(0.1), causes=(cause,)).meaning
+
+
+def test_a_resonance_that_several_responses_show_is_named_once(monkeypatch):
+    seen = np.array([869.0, 1200.0, 869.01])
+    monkeypatch.setattr("dovetail.identification.adequacy.assess.missed_resonances", lambda *_: seen)
+    fit = SimpleNamespace(variance=None, starts=20, agreeing=12)
+    estimated = SimpleNamespace(size=ModelError(0.1), values=None)
+    first, _ = _reasons(None, fit, estimated, None)
+    assert first == "The measurement has resonances that the model lacks: 869, 1200 Hz."
