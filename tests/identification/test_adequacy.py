@@ -261,7 +261,7 @@ def test_a_named_change_is_said_to_move_parameters_beyond_their_intervals():
 
 def test_a_resonance_that_several_responses_show_is_named_once(monkeypatch):
     seen = np.array([869.0, 1200.0, 869.01])
-    monkeypatch.setattr("dovetail.identification.adequacy.assess.missed_resonances", lambda *_: seen)
+    monkeypatch.setitem(_reasons.__globals__, "missed_resonances", lambda *_: seen)
     fit = SimpleNamespace(variance=None, starts=20, agreeing=12)
     estimated = SimpleNamespace(size=ModelError(0.1), values=None)
     first, _ = _reasons(None, fit, estimated, None)
