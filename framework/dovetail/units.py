@@ -35,16 +35,24 @@ __all__ = [
 ]
 
 _LONGEST_TEXT = 100
+_WRITTEN_TOGETHER = ("newton_meter = N m = Nm", "newton_millimeter = N mm = Nmm", "newton_second = N s = Ns",
+                     "newton_meter_second = N m s = Nms")  # fmt: skip
+"""Products that laboratories write as one word, with and without a prefix; pint takes Nm for a measure of yarn."""
 _POWER = r"(?:\^|\*\*)\s*-?\d{1,2}(?:\.\d{1,3})?|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]{1,3}"
 _UNIT = re.compile(rf"(?:[^\W\d⁰¹²³⁴⁵⁶⁷⁸⁹]|(?:{_POWER})(?![\d.⁻⁰¹²³⁴⁵⁶⁷⁸⁹]|\s*(?:\^|\*\*))|1(?!\d)|[\s*/·()°%])*+")
 """Names, small powers and products. Pint's parser would not return from a tower of powers."""
+_GLUED_POWER = re.compile(r"(?<=[a-z])(?=[234](?![\d.]))")
+"""Where a power stands behind its unit without a mark, as in kg/m3."""
 
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
     import pint
 
-    return pint.UnitRegistry(cache_folder=None)
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(cache_folder=None, on_redefinition="ignore")
+    for definition in _WRITTEN_TOGETHER:
+        registry.define(definition)
+    return registry
 
 
 def to_si(value: object, unit: str) -> float:
@@ -124,7 +132,8 @@ def _parse_text(text: str, unit: str) -> float:
     try:
         magnitude = plain_float(number)
     except ValueError:
-        raise UnitError(f"{text!r} is not a quantity: write a number, a space and a unit of {unit}.") from None
+        problem = f"{text!r} is not a quantity: write a number, a space and a unit of {unit}."
+        raise UnitError(problem + _decimal_mark(text)) from None
     return magnitude * _factor(suffix.strip(), unit, text)
 
 
@@ -141,20 +150,30 @@ def _split_glued(text: str) -> tuple[str, str]:
 
 @cache
 def _factor(unit: str, target: str, text: str) -> float:
-    """Return the factor from one unit to another; `text` is for the message."""
+    """Return the factor from one unit to another; `text`, from which it was taken, is for the message.
+
+    A declared unit, which is the whole text, is in pint's spelling.
+    """
     import pint
 
-    registry = _registry()
+    registry, spelled = _registry(), _GLUED_POWER.sub("^", unit) if text != unit else unit
     try:
-        if not _UNIT.fullmatch(unit):
+        if not _UNIT.fullmatch(spelled):
             raise ValueError(unit)
-        return float(registry.convert(1.0, registry.Unit(unit), registry.Unit(target)))
+        source = registry.Unit(spelled)
+        angular = target == "Hz" and "radian" in dict(registry.Quantity(1.0, source).to_root_units().unit_items())
+        return float(registry.convert(1.0, source, registry.Unit(target))) / (2.0 * math.pi if angular else 1.0)
     except pint.DimensionalityError as error:
         raise UnitError(
             f"{text!r} has the dimension {error.dim1}, but a unit of {target} {error.dim2} was expected."
         ) from None
     except Exception:  # pint's parser raises whatever its tokenizer does
-        raise UnitError(f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected.") from None
+        problem = f"{unit!r} in {text!r} is not a unit; a unit of {target} was expected."
+        raise UnitError(problem + _decimal_mark(text)) from None
+
+
+def _decimal_mark(text: str) -> str:
+    return " The decimal mark is a point." if "," in text else ""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from html import unescape
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from typer.testing import CliRunner
 import dovetail
 from dovetail.assembly import Assembly
 from dovetail.cli import app
+from dovetail.identification.adequacy.adequacy import Adequacy, Cause, ModelError
+from dovetail.identification.adequacy.assess import _reasons
 from dovetail.identification.adequacy.overhang import find_overhangs
 from dovetail.identification.adequacy.perturbations import (
     PerturbedResiduals,
@@ -246,3 +249,20 @@ def test_bands_are_where_residuals_are_large():
     ((low, high),) = find_deviating_bands(frequency, lines)
     assert low == pytest.approx(4010, abs=40)
     assert high == pytest.approx(4500, abs=40)
+
+
+def test_a_named_change_is_said_to_move_parameters_beyond_their_intervals():
+    cause = Cause("part", "the mass at 150 g", (0.99, 1.0), 3.5)
+    named, unnamed = (Adequacy("good", ModelError(0.001), causes=causes) for causes in ((cause,), ()))
+    assert named.meaning.startswith(unnamed.meaning)
+    assert "make it and identify again" in named.meaning
+    assert "identify again" not in unnamed.meaning + Adequacy("does not fit", ModelError(0.1), causes=(cause,)).meaning
+
+
+def test_a_resonance_that_several_responses_show_is_named_once(monkeypatch):
+    seen = np.array([869.0, 1200.0, 869.01])
+    monkeypatch.setitem(_reasons.__globals__, "missed_resonances", lambda *_: seen)
+    fit = SimpleNamespace(variance=None, starts=20, agreeing=12)
+    estimated = SimpleNamespace(size=ModelError(0.1), values=None)
+    first, _ = _reasons(None, fit, estimated, None)
+    assert first == "The measurement has resonances that the model lacks: 869, 1200 Hz."

@@ -91,6 +91,14 @@ def test_the_cause_is_named_first(sdof, kind):
     check(first_cause_from(sdof, altered(sdof, None, kind)), kind)
 
 
+@pytest.mark.parametrize(("stated", "actual"), [("receptance", "accelerance"), ("mobility", "accelerance")])
+def test_a_quantity_is_told_from_the_one_that_the_file_states(sdof, stated, actual):
+    """The response of the description is an accelerance, which the file does not claim to be."""
+    measured = replace(noisy(sdof, sdof.frf(), 0.01, 1), variance=None, quantity=stated)
+    words = first_cause_from(sdof, measured).words
+    assert words.startswith(f"the values read as {actual}, not as {stated}")
+
+
 @pytest.mark.parametrize("kind", [pytest.param("sign", marks=slow), "mass"])
 def test_the_cause_is_named_first_in_a_result(sdof, kind):
     check(first_cause(sdof, None, kind), kind)

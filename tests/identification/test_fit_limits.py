@@ -212,3 +212,23 @@ def test_the_search_allows_each_line_a_tenth():
     np.testing.assert_allclose(LogAmplitude(frf, np.full(40, 1e-12)).of(6.0 + np.zeros((1, 40))), np.log(2.0) / 0.1)
     noisy_lines = LogAmplitude(frf, np.full(40, 2.0 * 0.3**2)).of(6.0 + np.zeros((1, 40)))
     np.testing.assert_allclose(noisy_lines, np.log(2.0) / np.hypot(0.1, 0.1))
+
+
+def test_an_amplitude_far_below_the_model_is_compared(sdof):
+    """As one in um that is taken for m: the model stands a hundred million standard deviations above it."""
+    frf = noisy(sdof, sdof.frf(), 0.01, 1)
+    amplitude = replace(frf, values=np.abs(frf.values) * 1e-6, has_phase=False, variance=frf.variance * 1e-12)
+    residual = Weighted.against(amplitude, amplitude.variance, np.ones(len(amplitude.values), dtype=bool))
+    values = sdof.frf()[np.newaxis]
+    expected = (np.abs(values) - amplitude.amplitude) * residual.weight
+    np.testing.assert_allclose(residual.of(values), expected, rtol=1e-4)
+    assert not dovetail.identify(sdof, amplitude, method="refined", cause_seconds=0).believable
+
+
+@pytest.mark.parametrize("lines", [1, 2, 4])
+def test_as_few_residuals_as_parameters_do_not_tell_the_noise(sdof, lines):
+    """Two or four parameters that reach every value would leave none: the error of a short FRF stands, 1 %."""
+    near = slice(*np.argmax(np.abs(sdof.frf())) + np.array([-lines, 0]))
+    frf = noisy(sdof.on(sdof.frequency[near]), sdof.frf()[near], 0.01, 1)
+    fit = refine(sdof.on(frf.frequency), replace(frf, variance=None))
+    np.testing.assert_allclose(fit.variance, (0.01 * frf.amplitude.max()) ** 2, rtol=0.5)

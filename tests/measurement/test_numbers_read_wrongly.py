@@ -38,6 +38,45 @@ def test_quantities(odd: str) -> None:
         to_si(odd, "m")
 
 
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("600 rpm", "Hz", 10.0),
+        ("6283.185307179586 rad/s", "Hz", 1000.0),
+        ("2 kHz", "Hz", 2000.0),
+        ("120 1/min", "Hz", 2.0),
+        ("5 Nm/rad", "N m/rad", 5.0),
+        ("5 kNm/rad", "N m/rad", 5000.0),
+        ("5 Nmm/rad", "N m/rad", 0.005),
+        ("5 Nms/rad", "N m s/rad", 5.0),
+        ("5 Ns/m", "N s/m", 5.0),
+        ("5 kNs/m", "N s/m", 5000.0),
+        ("7850 kg/m3", "kg/m^3", 7850.0),
+        ("210e3 N/mm2", "Pa", 210e9),
+    ],
+)
+def test_as_laboratories_write_units(text: str, unit: str, expected: float) -> None:
+    assert to_si(text, unit) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "said"),
+    [
+        ("2,5e3", "N/m", "',5e3' in '2,5e3' is not a unit; a unit of N/m was expected. The decimal mark is a point."),
+        (
+            "1,5 mm",
+            "m",
+            "'1,5 mm' is not a quantity: write a number, a space and a unit of m. The decimal mark is a point.",
+        ),
+        ("5 kgm2", "kg m^2", "'kgm2' in '5 kgm2' is not a unit; a unit of kg m^2 was expected."),
+    ],
+)
+def test_what_is_refused_is_quoted_as_it_was_written(text: str, unit: str, said: str) -> None:
+    with pytest.raises(UnitError) as raised:
+        to_si(text, unit)
+    assert raised.value.faults[0].problem == said
+
+
 @pytest.mark.parametrize("name", HEADER)
 def test_a_last_number_cut_off(tmp_path: Path, name: str) -> None:
     values = np.random.default_rng(0).random((9, 2))

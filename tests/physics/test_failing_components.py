@@ -62,6 +62,24 @@ class Dependent(Frail):
         return super().dynamic_stiffness_jacobian(frequency, theta) if self.config.fails != "few" else []
 
 
+class WithoutFrequency(Frail):
+    """The same with a law that takes the parameters alone."""
+
+    name = "without_frequency"
+
+    def dynamic_stiffness(self, theta):
+        return super().dynamic_stiffness(np.ones(1), theta)
+
+
+class Wordy(Frail):
+    """The same with a law that returns a text."""
+
+    name = "wordy"
+
+    def dynamic_stiffness(self, frequency, theta):
+        return "soft"
+
+
 class Hollow(dovetail.SubstructureModel):
     """A part without anything in it."""
 
@@ -73,10 +91,24 @@ class Hollow(dovetail.SubstructureModel):
         raise OSError("no such mesh")
 
 
+class Table(dovetail.SubstructureModel):
+    """A part known by its FRFs, whose receptance takes the lines alone."""
+
+    name = "table"
+    summary = "A part"
+    nodes = (dovetail.Node("n", 0.0),)
+
+    def matrices(self):
+        return None
+
+    def receptance(self, frequency):
+        return np.zeros((len(frequency), 2, 2))
+
+
 class Plugin:
     @dovetail.hookimpl
     def dovetail_components(self):
-        return [Frail, Dependent, Hollow]
+        return [Frail, Dependent, WithoutFrequency, Wordy, Hollow, Table]
 
 
 def assembly(model: str, fails: str = "", part: str = "lumped"):
@@ -114,6 +146,12 @@ def test_a_sound_one_works():
     [
         ("frail", "matrices", rf"^{HERE}:\d+\n  joint 'spring' \(frail\) failed: RuntimeError: no such spring\n"),
         ("frail", "jacobian", rf"^{HERE}:\d+\n  joint 'spring' \(frail\) failed: IndexError: list index"),
+        (
+            "without_frequency",
+            "",
+            rf"^{HERE}\n  joint 'spring' \(without_frequency\) failed: TypeError: .*takes 2 positional",
+        ),
+        ("wordy", "", rf"^{HERE}\n  joint 'spring' \(wordy\) failed: ValueError: "),
         (
             "frail",
             "short",
@@ -154,3 +192,9 @@ def test_a_failing_substructure():
     for compute in (broken.frf, broken.natural_frequencies):
         with pytest.raises(PluginError, match=said):
             compute()
+
+
+def test_a_substructure_that_takes_other_arguments():
+    said = rf"^{HERE}\n  substructure 'mass' \(table\) failed: TypeError: Table.receptance\(\) takes 2 positional"
+    with pytest.raises(PluginError, match=said):
+        assembly("frail", part="table").frf()

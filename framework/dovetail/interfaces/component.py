@@ -124,19 +124,27 @@ def plugin_errors(component: object, label: str) -> Iterator[None]:
     Raises
     ------
     PluginError
-        The component's code, or code that it called, raised an exception other than a `DovetailError`. Exceptions
-        that do not come from the component's code pass unchanged.
+        The component's code, or code that it called, raised an exception other than a `DovetailError`; or the call
+        itself did, as where a method takes other arguments. Exceptions from elsewhere pass unchanged.
     """
     try:
         yield
     except DovetailError:
         raise
     except (Exception, SystemExit) as error:
-        where = _failing_line(component, error.__traceback__)
+        where = _failing_line(component, error.__traceback__) or _refusing_file(component, error)
         if not where:
             raise
         problem = f"{label} failed: {type(error).__name__}: {error}".rstrip(": ")
         raise PluginError(Fault(where, problem, remedy="The fault is in the code of the model.")) from error
+
+
+def _refusing_file(component: object, error: BaseException) -> str:
+    """Return the component's file if a call of it was refused, or no other code failed than what takes its answer."""
+    refused = isinstance(error, TypeError) and str(error).startswith(f"{type(component).__qualname__}.")
+    trace = error.__traceback__
+    at_statement = trace is not None and trace.tb_next is not None and trace.tb_next.tb_next is None
+    return source_file(component) if refused or at_statement else ""
 
 
 def source_file(component: object) -> str:

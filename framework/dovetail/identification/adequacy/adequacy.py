@@ -34,6 +34,7 @@ _MEANING: Final[dict[AdequacyWord, str]] = {
     "does not fit": "No error of a plausible size explains the measurement: do not believe the numbers.",
     "not judged": "",
 }
+_CHANGE = "A change explains more: if it is so, parameters may lie beyond these intervals; make it and identify again."
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ class Adequacy:
     @property
     def meaning(self) -> str:
         """What the word means for use, in a sentence; empty if the model was not judged."""
-        return _MEANING[self.word]
+        return f"{_MEANING[self.word]} {_CHANGE}" if self.causes and self.fits else _MEANING[self.word]
 
     @property
     def sentence(self) -> str:

@@ -126,8 +126,8 @@ def _reasons(target: Observations, fit: Fit, estimated: FitWithError, allowed: f
         )
     missed = missed_resonances(target, fit.variance, estimated.values)
     if len(missed):
-        listed = ", ".join(f"{frequency:.4g}" for frequency in missed[: _SETTINGS.most_missed])
-        yield f"The measurement has resonances that the model lacks: {listed} Hz."
+        named = list(dict.fromkeys(f"{frequency:.4g}" for frequency in missed))[: _SETTINGS.most_missed]
+        yield f"The measurement has resonances that the model lacks: {', '.join(named)} Hz."
     yield f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
 
 

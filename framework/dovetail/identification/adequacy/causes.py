@@ -231,7 +231,7 @@ def _gains(trials: Trials, power: int = 0) -> Iterator[Candidate]:
         words = _as_gain(factor, unit) if abs(np.log(factor)) >= np.log1p(_SETTINGS.gain) else ""
         trial = trials.fit(trials.assembly, corrected, [theta])
         if power:
-            quantity = trials.target.frfs[0].quantity
+            quantity = trials.stated[0]
             actual = QUANTITIES[QUANTITIES.index(quantity) + power]
             words = f"the values read as {actual}, not as {quantity}" + (f", and {words}" if words else "")
         yield "quantity" if power else "unit" if unit else "gain", words, trial
@@ -261,7 +261,7 @@ def _quantities(trials: Trials) -> Iterator[Candidate]:
     low, high = np.array_split(np.argsort(axis), 2)
     span = float(np.median(axis[high]) - np.median(axis[low]))
     power = int(np.clip(np.round((np.median(ratio[high]) - np.median(ratio[low])) / max(span, 1e-9)), -2, 2))
-    quantities = {QUANTITIES.index(frf.quantity) + power for frf in trials.target.frfs}
+    quantities = {QUANTITIES.index(quantity) + power for quantity in trials.stated}
     if power and all(0 <= index < len(QUANTITIES) for index in quantities):
         yield from _gains(trials, power)
 

@@ -92,6 +92,7 @@ class Trials:
         self.best = fit.theta
         self.deadline = deadline
         self.target = target.at(lines)
+        self.stated = tuple(frf.quantity for frf in measured)
         self.assembly = assembly.on(*(frf.frequency for frf in self.target.frfs))
         self.relative = fit.variance[lines] / np.maximum(np.abs(values_of(self.target.frfs)) ** 2, fit.variance[lines])
         self._used = np.ones(len(lines), dtype=np.bool_)
@@ -112,6 +113,7 @@ class Trials:
         counts, chosen = self.target.counts, np.isin(np.arange(len(self.target.frfs)), numbers)
         part = copy(self)
         part.target = Observations(tuple(self.target.frfs[number] for number in numbers))
+        part.stated = tuple(self.stated[number] for number in numbers)
         responses = tuple(self.assembly.description.responses[number] for number in numbers)
         alone = Assembly(replace(self.assembly.description, responses=responses))
         part.assembly = alone.on(*(frf.frequency for frf in part.target.frfs))

@@ -66,6 +66,8 @@ class Settings:
     """Minima that are fitted again when the weights change: another may then be the best."""
     most_discrepancies: int = 8
     """Times that the discrepancy of the model is estimated and fitted again; it settles after 2 or 3."""
+    least_freedom: int = 8
+    """Residuals beyond the parameters from which they tell the random error: its variance to a half, sqrt(2 / 8)."""
     settled: float = 0.04
     """Relative change of the variances that it adds at which it has settled."""
 
@@ -301,7 +303,7 @@ class _Refinement:
 
     def _with_residual_variance(self, best: _Ranked) -> _Ranked:
         """Estimate the random error from all residuals, and fit again, if nothing but noise is left then."""
-        if not self._has_size_of_noise(self._residuals(best)):
+        if self._freedom < _SETTINGS.least_freedom or not self._has_size_of_noise(self._residuals(best)):
             return best
         from_scatter = self._variance
         share = self._freedom / self._target.residual_count(self._used)

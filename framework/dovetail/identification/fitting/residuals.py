@@ -11,7 +11,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.special import ive
+from scipy.special import i0e, i1e
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.parameters import ResponseFrfs
@@ -374,7 +374,7 @@ def _rice_mean(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the mean of |amplitude + complex noise| and its derivative by the amplitude."""
     half = amplitude**2 / (2.0 * variance)
-    bessel_0, bessel_1 = ive(0, half), ive(1, half)
+    bessel_0, bessel_1 = i0e(half), i1e(half)
     mean = np.sqrt(np.pi * variance) / 2.0 * ((1.0 + 2.0 * half) * bessel_0 + 2.0 * half * bessel_1)
     return mean, np.sqrt(np.pi / variance) / 2.0 * amplitude * (bessel_0 + bessel_1)
 
