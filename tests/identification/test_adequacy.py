@@ -259,6 +259,23 @@ def test_a_named_change_is_said_to_move_parameters_beyond_their_intervals():
     assert "identify again" not in unnamed.meaning + Adequacy("does not fit", ModelError(0.1), causes=(cause,)).meaning
 
 
+def test_what_lies_far_beyond_its_interval_with_a_named_change_is_not_called_identified(sdof, with_gain, tmp_path):
+    """A gain of 1.2 is a sixth of the mass too: with that, stiffness and damping are smaller by as much."""
+    result = dovetail.identify(sdof, with_gain, form="laplace")
+    gain, mass, *_ = result.adequacy.causes
+    assert (gain.name, mass.name) == ("gain", "mass")
+    middle = sdof.from_unit(np.full(2, 0.5))
+    assert gain.theta == pytest.approx(middle, rel=0.03)
+    assert mass.theta == pytest.approx(middle / 1.2, rel=0.03)
+    (tmp_path / "result.json").write_text(json.dumps(result.to_dict(), allow_nan=False))
+    for answer in (result, load_result(tmp_path / "result.json")):
+        for row in answer.table:
+            assert row.verdict == "weakly identified"
+            assert row.why.startswith(f"With {mass.words} it is ")
+    alone = replace(result, adequacy=replace(result.adequacy, causes=(gain,)))
+    assert {verdict.word for verdict in alone.posterior.verdicts.values()} == {"identified"}
+
+
 def test_a_resonance_that_several_responses_show_is_named_once(monkeypatch):
     seen = np.array([869.0, 1200.0, 869.01])
     monkeypatch.setitem(_reasons.__globals__, "missed_resonances", lambda *_: seen)

@@ -189,8 +189,20 @@ class Identification(_Answer):
         further = tuple(replace(at_point, frf=replace(at_point.frf, note=self.caveat)) for at_point in self.further)
         object.__setattr__(self, "frf", replace(self.frf, note=self.caveat))
         object.__setattr__(self, "further", further)
-        if self.posterior is not None and self.posterior.caveat != self.caveat:
-            object.__setattr__(self, "posterior", replace(self.posterior, caveat=self.caveat))
+        if self.posterior is not None:
+            doubts = self._doubts(self.posterior.interval())
+            if (self.posterior.caveat, self.posterior.doubts) != (self.caveat, doubts):
+                object.__setattr__(self, "posterior", replace(self.posterior, caveat=self.caveat, doubts=doubts))
+
+    def _doubts(self, interval: Mapping[str, tuple[float, float]]) -> dict[str, str]:
+        """Say of each parameter with which cause it is farther from its interval's middle than the interval is wide."""
+        doubts = dict[str, str]()
+        for cause in () if self.adequacy is None else self.adequacy.causes:
+            for (name, (low, high)), value in zip(interval.items(), cause.theta, strict=False):
+                if abs(value - 0.5 * (low + high)) > high - low:
+                    quantity = format_quantity(value, self.parameters[name].unit)
+                    doubts.setdefault(name, f"with {cause.words} it is {quantity}")
+        return doubts
 
     def __repr__(self) -> str:
         """Return assembly, measurement, method and parameters in one line, the caveat before all numbers."""

@@ -52,12 +52,15 @@ class Cause:
         Mean coherence of model and measurement without and with it.
     residual_factor : float
         By how much typical residuals become smaller.
+    theta : tuple of float
+        The parameters with it [SI]; empty with a result of an earlier version.
     """
 
     name: str
     words: str
     coherence: tuple[float, float]
     residual_factor: float
+    theta: tuple[float, ...] = ()
 
     @property
     def sentence(self) -> str:

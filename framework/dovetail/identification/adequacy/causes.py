@@ -144,7 +144,8 @@ def find_causes(
         improvement = before.misfit - trial.misfit
         factor = float(np.exp(improvement / 2.0))
         _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", words or name, factor)
-        improvements.append((improvement, Cause(name, words, (before.coherence, trial.coherence), factor)))
+        coherence, theta = (before.coherence, trial.coherence), tuple(trial.theta.tolist())
+        improvements.append((improvement, Cause(name, words, coherence, factor, theta)))
         left = min(_SETTINGS.explained, _SETTINGS.explained_part * excess)
         if improvement >= _needed(name, excess) and trial.misfit < _SETTINGS.noise + left:
             break

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final, Literal, TypeAlias
 
@@ -110,6 +110,8 @@ class Posterior:
         Parameters for which the Laplace approximation fails; their intervals are not to be trusted.
     caveat : str
         That of the `Identification`: why no interval is to be believed, empty if nothing speaks against it.
+    doubts : mapping of str to str
+        By parameter, what the `Identification` says of a change with which it lies far beyond its interval.
     log_likelihood : (n,) array or None
         Of the measurement at each sample, but for a constant; None with the form
         "laplace" and with a result of an earlier version.
@@ -128,6 +130,7 @@ class Posterior:
     mode: NDArray[np.float64] | None = None
     unreliable: tuple[str, ...] = ()
     caveat: str = ""
+    doubts: Mapping[str, str] = field(default_factory=dict)
     log_likelihood: NDArray[np.float64] | None = None
 
     @staticmethod
@@ -236,6 +239,9 @@ class Posterior:
         reasons = [f"it presses against the {end} end of its range"] if end else []
         if word != "identified":
             reasons.append(self._explanation(index, word))
+        elif self.names[index] in self.doubts:
+            word = "weakly identified"
+            reasons.append(self.doubts[self.names[index]])
         reason = "; ".join(reasons) or "the measurement fixes it"
         return Verdict(word, gain, f"{reason[0].upper()}{reason[1:]}.")
 
