@@ -57,8 +57,8 @@ class Settings:
     beside_best: float = 0.5
     """Part of the best improvement that a further cause has at least."""
     explained: float = 0.05
-    """Misfit beyond noise from which on down nothing else is tried, if the cause is named: it is found. On 300 lines,
-    as many as are compared, it is twice the standard deviation of that of noise."""
+    """Misfit beyond noise from which on down nothing slow is tried, if the cause is named: it is found. On 300 lines,
+    the fewest that are compared as a rule, it is twice the standard deviation of that of noise."""
     gain: float = 0.05
     """Relative error of the gain that is worth naming."""
     phase: float = 0.02
@@ -137,13 +137,16 @@ def find_causes(
     before = trials.unchanged
     excess = before.misfit - _SETTINGS.noise
     improvements: list[tuple[float, Cause]] = []
-    for name, words, trial in _candidates(trials, progress):
+
+    def explained() -> bool:
+        enough = [improvement for improvement, cause in improvements if improvement >= _needed(cause.name, excess)]
+        return _is_noise(before.misfit - max(enough, default=-np.inf))
+
+    for name, words, trial in _candidates(trials, progress, explained):
         improvement = before.misfit - trial.misfit
         factor = float(np.exp(improvement / 2.0))
         _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", words or name, factor)
         improvements.append((improvement, Cause(name, words, (before.coherence, trial.coherence), factor)))
-        if improvement >= _needed(name, excess) and _is_explained(trial):
-            break
     progress("causes", _STAGES, _STAGES)
     return _named(improvements, excess, trials.lines)
 
@@ -160,8 +163,8 @@ def _named(found: list[tuple[float, Cause]], excess: float, lines: int) -> tuple
     return tuple(list(named.values())[: _SETTINGS.most])
 
 
-def _is_explained(trial: Trial) -> bool:
-    return trial.misfit < _SETTINGS.noise + _SETTINGS.explained
+def _is_noise(misfit: float) -> bool:
+    return misfit < _SETTINGS.noise + _SETTINGS.explained
 
 
 def _needed(name: str, excess: float) -> float:
@@ -174,10 +177,12 @@ def _needed(name: str, excess: float) -> float:
 
 _OF_MEASUREMENT = {"sign", "conjugate", "gain", "unit", "quantity", "delay", "window"}
 _STAGES = 12
+_QUICK = 9
+"""Stages that are all gone through: of changes that have the same effect none is left out."""
 
 
-def _candidates(trials: Trials, progress: Progress) -> Iterator[Candidate]:
-    """Yield the changes that could be the cause, the quickest to try first."""
+def _candidates(trials: Trials, progress: Progress, explained: Callable[[], bool]) -> Iterator[Candidate]:
+    """Yield the changes that could be the cause, the quickest first; the slow ones until the misfit is explained."""
     stages: list[tuple[str, Callable[[Trials], Iterator[Candidate]]]] = [
         ("sign and phase", _phases),
         ("gain and units", _gains),
@@ -196,9 +201,9 @@ def _candidates(trials: Trials, progress: Progress) -> Iterator[Candidate]:
         progress("causes", number, _STAGES, note)
         for candidate in stage(trials):
             yield candidate
-            if trials.late:
+            if trials.late or (number >= _QUICK and explained()):
                 return
-        if trials.late:
+        if trials.late or (number + 1 >= _QUICK and explained()):
             return
 
 
@@ -357,7 +362,7 @@ def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float,
     """Fit joint and amount together, from some amounts."""
     candidates: list[Candidate] = []
     for amount in amounts:
-        if trials.late or any(_is_explained(trial) for _, _, trial in candidates):
+        if trials.late or any(_is_noise(trial.misfit) for _, _, trial in candidates):
             break
         try:
             there = perturbation.apply(amount)
