@@ -57,7 +57,7 @@ class Settings:
     beside_best: float = 0.5
     """Part of the best improvement that a further cause has at least."""
     explained: float = 0.05
-    """Misfit beyond noise from which on down nothing slow is tried, if the cause is named: it is found. On 300 lines,
+    """Misfit beyond noise from which on down nothing else is tried, if the cause is named: it is found. On 300 lines,
     the fewest that are compared as a rule, it is twice the standard deviation of that of noise."""
     gain: float = 0.05
     """Relative error of the gain that is worth naming."""
@@ -176,23 +176,22 @@ def _needed(name: str, excess: float) -> float:
 
 
 _OF_MEASUREMENT = {"sign", "conjugate", "gain", "unit", "quantity", "delay", "window"}
-_STAGES = 12
-_QUICK = 9
-"""Stages that are all gone through: of changes that have the same effect none is left out."""
+_STAGES = 11
+_FINISHED = 2
+"""Stages that are finished in any case: a gain and a mass may have the same effect, and are then both named."""
 
 
 def _candidates(trials: Trials, progress: Progress, explained: Callable[[], bool]) -> Iterator[Candidate]:
-    """Yield the changes that could be the cause, the quickest first; the slow ones until the misfit is explained."""
+    """Yield the changes that could be the cause, the quickest to try first, until one explains the misfit."""
     stages: list[tuple[str, Callable[[Trials], Iterator[Candidate]]]] = [
         ("sign and phase", _phases),
-        ("gain and units", _gains),
+        ("gain, units and mass", _gains_and_masses),
         ("quantity", _quantities),
         ("delay", _delays),
         ("levels", try_levels),
         ("window", try_window),
         ("ranges", _ranges),
         ("resonances", try_missing_resonances),
-        ("mass", _masses),
         ("response point", _points),
         ("overhang", _overhangs),
         ("parts", _parts),
@@ -201,9 +200,9 @@ def _candidates(trials: Trials, progress: Progress, explained: Callable[[], bool
         progress("causes", number, _STAGES, note)
         for candidate in stage(trials):
             yield candidate
-            if trials.late or (number >= _QUICK and explained()):
+            if trials.late or (number >= _FINISHED and explained()):
                 return
-        if trials.late or (number + 1 >= _QUICK and explained()):
+        if trials.late or explained():
             return
 
 
@@ -225,6 +224,13 @@ def _phases(trials: Trials) -> Iterator[Candidate]:
         signs = np.where(np.arange(len(frfs)) == number, -1.0, 1.0)
         reversed_there = [replace(frf, values=sign * frf.values) for frf, sign in zip(frfs, signs, strict=True)]
         yield "sign", f"the sign at {label} reversed", trials.fit(trials.assembly, reversed_there, starts)
+
+
+def _gains_and_masses(trials: Trials) -> Iterator[Candidate]:
+    yield from _gains(trials)
+    for perturbation in trials.perturbations:
+        if perturbation.kind == "mass":
+            yield from _perturbed(trials, perturbation, (0.0,))
 
 
 def _gains(trials: Trials, power: int = 0) -> Iterator[Candidate]:
@@ -327,12 +333,6 @@ def _widened(parameter: Parameter, *, at_upper: bool) -> tuple[float, float]:
 def _with_range(assembly: Assembly, joint: str, name: str, lower: float, upper: float) -> Assembly:
     there = Assembly(assembly.description.with_range(joint, name, lower, upper))
     return there.on(*(each.frequency for each in assembly.each_response))
-
-
-def _masses(trials: Trials) -> Iterator[Candidate]:
-    for perturbation in trials.perturbations:
-        if perturbation.kind == "mass":
-            yield from _perturbed(trials, perturbation, (0.0,))
 
 
 def _overhangs(trials: Trials) -> Iterator[Candidate]:
