@@ -30,9 +30,9 @@ noise over variances of few averages, took a hundred and twenty; samples made wh
 that says how long it will take, ninety. The report of a validation took fifty-five, those of a batch and of a
 calibration a hundred. The workers of a cluster, with what is wrong with them said, took a hundred and thirty, noise
 like that of a measurement eighty, a normalising flow a hundred and sixty; starts along one parameter, a training of
-one cycle and neighbours on several threads seventy. Amounts of causes that are fitted as precisely as the measurement
-tells them, and an order of elimination that is found once, took twenty-five. A feature that is worth more code raises the limit, and says here
-what it was. The conformance kit is left out: it grows with every mistake that it learns to see.
+one cycle and neighbours on several threads seventy. Causes whose amounts are as precise as the measurement took
+twenty-five. A feature that is worth more code raises the limit, and says here what it was. The conformance kit is
+left out: it grows with every mistake that it learns to see.
 """
 
 
