@@ -6,6 +6,7 @@ import copy
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -247,7 +248,7 @@ def wrong_structure(
 
 # -- alterations of measurements -------------------------------------------------------------------------------------
 
-ALTERATIONS = ("unaltered", "sign", "gain", "unit", "delay", "conjugate", "point", "mass", "overhang")
+ALTERATIONS = ("unaltered", "sign", "gain", "unit", "delay", "conjugate", "point", "mass", "overhang", "range")
 
 
 def altered(
@@ -262,7 +263,8 @@ def altered(
     theta : (n_params,) array
     name : str
         One of `ALTERATIONS`: a gain of 1.2, g read as m/s^2, a delay of 20 microseconds, a point one to three nodes
-        away, a mass of 5 % of the apparent mass, an overhang 10 mm or 10 % longer.
+        away, a mass of 5 % of the apparent mass, an overhang 10 mm or 10 % longer, a parameter of twice the upper end
+        of its range or half the lower one.
     rng : numpy.random.Generator
     """
     factors = {"sign": -1.0, "gain": 1.2, "unit": 1.0 / 9.80665}
@@ -278,7 +280,8 @@ def altered(
     if name == "mass":
         mass = next(entry for entry in list_perturbations(assembly) if entry.kind == "mass")
         return mass.apply(0.05 * mass.upper)
-    return _at_another_point(assembly, rng) if name == "point" else _overhanging(assembly, rng)
+    kinds = {"point": _at_another_point, "overhang": _overhanging, "range": partial(_outside_its_range, theta=theta)}
+    return kinds[name](assembly, rng)
 
 
 class ChangedMeasurement(dovetail.Assembly):
@@ -317,6 +320,18 @@ def _at_another_point(assembly: dovetail.Assembly, rng: np.random.Generator) -> 
     except dovetail.DovetailError:  # it is held there
         return None
     return elsewhere
+
+
+def _outside_its_range(
+    assembly: dovetail.Assembly, rng: np.random.Generator, theta: np.ndarray
+) -> dovetail.Assembly | None:
+    index, upper = int(rng.integers(len(theta))), rng.random() < 0.5
+    parameter, beyond = assembly.parameters[index], theta.copy()
+    beyond[index] = 2.0 * parameter.upper if upper or not parameter.lower else 0.5 * parameter.lower
+    ends = min(parameter.lower, beyond[index]), max(parameter.upper, beyond[index])
+    described = assembly.description.with_range(*assembly.description.identified_parameters[index], *ends)
+    wide = dovetail.Assembly(described).on(assembly.frequency)
+    return ChangedMeasurement(assembly, lambda _values: wide.frf(beyond))
 
 
 def _overhanging(assembly: dovetail.Assembly, rng: np.random.Generator) -> dovetail.Assembly | None:

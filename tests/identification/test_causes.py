@@ -45,7 +45,7 @@ def altered(assembly, theta, kind):
 
 WORDS = {
     "sign": "the sign reversed",
-    "gain": r"all values divided by 1\.(19|2\d)\d* \(calibration\?\)",
+    "gain": r"all values divided by 1\.(199\d?|2|20\d) \(calibration\?\)",
     "unit": r"all values multiplied by 9\.807 \(g and m/s\^2 confused\?\)",
     "delay": r"a delay of (19|20)(\.\d)? microseconds taken out",
     "conjugate": "the phase conjugated",
@@ -86,7 +86,7 @@ def first_cause_from(assembly, measured, theta=None):
     return first_of(find_causes(assembly, [measured], fit_of(assembly, measured, theta), seconds=200.0))
 
 
-@pytest.mark.parametrize("kind", ["sign", "gain", "unit", "delay", "conjugate", "quantity", "mass"])
+@pytest.mark.parametrize("kind", ["sign", "gain", "unit", "delay", "conjugate", "quantity"])
 def test_the_cause_is_named_first(sdof, kind):
     check(first_cause_from(sdof, altered(sdof, None, kind)), kind)
 
@@ -99,9 +99,18 @@ def test_a_quantity_is_told_from_the_one_that_the_file_states(sdof, stated, actu
     assert words.startswith(f"the values read as {actual}, not as {stated}")
 
 
-@pytest.mark.parametrize("kind", [pytest.param("sign", marks=slow), "mass"])
+@pytest.mark.parametrize("kind", [pytest.param("sign", marks=slow), "gain"])
 def test_the_cause_is_named_first_in_a_result(sdof, kind):
     check(first_cause(sdof, None, kind), kind)
+
+
+def test_a_mass_at_the_only_mass_is_a_gain(sdof):
+    """Stiffness and damping follow, so that the two have the same effect; both are named, the first that was tried."""
+    measured = altered(sdof, None, "mass")
+    gain, mass, *_ = find_causes(sdof, [measured], fit_of(sdof, measured), seconds=200.0)
+    check(mass, "mass")
+    assert gain.name == "gain"
+    assert gain.residual_factor == pytest.approx(mass.residual_factor, rel=0.002)
 
 
 @pytest.fixture(scope="module")
@@ -185,6 +194,18 @@ def test_an_accelerometer_that_roves_over_several_responses_is_a_mass():
     assert cause.name == "mass"
     grams = re.fullmatch(r"a mass of (\S+) g added to the model at each response.*", cause.words).group(1)
     assert float(grams) == pytest.approx(50.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("noise", "tolerance"), [(0.002, 0.01), (0.05, 0.1)])
+def test_an_amount_is_as_precise_as_the_measurement_tells_it(noise, tolerance):
+    """From logarithms alone, all lines with the same weight, the mass is 51 and 61 g."""
+    model = chain(MASSES, ["upper"])
+    plain, heavier = model.frf(TRUTH), chain(MASSES | {"upper": 1.05}, ["upper"]).frf(TRUTH)
+    for values, name, size in ((1.2 * plain, "gain", 1.2), (heavier, "mass", 50.0)):
+        cause, *_ = causes_of(model, [noisy(model, values, noise, 1)])
+        assert cause.name == name
+        found = float(re.search(r"divided by (\S+)|a mass of (\S+) g", cause.words).expand(r"\1\2"))
+        assert found == pytest.approx(size, rel=tolerance)
 
 
 def test_the_sign_of_one_of_several_responses_is_named():
@@ -300,10 +321,10 @@ def test_the_search_for_causes_tells_its_progress(sdof):
     assert told[-1][1] == told[-1][2]
 
 
-def named(*improvements, excess=10.0):
+def named(*improvements, excess=10.0, lines=500):
     """The causes that are named, of candidates with these names and decreases of the misfit."""
     found = [(size, Cause(name, "", (0.5, 0.9), 2.0)) for name, size in improvements]
-    return [cause.name for cause in _named(found, excess)]
+    return [cause.name for cause in _named(found, excess, lines)]
 
 
 @pytest.mark.parametrize(
@@ -328,6 +349,11 @@ def test_a_further_cause_improves_the_fit_half_as_much_as_the_best():
     assert named() == []
     assert named(("mass", 1.05), ("sign", 2.0), excess=2.0) == ["sign", "mass"]
     assert named(("mass", 0.95), ("sign", 2.0), excess=2.0) == ["sign"]
+
+
+def test_causes_that_noise_does_not_tell_apart_are_named_in_the_order_of_trial():
+    assert named(("range", 2.0), ("mass", 2.009), lines=500) == ["range", "mass"]
+    assert named(("range", 2.0), ("mass", 2.011), lines=500) == ["mass", "range"]
 
 
 def test_three_kinds_are_named_at_most_each_once():

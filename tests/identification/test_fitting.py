@@ -188,7 +188,7 @@ def test_a_start_that_reaches_the_noise_is_enough_and_others_follow_one_that_doe
     frf = measured_of(collet, torque_100, 0.01)
     right, wrong = torque_100, collet.from_unit(1.0 - collet.to_unit(torque_100))
     assert refine(collet, frf, [right]).starts == 1
-    assert refine(collet, frf, [wrong]).starts == 1 + few_steps.more_starts
+    assert refine(collet, frf, [wrong]).starts > few_steps.more_starts
 
 
 @pytest.mark.parametrize("objective", ["frf", "weighted"])

@@ -72,8 +72,9 @@ def test_large_residuals_of_either_sign_are_no_noise():
     assert not is_white(np.concatenate([residuals, np.random.default_rng(0).standard_normal((40, 2))]))
 
 
-@pytest.mark.parametrize(("error", "starts"), [("ripple", 4 + 2 * 8), ("resonance", 4 + 4 * 8)])
+@pytest.mark.parametrize(("error", "starts"), [("ripple", 4 + 2 * 9), ("resonance", 4 + 4 * 9)])
 def test_a_model_is_said_not_to_fit_after_three_batches_or_five_where_it_lacks_a_resonance(sdof, error, starts):
+    """Each batch has eight random starts, and here one place along one of the two parameters beside them."""
     frequency, frf = sdof.frequency, noisy(sdof, sdof.frf(), 1e-3, 1)
     ripple = 0.05 * frf.values * np.sin(frequency / 3.0)
     more = ripple if error == "ripple" else 3e-3 * frf.amplitude.max() * resonances(frequency, 300.0, loss=0.01)

@@ -301,8 +301,7 @@ def _result(
         warnings=(),
         provenance=MappingProxyType(origin),
     )
-    posterior = replace(posterior, caveat=result.caveat)
-    return replace(result, posterior=posterior, warnings=_warnings(result))
+    return replace(result, warnings=_warnings(result))
 
 
 def _warnings(result: ModalIdentification) -> tuple[str, ...]:

@@ -91,10 +91,27 @@ class AtPoint:
 class _Answer:
     """What a result says of the parameters, whatever it was identified from."""
 
+    method: str
     parameters: Mapping[str, IdentifiedParameter]
+    measured: Frf | ModalParameters
+    provenance: Mapping[str, Any]
     posterior: Posterior | None
     network: Mapping[str, float] | None
     adequacy: Adequacy | None
+
+    def __post_init__(self) -> None:
+        """Hand the caveat and what speaks against a parameter to the posterior, which may be used by itself."""
+        if self.posterior is not None:
+            units = {name: parameter.unit for name, parameter in self.parameters.items()}
+            doubts = {} if self.adequacy is None else self.adequacy.doubts(self.posterior.interval(), units)
+            object.__setattr__(self, "posterior", replace(self.posterior, caveat=self.caveat, doubts=doubts))
+
+    def __repr__(self) -> str:
+        """Return assembly, measurement and parameters in one line, the caveat before all numbers."""
+        values = ", ".join(f"{row.name}={format_quantity(row.estimate, row.unit)}" for row in self.table)
+        return terminal_text(
+            f"<{type(self).__name__}: {self._head}: {f'{self.caveat} ' if self.caveat else ''}{values}>"
+        )
 
     @property
     def believable(self) -> bool:
@@ -113,7 +130,12 @@ class _Answer:
 
     @property
     def _is_fitted(self) -> bool:
-        return True
+        return self.method != "network"
+
+    @property
+    def _head(self) -> str:
+        words = self.provenance.get("assembly", ""), self.measured.label, self.method
+        return ", ".join(dict.fromkeys(filter(None, words)))
 
     @property
     def interval(self) -> Mapping[str, tuple[float, float]] | None:
@@ -125,7 +147,7 @@ class _Answer:
         return dataframe([asdict(row) for row in self.table], ["name"])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification(_Answer):
     """The result of identifying a joint from one measured FRF, or from one for each response.
 
@@ -185,29 +207,11 @@ class Identification(_Answer):
     network: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
-        """Hand the caveat to what may be used by itself: the posterior and the reconstructed FRFs."""
+        """Hand the caveat to what may be used by itself: the reconstructed FRFs too."""
+        super().__post_init__()
         further = tuple(replace(at_point, frf=replace(at_point.frf, note=self.caveat)) for at_point in self.further)
         object.__setattr__(self, "frf", replace(self.frf, note=self.caveat))
         object.__setattr__(self, "further", further)
-        if self.posterior is not None:
-            doubts = self._doubts(self.posterior.interval())
-            if (self.posterior.caveat, self.posterior.doubts) != (self.caveat, doubts):
-                object.__setattr__(self, "posterior", replace(self.posterior, caveat=self.caveat, doubts=doubts))
-
-    def _doubts(self, interval: Mapping[str, tuple[float, float]]) -> dict[str, str]:
-        """Say of each parameter with which cause it is farther from its interval's middle than the interval is wide."""
-        doubts = dict[str, str]()
-        for cause in () if self.adequacy is None else self.adequacy.causes:
-            for (name, (low, high)), value in zip(interval.items(), cause.theta, strict=False):
-                if abs(value - 0.5 * (low + high)) > high - low:
-                    quantity = format_quantity(value, self.parameters[name].unit)
-                    doubts.setdefault(name, f"with {cause.words} it is {quantity}")
-        return doubts
-
-    def __repr__(self) -> str:
-        """Return assembly, measurement, method and parameters in one line, the caveat before all numbers."""
-        values = ", ".join(f"{row.name}={format_quantity(row.estimate, row.unit)}" for row in self.table)
-        return terminal_text(f"<Identification: {self._head}: {f'{self.caveat} ' if self.caveat else ''}{values}>")
 
     def _repr_html_(self) -> str:
         rows = []
@@ -219,17 +223,9 @@ class Identification(_Answer):
         return html_table(head, [("parameter", "estimate", "90 % interval", "verdict", "why"), *rows])
 
     @property
-    def _head(self) -> str:
-        return f"{self.provenance.get('assembly', '')}, {self.measured.label}, {self.method}".removeprefix(", ")
-
-    @property
     def responses(self) -> tuple[AtPoint, ...]:
         """The measured and the reconstructed FRF at each response, in the order of the description."""
         return AtPoint(self.point, self.frf, self.measured), *self.further
-
-    @property
-    def _is_fitted(self) -> bool:
-        return self.method != "network"
 
     @property
     def theta(self) -> NDArray[np.float64]:
@@ -331,7 +327,7 @@ class MatchedMode:
     measured_damping: float | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModalIdentification(_Answer):
     """The result of identifying a joint from modal parameters; there is no FRF in it.
 
@@ -367,12 +363,6 @@ class ModalIdentification(_Answer):
     network: Mapping[str, float] | None = None
     method: str = "modal parameters"
 
-    def __repr__(self) -> str:
-        """Return assembly, table and parameters in one line, the caveat before all numbers."""
-        values = ", ".join(f"{row.name}={format_quantity(row.estimate, row.unit)}" for row in self.table)
-        head = f"{self.provenance['assembly']}, {self.measured.label}"
-        return f"<ModalIdentification: {head}: {f'{self.caveat} ' if self.caveat else ''}{values}>"
-
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON; the keys are those of `Identification` but for the FRFs."""
         return {
@@ -404,9 +394,5 @@ def caveats_of(results: Iterable[tuple[str, _Answer | None]]) -> str:
 
 
 def _plain(frf: Frf) -> dict[str, Any]:
-    return {
-        "label": frf.label,
-        "has_phase": frf.has_phase,
-        "real": frf.values.real.tolist(),
-        "imag": frf.values.imag.tolist(),
-    }
+    values = {"real": frf.values.real.tolist(), "imag": frf.values.imag.tolist()}
+    return {"label": frf.label, "has_phase": frf.has_phase, **values}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeAlias
@@ -191,7 +190,7 @@ def load_result(path: str | Path) -> AnyIdentification:
 
 def _modal(file: Path, stored: _StoredModalIdentification) -> ModalIdentification:
     table: dict[str, Any] = stored.measured.model_dump()
-    result = ModalIdentification(
+    return ModalIdentification(
         parameters=MappingProxyType(stored.parameters),
         known=MappingProxyType(stored.known),
         measured=ModalParameters(**table),
@@ -203,7 +202,6 @@ def _modal(file: Path, stored: _StoredModalIdentification) -> ModalIdentificatio
         warnings=stored.warnings,
         provenance=MappingProxyType(stored.provenance),
     )
-    return replace(result, posterior=replace(result.posterior, caveat=result.caveat))
 
 
 def _kept(kept: _StoredAdequacy) -> Adequacy:

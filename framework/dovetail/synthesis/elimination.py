@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,9 +78,16 @@ def plan_elimination(pattern: NDArray[np.bool_], keep: Sequence[int], order: Seq
     Returns
     -------
     Program
+        The same one for the same pattern: a substructure that is changed and condensed anew is ordered once.
     """
+    return _planned(np.asarray(pattern, dtype=np.bool_).tobytes(), len(pattern), tuple(keep), tuple(order))
+
+
+@lru_cache(maxsize=32)
+def _planned(entries: bytes, size: int, keep: tuple[int, ...], last: tuple[int, ...]) -> Program:
+    pattern = np.frombuffer(entries, dtype=np.bool_).reshape(size, size)
     neighbours = [set(np.flatnonzero(row).tolist()) - {dof} for dof, row in enumerate(pattern)]
-    eliminated, below, graph = _minimum_degree(neighbours, set(keep), order)
+    eliminated, below, graph = _minimum_degree(neighbours, set(keep), last)
     order = [*eliminated, *keep]
     rank = {dof: position for position, dof in enumerate(order)}
     below = [sorted(rows, key=rank.__getitem__) for rows in below]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal, TypeAlias, get_args
 
 from dovetail.identification.posterior.model_error import ModelError
+from dovetail.units import format_quantity
 
 __all__ = ["Adequacy", "AdequacyWord", "Cause", "word_for"]
 
@@ -114,6 +116,15 @@ class Adequacy:
             return f"The model fits {self.word}." if self.word == "to the noise" else ""
         heads = {"good": "The model fits well", "rough": "The model fits roughly"}
         return f"{heads.get(self.word, 'The model does not fit')}: {self.size.describe()}."
+
+    def doubts(self, intervals: Mapping[str, tuple[float, float]], units: Mapping[str, str]) -> dict[str, str]:
+        """Say with which cause a parameter is farther from the middle of its interval than that is wide, by name."""
+        doubts = dict[str, str]()
+        for cause in self.causes:
+            for (name, (low, high)), value in zip(intervals.items(), cause.theta, strict=False):
+                if abs(value - 0.5 * (low + high)) > high - low:
+                    doubts.setdefault(name, f"with {cause.words} it is {format_quantity(value, units[name])}")
+        return doubts
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON."""

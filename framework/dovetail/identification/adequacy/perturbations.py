@@ -104,7 +104,7 @@ def _drive_point(assembly: Assembly) -> Assembly:
 
 def _describe_mass(responses: int, mass: float) -> str:
     grams, where = (
-        f"{abs(1e3 * mass):.2g} g",
+        f"{np.format_float_positional(abs(1e3 * mass), 2, fractional=False, trim='-')} g",
         "the response" if responses == 1 else "each response, while it is measured",
     )
     return f"a mass of {grams} {'added to' if mass > 0 else 'taken from'} the model at {where} (an accelerometer?)"

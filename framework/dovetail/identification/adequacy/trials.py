@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf, coherence_spectrum
-from dovetail.identification.adequacy.perturbations import Perturbation, list_perturbations
+from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import SumOfSquares, minimise
 from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual
 from dovetail.identification.fitting.search_lines import search_lines
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals
 
@@ -32,6 +32,8 @@ class Settings:
     tolerance: float = 0.1
     """Decrease of the sum of squares, per step, that ends a search."""
     steps: int = 40
+    passes: int = 3
+    """In which an amount is fitted together with the joint, the first with logarithms."""
     reweighted: int = 6
     """Times that the fit is weighted by its own typical residual, at most."""
     settled: float = 0.02
@@ -97,6 +99,11 @@ class Trials:
         self.relative = fit.variance[lines] / np.maximum(np.abs(values_of(self.target.frfs)) ** 2, fit.variance[lines])
         self._used = np.ones(len(lines), dtype=np.bool_)
         self._most = np.inf
+
+    @property
+    def lines(self) -> int:
+        """On which fits are compared."""
+        return len(self.relative)
 
     @property
     def late(self) -> bool:
@@ -165,8 +172,7 @@ class Trials:
         position = self._lowest(FrfResiduals(model, self._logarithms(target)), positions)
         best = self._trial(model, target, assembly.from_unit(position))
         for _ in range(_SETTINGS.reweighted if best.misfit < self._most else 0):
-            variance = self._variance(target) + self._typical_square(model, target, best.theta)
-            problem = FrfResiduals(model, target.weighted(variance, self._used))
+            problem = FrfResiduals(model, self._weighted(model, target, best.theta))
             position = self._lowest(problem, assembly.to_unit(best.theta)[np.newaxis])
             before, now = best, self._trial(model, target, assembly.from_unit(position))
             best = min(before, now, key=lambda trial: trial.misfit)
@@ -177,7 +183,10 @@ class Trials:
     def fit_freely(
         self, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]], change: NDArray[np.complex128]
     ) -> tuple[NDArray[np.float64], float]:
-        """Fit the joint to logarithms that may be changed by any amount.
+        """Fit the joint to a measurement whose logarithms may be changed by any amount.
+
+        At first all lines count alike, then by their noise and what typically is left: the one is robust, the other
+        as precise as the measurement.
 
         Parameters
         ----------
@@ -193,14 +202,37 @@ class Trials:
             SI.
         amount : float
         """
-        residual = self._logarithms(Observations(tuple(frfs)))
-        model = ModelFrfs.of(self.assembly)
-        direction = -residual.weighted(change)[np.newaxis]
-        problem = MarginalisedResiduals(FrfResiduals(model, residual), _SETTINGS.free * direction)
-        position = self._lowest(problem, self.assembly.to_unit(np.array(starts)))
-        theta = self.assembly.from_unit(position)
-        left = residual.of(model.frf(theta[np.newaxis]))[0]
-        return theta, float(left @ direction[0] / (direction[0] @ direction[0]))
+        model, amount = ModelFrfs.of(self.assembly), 0.0
+        target, position = Observations(tuple(frfs)), self.assembly.to_unit(np.array(starts))
+        residual: Residual = self._logarithms(target)
+        for _ in range(_SETTINGS.passes):
+            values = values_of(target.frfs)[np.newaxis]
+            direction = residual.jacobian(values, (change * values)[:, np.newaxis])[0]
+            problem = MarginalisedResiduals(FrfResiduals(model, residual), _SETTINGS.free * direction)
+            position = self._lowest(problem, position)[np.newaxis]
+            theta = self.assembly.from_unit(position[0])
+            left = residual.of(model.frf(theta[np.newaxis]))[0]
+            step = -float(left @ direction[0] / (direction[0] @ direction[0]))
+            amount += step
+            ends = target.split(values_of(target.frfs) * np.exp(-step * change))
+            target = Observations(tuple(replace(f, values=v) for f, v in zip(target.frfs, ends, strict=True)))
+            residual = self._weighted(model, target, theta)
+        return theta, amount
+
+    def fit_amount(
+        self, perturbation: Perturbation, theta: NDArray[np.float64], amount: float
+    ) -> tuple[float, NDArray[np.float64]]:
+        """Return the amount of a perturbation and the joint (p,) [SI] that fit best together, weighted likewise."""
+        residual: Residual = self.residual()
+        for _ in range(_SETTINGS.passes):
+            problem = PerturbedResiduals(perturbation, residual)
+            end = self._lowest(problem, problem.position(self.assembly.to_unit(theta), amount))
+            amount, theta = problem.amount(end), self.assembly.from_unit(end[:-1])
+            model = ModelFrfs.of(perturbation.apply(amount))
+            if self._trial(model, self.target, theta).misfit > self._most:
+                break
+            residual = self._weighted(model, self.target, theta)
+        return amount, theta
 
     def judged(self, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
         """Return how well values (n_lines,) agree with the measurement as it is."""
@@ -237,6 +269,10 @@ class Trials:
     def _variance(self, target: Observations) -> NDArray[np.float64]:
         square = np.maximum(np.abs(values_of(target.frfs)) ** 2, np.finfo(float).tiny)
         return np.asarray(self.relative * square)
+
+    def _weighted(self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]) -> Residual:
+        """Return residuals over their noise and what a joint (p,) [SI] typically leaves of them."""
+        return target.weighted(self._variance(target) + self._typical_square(model, target, theta), self._used)
 
     def _typical_square(
         self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]

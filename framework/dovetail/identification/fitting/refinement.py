@@ -37,7 +37,7 @@ class Settings:
     more_starts: int = 8
     """In each further batch."""
     along_axes: int = 4
-    """Of these, those that differ from the best minimum so far in one parameter."""
+    """Beside these, those that differ from the best minimum so far in one parameter."""
     grid_points: int = 64
     """Along the range of each parameter, where such starts are looked for."""
     first_carried: int = 2
@@ -142,8 +142,8 @@ class _Refinement:
         self._assembly = assembly
         self._model = ModelFrfs.of(assembly)
         self._target = target
-        self._random = np.random.default_rng(seed)
-        self._hypercube = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=self._random)
+        self._hypercube = scipy.stats.qmc.LatinHypercube(len(assembly.parameters), rng=np.random.default_rng(seed))
+        self._random = np.random.default_rng([seed, 1])
         self._variance = target.variance()
         self._model_variance = np.zeros_like(self._variance)
         self._used = np.ones(len(target.frequency), dtype=np.bool_)
@@ -199,9 +199,10 @@ class _Refinement:
             enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
             if enough and batch >= _SETTINGS.least_batches and not self._missed(best).size:
                 break
-            self._expected = self._searches + _SETTINGS.more_starts + _SETTINGS.carried + len(minima.cost) + 1
             along = self._along_axes(best.position[0], _SETTINGS.along_axes)
-            similar = self._most_similar(_SETTINGS.more_starts - len(along), _SETTINGS.more_candidates)
+            similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
+            further = len(along) + len(similar) + _SETTINGS.carried
+            self._expected = self._searches + further + len(minima.cost) + 1
             ends = self._searched(np.concatenate([along, similar]))
             minima = self._with(minima, ends[: _SETTINGS.carried])
         return minima, best
