@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 from pydantic import ValidationError
 from safetensors.numpy import save_file
@@ -171,6 +172,34 @@ def test_the_network_of_the_best_epoch_is_kept():
     np.testing.assert_array_equal(stopped.state()["weight0"], until_best.state()["weight0"])
     one_more = recipe(max_epochs=best + 1, patience=6).fit(features, noise, seed=0)
     np.testing.assert_array_equal(one_more.state()["weight0"], until_best.state()["weight0"])
+
+
+def test_gated_layers_answer_as_torch_does_and_learn_a_product_sooner(training, rows):
+    """One half of the units multiplies the other, which is what a curved valley needs."""
+    features, _ = training
+    product = (features[:, :1] * features[:, 1:2] * features[:, 2:3]).astype(np.float64)
+    network = recipe(activation="gated").network(4, 1)
+    expected = network(torch.from_numpy(rows)).detach().numpy()
+    answers = recipe(activation="gated").fitted(network).predict(rows)
+    np.testing.assert_allclose(answers, expected, rtol=1e-5, atol=1e-6)
+    options = {"hidden": (24, 24), "max_epochs": 20, "learning_rate": 3e-3, "patience": 20}
+    errors = {
+        activation: np.std(
+            recipe(**options, activation=activation).fit(features, product, seed=0).predict(features) - product
+        )
+        for activation in ("silu", "gated")
+    }
+    assert errors["gated"] < 0.8 * errors["silu"]
+
+
+@pytest.mark.parametrize("uncertainty", ["none", "gaussian"])
+def test_gated_layers_are_kept_and_read_again(training, rows, uncertainty):
+    mlp = recipe(activation="gated", uncertainty=uncertainty, max_epochs=3)
+    fitted = mlp.fit(training[0], np.clip(training[1] / 2.0 + 0.5, 0.0, 1.0), seed=0)
+    again = mlp.restore(fitted.state())
+    np.testing.assert_allclose(again.predict(rows), fitted.predict(rows), rtol=1e-5)
+    with pytest.raises(dovetail.DovetailError, match="weight2"):
+        mlp.restore({**fitted.state(), "weight2": np.zeros((5, 24), np.float32)})
 
 
 def test_one_cycle_makes_every_epoch_and_ends_in_a_minimum(training):

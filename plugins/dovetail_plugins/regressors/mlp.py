@@ -27,13 +27,14 @@ if TYPE_CHECKING:
 
 __all__ = ["MLP", "FittedMLP"]
 
-Activation = Literal["relu", "silu"]
+Activation = Literal["relu", "silu", "gated"]
 
 _OWNER = "regressor 'mlp'"
 _GAUSSIAN, _ACTIVATION = "gaussian", "activation"
 _LARGEST_LOGARITHM = 10.0
 """Of a precision's Cholesky factor: a standard deviation of a twenty-thousandth."""
 _DRAWS = 500
+_NORM_EPSILON = 1e-5
 _BLOCK = 4096
 
 
@@ -44,8 +45,8 @@ class FittedMLP(dovetail.FittedRegressor):
     ----------
     weights : sequence of (n_in, n_out) arrays
     biases : sequence of (n_out,) arrays
-    activation : {"relu", "silu"}
-        Of the hidden units.
+    activation : {"relu", "silu", "gated"}
+        Of the hidden units; with "gated" the layers are those of a `GatedNetwork`.
     is_gaussian : bool
         Whether the output is a Gaussian of the normal quantiles of the targets: means, then the lower triangle of the
         precision's Cholesky factor, row by row, with logarithms on its diagonal.
@@ -101,11 +102,21 @@ class FittedMLP(dovetail.FittedRegressor):
 
     def _forward(self, rows: NDArray[Any]) -> NDArray[np.float64]:
         activation = rows.astype(np.float64)
+        if self._activation == "gated":
+            return self._gated(activation)
         for weight, bias in zip(self._weights[:-1], self._biases[:-1], strict=True):
             activation = activation @ weight + bias
             activation = np.maximum(activation, 0.0) if self._activation == "relu" else activation * expit(activation)
         result: NDArray[np.float64] = activation @ self._weights[-1] + self._biases[-1]
         return result
+
+    def _gated(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        (first, into), *blocks, (last, onto) = zip(self._weights, self._biases, strict=True)
+        stream = rows @ first + into
+        for (up, above), (down, below) in zip(blocks[::2], blocks[1::2], strict=True):
+            linear, gate = np.split(_normalised(stream) @ up + above, 2, axis=1)
+            stream = stream + (linear * gate * expit(gate)) @ down + below
+        return np.asarray(_normalised(stream) @ last + onto)
 
 
 class MLP(NetworkRegressor):
@@ -125,6 +136,7 @@ class MLP(NetworkRegressor):
     summary = "multilayer perceptron (torch), with intervals on request"
     references = (
         "Kingma and Ba, Adam: a method for stochastic optimization, ICLR 2015",
+        "Shazeer, GLU variants improve transformer, arXiv:2002.05202",
         "Dorta, Vicente, Agapito, Campbell and Simpson, Structured uncertainty prediction networks, CVPR 2018",
     )
 
@@ -137,8 +149,9 @@ class MLP(NetworkRegressor):
             Units of each hidden layer.
         uncertainty : {"none", "gaussian"}
             What is predicted: values alone, or a Gaussian with a full covariance.
-        activation : {"relu", "silu"}
-            Of the hidden units: rectified linear, or x / (1 + exp(-x)), which learns a smooth map from fewer samples.
+        activation : {"relu", "silu", "gated"}
+            Of the hidden units: rectified linear; x / (1 + exp(-x)), which learns a smooth map from fewer samples; or
+            residual blocks, in which one half of the units gates the other, the first width being that of the stream.
         """
 
         hidden: Annotated[tuple[PositiveInt, ...], Field(min_length=1, max_length=8)] = (512, 256)
@@ -162,8 +175,10 @@ class MLP(NetworkRegressor):
         weights: list[NDArray[Any]] = []
         layers = {name.removeprefix("weight").removeprefix("bias") for name in state} - {_GAUSSIAN, _ACTIVATION}
         for i in range(len(layers)):
-            rows = weights[-1].shape[1] if weights else None
-            weights.append(state_array(state, f"weight{i}", _OWNER, (rows, None)))
+            ends_block = activation == "gated" and i > 0 and i % 2 == 0
+            rows = weights[-1].shape[1] // (2 if ends_block else 1) if weights else None
+            columns = weights[0].shape[1] if ends_block else None
+            weights.append(state_array(state, f"weight{i}", _OWNER, (rows, columns)))
         biases = [state_array(state, f"bias{i}", _OWNER, (weight.shape[1],)) for i, weight in enumerate(weights)]
         return FittedMLP(weights, biases, activation, bool(state.get(_GAUSSIAN, False)))
 
@@ -176,12 +191,18 @@ class MLP(NetworkRegressor):
         """Return the layers before training."""
         from torch import nn
 
+        config, outputs = self.config, n_targets
+        if self.is_distribution:
+            outputs += n_targets * (n_targets + 1) // 2
+        if config.activation == "gated":
+            from dovetail_plugins.regressors.gated_layers import GatedNetwork
+
+            return GatedNetwork(n_features, config.hidden, outputs, config.dropout)
         layers: list[nn.Module] = []
-        for width in self.config.hidden:
-            unit = nn.ReLU() if self.config.activation == "relu" else nn.SiLU()
-            layers += [nn.Linear(n_features, width), unit, nn.Dropout(self.config.dropout)]
+        for width in config.hidden:
+            unit = nn.ReLU() if config.activation == "relu" else nn.SiLU()
+            layers += [nn.Linear(n_features, width), unit, nn.Dropout(config.dropout)]
             n_features = width
-        outputs = n_targets + n_targets * (n_targets + 1) // 2 if self.is_distribution else n_targets
         return nn.Sequential(*layers, nn.Linear(n_features, outputs))
 
     def loss(self, network: torch.nn.Module, inputs: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
@@ -191,13 +212,16 @@ class MLP(NetworkRegressor):
         loss_of = _negative_log_likelihood if self.is_distribution else torch.nn.functional.mse_loss
         return loss_of(network(inputs), targets)
 
-    def fitted(self, network: torch.nn.Module) -> FittedMLP:
+    def fitted(self, network: Any) -> FittedMLP:
         """Return weights and biases of a trained network, for its forward pass."""
         from torch import nn
 
-        linear = [layer for layer in network.children() if isinstance(layer, nn.Linear)]
-        weights = [layer.weight.detach().numpy().T.copy() for layer in linear]
-        biases = [layer.bias.detach().numpy().copy() for layer in linear]
+        if self.config.activation == "gated":
+            layers = network.layers()
+        else:
+            layers = [(layer.weight, layer.bias) for layer in network.children() if isinstance(layer, nn.Linear)]
+        weights = [weight.detach().numpy().T.copy() for weight, _ in layers]
+        biases = [bias.detach().numpy().copy() for _, bias in layers]
         return FittedMLP(weights, biases, self.config.activation, self.is_distribution)
 
 
@@ -214,6 +238,12 @@ def _negative_log_likelihood(output: torch.Tensor, targets: torch.Tensor) -> tor
     factor = factor.tril(-1) + torch.diag_embed(torch.exp(logarithms))
     white = torch.einsum("nij,ni->nj", factor, quantiles - output[:, :count])
     return (0.5 * white.square().sum(dim=1) - logarithms.sum(dim=1)).mean()
+
+
+def _normalised(stream: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rows with mean 0 and variance 1, as a layer norm of torch makes them."""
+    centred = stream - stream.mean(axis=1, keepdims=True)
+    return np.asarray(centred / np.sqrt(np.mean(centred**2, axis=1, keepdims=True) + _NORM_EPSILON))
 
 
 def _gaussians(output: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
