@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 27_990
+LINES_OF_CODE = 28_060
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -32,8 +32,8 @@ calibration a hundred. The workers of a cluster, with what is wrong with them sa
 like that of a measurement eighty, a normalising flow a hundred and sixty; starts along one parameter, a training of
 one cycle and neighbours on several threads seventy. Units as laboratories write them and calls that a plugin refuses
 took twenty-five, causes whose amounts are as precise as the measurement too, and parameters that a cause moves fifteen.
-A feature that is worth more code raises the limit, and says here what it was. The conformance kit is left out: it grows
-with every mistake that it learns to see.
+Layers of gated units, and a reducer without noise, took seventy. A feature that is worth more code raises the limit,
+and says here what it was. The conformance kit is left out: it grows with every mistake that it learns to see.
 """
 
 
