@@ -256,6 +256,8 @@ def _factors(gain: float) -> list[tuple[float, str]]:
 
 def _quantities(trials: Trials) -> Iterator[Candidate]:
     """Try another quantity if the ratio of measurement and model follows a power of the frequency."""
+    if len(trials.target.frequency) < 2:
+        return
     ratio = np.log(np.abs(values_of(trials.target.frfs)) / np.abs(trials.values(trials.shape)))
     axis = np.log(trials.target.frequency)
     low, high = np.array_split(np.argsort(axis), 2)
