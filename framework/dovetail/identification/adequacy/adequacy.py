@@ -44,7 +44,7 @@ class Cause:
     Parameters
     ----------
     name : str
-        Its kind: "sign", "gain", "unit", "quantity", "delay", "conjugate", "point", "mass", "overhang", "range",
+        Its kind: "sign", "order", "gain", "unit", "quantity", "delay", "conjugate", "point", "mass", "overhang", "range",
         "resonance", "window", "part", "level".
     words : str
         What would be changed, after "with": "the sign reversed".

@@ -19,7 +19,13 @@ from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
 from dovetail.identification.adequacy.adequacy import Cause
-from dovetail.identification.adequacy.model_causes import nearest_points, try_levels, try_missing_resonances, try_window
+from dovetail.identification.adequacy.model_causes import (
+    nearest_points,
+    try_exchanges,
+    try_levels,
+    try_missing_resonances,
+    try_window,
+)
 from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals
 from dovetail.identification.adequacy.trials import Trial, Trials, values_of
 from dovetail.identification.fitting import Fit
@@ -171,14 +177,15 @@ def _needed(name: str, excess: float) -> float:
     return max(_SETTINGS.least, _SETTINGS.least_share * excess, min(improvement, _SETTINGS.share * excess))
 
 
-_OF_MEASUREMENT = {"sign", "conjugate", "gain", "unit", "quantity", "delay", "window"}
-_STAGES = 11
+_OF_MEASUREMENT = {"sign", "order", "conjugate", "gain", "unit", "quantity", "delay", "window"}
+_STAGES = 12
 
 
 def _candidates(trials: Trials, progress: Progress) -> Iterator[Candidate]:
     """Yield the changes that could be the cause, the quickest to try first."""
     stages: list[tuple[str, Callable[[Trials], Iterator[Candidate]]]] = [
         ("sign and phase", _phases),
+        ("order of measurements", try_exchanges),
         ("gain and units", _gains),
         ("quantity", _quantities),
         ("delay", _delays),
