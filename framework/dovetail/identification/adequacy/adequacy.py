@@ -44,8 +44,8 @@ class Cause:
     Parameters
     ----------
     name : str
-        Its kind: "sign", "order", "gain", "unit", "quantity", "delay", "conjugate", "point", "mass", "overhang", "range",
-        "resonance", "window", "part", "level".
+        Its kind: "sign", "gain", "unit", "quantity", "delay", "conjugate", "point", "mass", "overhang", "range",
+        "resonance", "order", "window", "part", "level".
     words : str
         What would be changed, after "with": "the sign reversed".
     coherence : (float, float)

@@ -20,6 +20,7 @@ from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
 from dovetail.identification.adequacy.adequacy import Cause
 from dovetail.identification.adequacy.model_causes import (
+    Candidate,
     nearest_points,
     try_exchanges,
     try_levels,
@@ -27,7 +28,7 @@ from dovetail.identification.adequacy.model_causes import (
     try_window,
 )
 from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals
-from dovetail.identification.adequacy.trials import Trial, Trials, values_of
+from dovetail.identification.adequacy.trials import Trials, values_of
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import minimise, without
 from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
@@ -106,9 +107,6 @@ _UNITS: tuple[tuple[float, str], ...] = (
 )
 
 _LOG = logging.getLogger(__name__)
-
-Candidate = tuple[str, str, Trial]
-"""Kind and words of a cause, and the fit with it."""
 
 
 def find_causes(

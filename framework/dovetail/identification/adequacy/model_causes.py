@@ -1,4 +1,4 @@
-"""Causes in the model: other points, levels of the force, a resonance that it lacks, damping of a window; and exchanges."""
+"""Causes in the model: points, responses exchanged, levels of the force, a resonance that it lacks, a window's damping."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dovetail.identification.posterior.model_error import Resonances, fit_resona
 from dovetail.interfaces import DIRECTIONS
 from dovetail.synthesis import Point
 
-__all__ = ["nearest_points", "try_exchanges", "try_levels", "try_missing_resonances", "try_window"]
+__all__ = ["Candidate", "nearest_points", "try_exchanges", "try_levels", "try_missing_resonances", "try_window"]
 
 
 @dataclass(frozen=True)
@@ -170,6 +170,7 @@ def _words(assembly: Assembly, place: Node) -> str:
 
 
 Candidate = tuple[str, str, Trial]
+"""Kind and words of a cause, and the fit with it."""
 
 
 def try_levels(trials: Trials) -> Iterator[Candidate]:
