@@ -1,4 +1,4 @@
-"""Causes in the model: points, responses exchanged, levels of the force, a resonance that it lacks, a window's damping."""
+"""Causes in the model: points, responses exchanged, levels of the force, a resonance that it lacks, a window."""
 
 from __future__ import annotations
 
