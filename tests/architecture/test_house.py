@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 27_950
+LINES_OF_CODE = 28_050
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -60,7 +60,9 @@ def test_no_name_lives_long_that_says_nothing_of_what_it_holds():
 
 @pytest.fixture(scope="module")
 def trips() -> dict[str, list[str]]:
-    """Return the files that each trip enters."""
+Answers of plugins refused with their file, responses in exchanged order, and a phase that looks like radians took a
+hundred more.
+"""Return the files that each trip enters."""
     script = Path(__file__).with_name("trips.py")
     printed = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True).stdout
     trips = re.findall(r"^(\w+): \d+ files\n((?:  .+\n)+)", printed, flags=re.M)

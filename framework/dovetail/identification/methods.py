@@ -355,7 +355,7 @@ def by_plugin(
     return replace(result, posterior=posterior, warnings=(*result.warnings, *posterior.warnings))
 
 
-def _fractions(assembly: Assembly, given: object, label: str) -> NDArray[np.float64]:
+def _fractions(assembly: Assembly, answer: object, label: str) -> NDArray[np.float64]:
     """Return parameters (n, n_params) that a plugin gave, in fractions of their ranges.
 
     Raises
@@ -365,9 +365,9 @@ def _fractions(assembly: Assembly, given: object, label: str) -> NDArray[np.floa
     """
     count = len(assembly.parameters)
     try:
-        theta = np.asarray(given)
+        theta = np.asarray(answer)
     except ValueError:
-        raise PluginError(Fault(label, f"it gave {given!r:.60} for parameters.", "an array of numbers")) from None
+        raise PluginError(Fault(label, f"it gave {answer!r:.60} for parameters.", "an array of numbers")) from None
     if theta.ndim != 2 or theta.shape[1] != count or not len(theta) or theta.dtype.kind not in "fiu":
         accepted = f"{count} numbers in each row"
         raise PluginError(Fault(label, f"it gave parameters of the shape {theta.shape}, {theta.dtype}.", accepted))

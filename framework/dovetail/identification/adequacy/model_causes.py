@@ -198,17 +198,17 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
 def try_exchanges(trials: Trials) -> Iterator[Candidate]:
     """Yield the fits with the measurements of two responses exchanged: the model's responses are, on the same lines."""
     frfs, description = trials.target.frfs, trials.assembly.description
-    for one, other in islice(combinations(range(len(frfs)), 2), _SETTINGS.most_exchanges):
+    for former, latter in islice(combinations(range(len(frfs)), 2), _SETTINGS.most_exchanges):
         responses = list(description.responses)
-        first, second = responses[one], responses[other]
+        first, second = responses[former], responses[latter]
         alike = (first.point, first.force_point) == (second.point, second.force_point)
-        if alike or frfs[one].rotation != frfs[other].rotation:
+        if alike or frfs[former].rotation != frfs[latter].rotation:
             continue
-        responses[one] = replace(second, quantity=first.quantity)
-        responses[other] = replace(first, quantity=second.quantity)
+        responses[former] = replace(second, quantity=first.quantity)
+        responses[latter] = replace(first, quantity=second.quantity)
         exchanged = Assembly(replace(description, responses=tuple(responses))).on(*(frf.frequency for frf in frfs))
         labels = description.response_labels
-        words = f"the measurements at {labels[one]} and {labels[other]} exchanged"
+        words = f"the measurements at {labels[former]} and {labels[latter]} exchanged"
         yield "order", words, trials.fit(exchanged, frfs, [trials.search(exchanged, trials.shape)])
 
 
