@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 28_050
+LINES_OF_CODE = 28_060
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -31,8 +31,11 @@ that says how long it will take, ninety. The report of a validation took fifty-f
 calibration a hundred. The workers of a cluster, with what is wrong with them said, took a hundred and thirty, noise
 like that of a measurement eighty, a normalising flow a hundred and sixty; starts along one parameter, a training of
 one cycle and neighbours on several threads seventy. Units as laboratories write them and calls that a plugin refuses
-took twenty-five. A feature that is worth more code raises the limit, and says here
-what it was. The conformance kit is left out: it grows with every mistake that it learns to see.
+took twenty-five, causes whose amounts are as precise as the measurement too, and parameters that a cause moves fifteen.
+Layers of gated units, and a reducer without noise, took seventy. A feature that is worth more code raises the limit,
+and says here what it was. The conformance kit is left out: it grows with every mistake that it learns to see.
+Answers of plugins refused with their file, responses in exchanged order, and a phase that looks like radians took
+a hundred more.
 """
 
 
@@ -60,9 +63,7 @@ def test_no_name_lives_long_that_says_nothing_of_what_it_holds():
 
 @pytest.fixture(scope="module")
 def trips() -> dict[str, list[str]]:
-Answers of plugins refused with their file, responses in exchanged order, and a phase that looks like radians took a
-hundred more.
-"""Return the files that each trip enters."""
+    """Return the files that each trip enters."""
     script = Path(__file__).with_name("trips.py")
     printed = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True).stdout
     trips = re.findall(r"^(\w+): \d+ files\n((?:  .+\n)+)", printed, flags=re.M)
