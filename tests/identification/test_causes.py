@@ -216,6 +216,18 @@ def test_the_sign_of_one_of_several_responses_is_named():
     assert (cause.name, cause.words) == ("sign", "the sign at lower, 0 mm, force at upper, 0 mm reversed")
 
 
+@pytest.mark.parametrize("axes", ["shared", "own"])
+def test_measurements_of_two_responses_in_exchanged_order_are_named(axes):
+    model = chain(MASSES)
+    if axes == "own":
+        model = model.on(model.frequency, model.frequency[::2])
+    exchanged = [model.at(1).on(model.at(0).frequency), model.at(0).on(model.at(1).frequency)]
+    measured = [noisy(alone, alone.frf(TRUTH), 0.005, number) for number, alone in enumerate(exchanged)]
+    cause, *_ = causes_of(model, measured)
+    words = "the measurements at upper, 0 mm and lower, 0 mm, force at upper, 0 mm exchanged"
+    assert (cause.name, cause.words) == ("order", words)
+
+
 def test_levels_of_the_force_at_which_the_stiffness_falls_are_named():
     """By 2 % and 4 % at one point; levels that are alike are fitted together to the noise."""
     model = chain(MASSES, ["upper"] * 3)

@@ -101,7 +101,7 @@ def test_a_reducer_s_shape(train, answer):
     with pytest.raises(PluginError) as error:
         train(reducer=answer)
     assert str(error.value) == (
-        f"reducer 'odd_reducer'\n  it returned the shape {SHAPES[answer]} for 1200 FRFs.\n"
+        f"{__file__}  reducer 'odd_reducer'\n  it returned the shape {SHAPES[answer]} for 1200 FRFs.\n"
         "  Accepted: (1200, n_components)"
     )
 
@@ -124,7 +124,7 @@ def test_a_regressor_s_shape(train, answer):
     with pytest.raises(PluginError) as error:
         train(regressor=answer)
     assert str(error.value) == (
-        f"regressor 'odd_regressor'\n  it returned the shape {SHAPES_OF_TARGETS[answer]} for 300 FRFs.\n"
+        f"{__file__}  regressor 'odd_regressor'\n  it returned the shape {SHAPES_OF_TARGETS[answer]} for 300 FRFs.\n"
         "  Accepted: (300, 2)"
     )
 
@@ -142,7 +142,7 @@ def test_no_finite_numbers(train, answer, of_reducer, of_regressor):
     for said, which in ((of_reducer, "reducer"), (of_regressor, "regressor")):
         with pytest.raises(PluginError) as error:
             train(**{which: answer})
-        assert error.value.faults[0].where == f"{which} 'odd_{which}'"
+        assert error.value.faults[0].where == f"{__file__}  {which} 'odd_{which}'"
         assert error.value.faults[0].problem == said
 
 

@@ -71,8 +71,8 @@ def test_a_fit_tells_all_that_says_how_good_it_is(sdof):
     fit = refine(sdof, replace(frf, values=frf.values + off))
     told = json.loads(json.dumps(fit.to_dict()))
     assert told.pop("ignored_lines_Hz") == [sdof.frequency[100]]
-    assert told.keys() == {"chi_squared", "degrees_of_freedom", "variance_known", "discrepancy", "background",
-                           "at_bounds", "starts", "agreeing", "steps", "seconds"}  # fmt: skip
+    assert told.keys() == {"chi_squared", "degrees_of_freedom", "variance_known", "variance_assumed", "discrepancy",
+                           "background", "at_bounds", "starts", "agreeing", "steps", "seconds"}  # fmt: skip
     assert told == {name: getattr(fit, name) for name in told}
 
 

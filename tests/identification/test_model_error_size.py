@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from noisy_measurements import noisy
 
 import dovetail
 from dovetail.errors import ParameterError
-from dovetail.identification.adequacy import assess
 from dovetail.identification.adequacy.adequacy import word_for
 from dovetail.identification.adequacy.model_error_size import estimate_model_error
 from dovetail.identification.adequacy.perturbations import list_perturbations
@@ -225,9 +223,13 @@ def test_every_error_can_be_allowed_with_noise_and_without(sdof, method, model_e
         assert result.adequacy.allowed == model_error
 
 
-def test_a_single_line_that_does_not_fit_is_not_judged(sdof):
-    fit = SimpleNamespace(discrepancy=0.1)
+@pytest.mark.parametrize("stated", [None, 1e-3])
+@pytest.mark.parametrize("factor", [-3.0, -1e5])
+def test_a_single_line_that_does_not_fit_is_told(sdof, factor, stated):
     line = sdof.on(np.array([100.0]))
-    adequacy, same = assess(line, [dovetail.Frf(line.frequency, 2.0 * line.frf(), "accelerance")], fit)
-    assert (adequacy.word, adequacy.fits, adequacy.sentence) == ("not judged", True, "")
-    assert same is fit
+    values = factor * line.frf()
+    variance = None if stated is None else (stated * np.abs(values)) ** 2
+    measured = dovetail.Frf(line.frequency, values, "accelerance", variance=variance)
+    result = dovetail.identify(sdof, measured, "refined", cause_seconds=20.0)
+    assert (result.adequacy.word, result.believable) == ("does not fit", False)
+    assert factor != -3.0 or [cause.name for cause in result.adequacy.causes] == ["sign"]

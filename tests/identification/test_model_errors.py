@@ -98,3 +98,7 @@ def test_sizes_are_compared_and_said_in_words():
         "natural frequencies are off by 1.2 %, damping by 20 %, amplitudes by a factor of 4.5, phases by 5.7 degrees, "
         "and what none of these explains is 3 % of the FRF"
     )
+
+
+def test_phases_are_not_said_to_be_off_by_more_than_half_a_turn():
+    assert "phases by 180 degrees" in ModelError(0.01, phase=10.0).describe()

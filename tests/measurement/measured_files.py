@@ -54,3 +54,10 @@ def fault_of(path: Path, **arguments: Any) -> str:
     with pytest.raises((FileError, MeasurementError)) as caught:
         read_frf(path, **arguments)
     return str(caught.value).replace(f"{path.parent}/", "")
+
+
+REMOVE = (
+    "\n  Remove these lines from the file: a measurement need not be evenly spaced. "
+    "With NumPy: ok = np.isfinite(values), then frequency[ok] and values[ok]."
+)
+"""What is said to do where a number is not finite."""

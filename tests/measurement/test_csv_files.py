@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_files import REMOVE
 
 from dovetail.measurement import read_frf
 from dovetail.measurement.recording import MOST_LINES
@@ -87,10 +89,10 @@ def test_the_line_at_zero_is_left_out(tmp_path: Path) -> None:
         (RECTANGULAR + "1,2,3\n2,,3\n", "a.csv:4\n  '' in column real is not a number."),
         (
             RECTANGULAR + "1,2,3\n2,3,nan\n3,1,inf\n",
-            "a.csv:4\n  the value is (3+nanj), which is not finite (2 such lines).",
+            "a.csv:4\n  the value is (3+nanj), which is not finite (2 such lines)." + REMOVE,
         ),
-        (RECTANGULAR + "1,2,3\n2,inf,3\n", "a.csv:4\n  the value is (inf+3j), which is not finite."),
-        (RECTANGULAR + "1,2,3\nnan,2,3\n", "a.csv:4\n  the frequency is nan, which is not finite."),
+        (RECTANGULAR + "1,2,3\n2,inf,3\n", "a.csv:4\n  the value is (inf+3j), which is not finite." + REMOVE),
+        (RECTANGULAR + "1,2,3\nnan,2,3\n", "a.csv:4\n  the frequency is nan, which is not finite." + REMOVE),
         (RECTANGULAR + "-1,2,3\n2,2,3\n", "a.csv:3\n  the frequency -1 Hz is negative."),
         (
             RECTANGULAR + "1,2,3\n2,2,3\n2,2,3\n",
@@ -113,7 +115,7 @@ def test_the_line_at_zero_is_left_out(tmp_path: Path) -> None:
         ),
         (
             "# quantity: mobility\nfrequency_Hz,amplitude,phase_deg\n1,2,inf\n",
-            "a.csv:3\n  the value is (nan+nanj), which is not finite.",
+            "a.csv:3\n  the value is (nan+nanj), which is not finite." + REMOVE,
         ),
         (
             "# quantity: mobility\nfrequency_Hz,amplitude,coherence\n1,2,0\n2,3,1.5\n",
@@ -121,7 +123,7 @@ def test_the_line_at_zero_is_left_out(tmp_path: Path) -> None:
         ),
         (
             "# quantity: mobility\nfrequency_Hz,amplitude,coherence\n1,2,0\n2,3,nan\n",
-            "a.csv:4\n  the coherence is nan, which is not finite.",
+            "a.csv:4\n  the coherence is nan, which is not finite." + REMOVE,
         ),
     ],
 )
@@ -161,3 +163,24 @@ def test_too_many_lines(refused) -> None:
 def test_an_index_is_for_uff(refused) -> None:
     message = "a.csv\n  index=1 chooses one of several FRFs; a .csv file holds one FRF."
     assert refused("a.csv", RECTANGULAR, index=1) == message
+
+
+def phase_table(lines: int, phase: np.ndarray) -> str:
+    rows = "".join(f"{10 + line},1.0,{value:.6f}\n" for line, value in zip(range(lines), phase, strict=True))
+    return "# quantity: mobility\nfrequency_Hz,amplitude,phase_deg\n" + rows
+
+
+def test_a_phase_in_degrees_that_looks_like_radians_is_doubted(tmp_path: Path) -> None:
+    wrapped = np.angle(np.exp(1j * np.linspace(0.0, 20.0, 100)))
+    message = r"a\.csv: the phase in degrees never leaves \+-3\.15 and jumps by nearly 2 pi: .* call it phase_rad"
+    with pytest.warns(UserWarning, match=message):
+        read(tmp_path, phase_table(100, wrapped))
+
+
+def test_a_phase_in_degrees_that_is_small_is_not_doubted(tmp_path: Path) -> None:
+    small, wrapped = 3.0 * np.sin(np.linspace(0.0, 20.0, 100)), np.angle(np.exp(1j * np.linspace(0.0, 20.0, 99)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read(tmp_path, phase_table(100, small))
+        read(tmp_path, phase_table(99, wrapped))
+        read(tmp_path, phase_table(100, np.rad2deg(np.resize(wrapped, 100))))

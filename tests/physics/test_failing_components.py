@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.assembly import find_doubts
 from dovetail.errors import PluginError
 from dovetail.registry import Registry
 
@@ -105,19 +106,80 @@ class Table(dovetail.SubstructureModel):
         return np.zeros((len(frequency), 2, 2))
 
 
+ANSWERS = {
+    "text": "soft",
+    "none": None,
+    "list": [1.0],
+    "objects": np.array([None, "a"], dtype=object),
+    "ragged": [[1.0], [1.0, 2.0]],
+    "dict": {"K": 1.0},
+}
+OF_JOINT = ("matrices", "matrices_jacobian", "dynamic_stiffness", "dynamic_stiffness_jacobian")
+OF_PART = ("matrices", "receptance", "absent_dofs", "outline", "doubts")
+SOUND = {("absent_dofs", "list"), ("absent_dofs", "objects"), ("absent_dofs", "ragged"), ("outline", "dict")}
+
+
+def odd(base: type, method: str, answer: str) -> type:
+    """A component one of whose methods or properties answers with something of another type."""
+    value = ANSWERS[answer]
+    a_property = isinstance(getattr(base, method), property) or method == "grounded"
+    own = property(lambda self: value) if a_property else lambda self, *args: value
+    return type("Odd", (base,), {"name": "odd", method: own, "__module__": __name__})
+
+
+class Sprung(Frail):
+    """The same with nothing wrong."""
+
+    name = "sprung"
+
+
+class Shifted(Dependent):
+    """The same as a function of frequency, with nothing wrong."""
+
+    name = "shifted"
+
+
+class Block(dovetail.SubstructureModel):
+    """A rigid mass."""
+
+    name = "block"
+    summary = "A part"
+    nodes = (dovetail.Node("n", 0.0),)
+
+    def matrices(self):
+        return dovetail.StructuralMatrices(np.eye(2), np.zeros((2, 2)))
+
+
+class Measured(dovetail.SubstructureModel):
+    """A mass known by its FRFs."""
+
+    name = "measured"
+    summary = "A part"
+    nodes = (dovetail.Node("n", 0.0),)
+
+    def matrices(self):
+        return None
+
+    def receptance(self, frequency, dofs):
+        return -np.eye(len(dofs)) / (2.0 * np.pi * frequency[:, None, None]) ** 2
+
+
 class Plugin:
+    def __init__(self, *more):
+        self.more = more
+
     @dovetail.hookimpl
     def dovetail_components(self):
-        return [Frail, Dependent, WithoutFrequency, Wordy, Hollow, Table]
+        return [Frail, Sprung, Dependent, WithoutFrequency, Wordy, Hollow, Table, *self.more]
 
 
-def assembly(model: str, fails: str = "", part: str = "lumped"):
+def assembly(model: str, fails: str = "", part: str = "lumped", more: type | None = None):
     from dovetail.assembly.assembly import Assembly
     from dovetail.assembly.reader import read_description
 
     registry = Registry()
     registry.load_entry_points()
-    registry.add(Plugin(), "here")
+    registry.add(Plugin() if more is None else Plugin(more), "here")
     mass = {"model": "lumped", "masses": [{"mass": 1}]} if part == "lumped" else {"model": part}
     description = {
         "dovetail": 1,
@@ -198,3 +260,29 @@ def test_a_substructure_that_takes_other_arguments():
     said = rf"^{HERE}\n  substructure 'mass' \(table\) failed: TypeError: Table.receptance\(\) takes 2 positional"
     with pytest.raises(PluginError, match=said):
         assembly("frail", part="table").frf()
+
+
+@pytest.mark.parametrize("answer", ANSWERS)
+@pytest.mark.parametrize("method", OF_JOINT)
+def test_a_joint_that_answers_with_something_else(method, answer):
+    base = Shifted if method.startswith("dynamic") else Sprung
+    with pytest.raises(PluginError, match=rf"^{HERE}(:\d+)?\n?  ") as error:
+        assembly("odd", more=odd(base, method, answer)).frf_jacobian()
+    assert len(error.value.faults) == 1
+
+
+@pytest.mark.parametrize("answer", ANSWERS)
+@pytest.mark.parametrize("method", OF_PART)
+def test_a_substructure_that_answers_with_something_else(method, answer):
+    if (method, answer) in SOUND:
+        pytest.skip("this can be taken for what it should be")
+    base = Measured if method in ("receptance", "absent_dofs") else Block
+    with pytest.raises(PluginError, match=rf"^{HERE}(:\d+)?\n?  ") as error:
+        use(assembly("sprung", part="odd", more=odd(base, method, answer)))
+    assert len(error.value.faults) == 1
+
+
+def use(there: dovetail.Assembly) -> None:
+    there.frf()
+    list(find_doubts(there))
+    dovetail.plot_assembly(there)

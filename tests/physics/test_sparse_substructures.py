@@ -212,7 +212,7 @@ def test_faulty_matrices_are_refused_with_one_message(fault, dense):
     for use in (assembly.frf, assembly.natural_frequencies):
         with pytest.raises(PluginError) as caught:
             use()
-        assert str(caught.value) == f"substructure model 'solid'\n  {FAULTS[fault]}"
+        assert str(caught.value) == f"{__file__}  substructure model 'solid'\n  {FAULTS[fault]}"
 
 
 def test_an_undamped_resonance_of_the_held_part_is_one_clear_error():

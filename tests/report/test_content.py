@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+import dovetail
 from dovetail.identification import Adequacy, Cause, Identification, Mode, ModelError
+from dovetail.identification.fitting import refine
 from dovetail.report.content import (
     adequacy_sentences,
     evaluation_rows,
+    fit_sentence,
     is_synthetic,
     misfit_sentence,
     mode_rows,
@@ -134,3 +138,16 @@ def test_what_was_not_judged_is_not_reported(result):
     assert adequacy_sentences(replace(result, adequacy=None)) == []
     assert adequacy_sentences(replace(result, adequacy=Adequacy("not judged"))) == []
     assert adequacy_sentences(replace(result, adequacy=Adequacy("to the noise")))[0] == "The model fits to the noise."
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        (9, "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it;"),
+        (10, "told from the scatter"),
+    ],
+)
+def test_a_random_error_that_is_assumed_is_not_called_told(sdof: dovetail.Assembly, lines: int, said: str) -> None:
+    oscillator = sdof.on(np.linspace(100.0, 300.0, lines))
+    measured = dovetail.Frf(oscillator.frequency, -3.0 * oscillator.frf(), "accelerance")
+    assert said in fit_sentence(refine(oscillator, measured))

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from dovetail.assembly.assembly import Assembly
 from dovetail.documents.validation import number_unit
-from dovetail.errors import DovetailError, PluginError
+from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import Parameter, plugin_errors
 from dovetail.units import format_quantity
 
@@ -53,7 +53,11 @@ def find_doubts(assembly: Assembly) -> tuple[str, ...]:
     highest = float(assembly.frequency[-1])
     for name, part in assembly.description.substructures.items():
         with plugin_errors(part, f"substructure '{name}' ({part.name})"):
-            doubts += [f"substructures.{name}: {problem}" for problem in part.doubts(highest)]
+            own = part.doubts(highest)
+            if not isinstance(own, (list, tuple)) or not all(isinstance(problem, str) for problem in own):
+                problem = f"its doubts are {own!r:.60}."
+                raise PluginError(Fault(f"substructure '{name}' ({part.name})", problem, "a list of sentences"))
+            doubts += [f"substructures.{name}: {problem}" for problem in own]
     return (*doubts, *_of_band(assembly))
 
 

@@ -338,23 +338,24 @@ def by_plugin(
             seed=assembly.description.identification.seed if seed is None else seed,
             progress=progress,
         )
-    check_contract(estimate, method, Estimate, "identify")
-    seconds = time.monotonic() - began
-    (fraction,) = _fractions(assembly, np.asarray(estimate.theta)[np.newaxis], label)
+        check_contract(estimate, method, Estimate, "identify")
+        seconds = time.monotonic() - began
+        (fraction,) = _fractions(assembly, [estimate.theta], label)
+        sampled = None if estimate.samples is None else _fractions(assembly, estimate.samples, label)
     fit = fit_at(assembly, target, fraction, starts=1, agreeing=1, steps=0, seconds=seconds)
     adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     origin = provenance(measured.described, measured.whole, None)
     origin["components"][f"method {method.name}"] = source_of(method)
     origin["method_options"] = method.config.model_dump(mode="json")
     result = _result(measured, fit.theta, method=method.name, provenance=origin, fit=fit, adequacy=adequacy)
-    if estimate.samples is None:
+    if sampled is None:
         return result
-    samples = assembly.from_unit(_fractions(assembly, np.asarray(estimate.samples), label))
+    samples = assembly.from_unit(sampled)
     posterior = _posterior_of(measured, samples, seconds)
     return replace(result, posterior=posterior, warnings=(*result.warnings, *posterior.warnings))
 
 
-def _fractions(assembly: Assembly, theta: NDArray[Any], label: str) -> NDArray[np.float64]:
+def _fractions(assembly: Assembly, answer: object, label: str) -> NDArray[np.float64]:
     """Return parameters (n, n_params) that a plugin gave, in fractions of their ranges.
 
     Raises
@@ -363,6 +364,10 @@ def _fractions(assembly: Assembly, theta: NDArray[Any], label: str) -> NDArray[n
         They are not finite, of another shape, or outside the ranges.
     """
     count = len(assembly.parameters)
+    try:
+        theta = np.asarray(answer)
+    except ValueError:
+        raise PluginError(Fault(label, f"it gave {answer!r:.60} for parameters.", "an array of numbers")) from None
     if theta.ndim != 2 or theta.shape[1] != count or not len(theta) or theta.dtype.kind not in "fiu":
         accepted = f"{count} numbers in each row"
         raise PluginError(Fault(label, f"it gave parameters of the shape {theta.shape}, {theta.dtype}.", accepted))

@@ -6,6 +6,7 @@ import sys
 from abc import ABC
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import FunctionType, TracebackType
 from typing import Any, ClassVar, Literal, Self
@@ -115,6 +116,8 @@ class Component(ABC):
 def plugin_errors(component: object, label: str) -> Iterator[None]:
     """Convert an error in the code of a component to a `PluginError` that names the component, its file and the line.
 
+    What refuses an answer of the component as a `PluginError` without a file gets the component's.
+
     Parameters
     ----------
     component : Component, FittedReducer or FittedRegressor
@@ -129,6 +132,8 @@ def plugin_errors(component: object, label: str) -> Iterator[None]:
     """
     try:
         yield
+    except PluginError as error:
+        raise _with_file(component, error) from error.__cause__
     except DovetailError:
         raise
     except (Exception, SystemExit) as error:
@@ -137,6 +142,14 @@ def plugin_errors(component: object, label: str) -> Iterator[None]:
             raise
         problem = f"{label} failed: {type(error).__name__}: {error}".rstrip(": ")
         raise PluginError(Fault(where, problem, remedy="The fault is in the code of the model.")) from error
+
+
+def _with_file(component: object, error: PluginError) -> PluginError:
+    """Return an error about a component's answer with its file in front, unless it names one."""
+    file = source_file(component)
+    if not file or any(".py" in fault.where for fault in error.faults):
+        return error
+    return PluginError(*(replace(fault, where=f"{file}  {fault.where}".rstrip()) for fault in error.faults))
 
 
 def _refusing_file(component: object, error: BaseException) -> str:

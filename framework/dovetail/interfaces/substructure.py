@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.errors import Fault, PluginError
 from dovetail.interfaces.component import Component, Kind
 from dovetail.interfaces.matrices import DIRECTIONS, StructuralMatrices
 from dovetail.interfaces.sparse_matrices import SparseMatrices
@@ -123,7 +124,8 @@ class SubstructureModel(Component):
         """
         matrices = self.matrices()
         if matrices is None:
-            raise NotImplementedError(f"'{self.name}' has no matrices, so it has to give its own receptance.")
+            problem = f"'{self.name}' has no matrices, so it has to give its own receptance."
+            raise PluginError(Fault(f"substructure model '{self.name}'", problem))
         ports = np.asarray(dofs, dtype=np.intp)
         lines = np.asarray(frequency, dtype=np.float64)
         if isinstance(matrices, SparseMatrices):

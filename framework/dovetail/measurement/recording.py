@@ -226,9 +226,8 @@ class Recording:
             bad = np.flatnonzero(~np.isfinite(array[first:])) + first
             if bad.size:
                 more = f" ({bad.size} such lines)" if bad.size > 1 else ""
-                raise MeasurementError(
-                    Fault(self.locate(int(bad[0])), f"the {name} is {array[bad[0]]}, which is not finite{more}.")
-                )
+                problem = f"the {name} is {array[bad[0]]}, which is not finite{more}."
+                raise MeasurementError(Fault(self.locate(int(bad[0])), problem, remedy=_REMOVE))
 
     def _check_axis(self, first: int) -> None:
         if self.frequency[first] < 0:
@@ -276,6 +275,12 @@ class Recording:
             lines = f"{above} of {coherence.size} lines, by up to {coherence.max() - 1:.2g}"
             warnings.warn(f"{self.where}: the coherence is above 1 at {lines}; it is taken as 1 there.", stacklevel=4)
         return np.clip(coherence, 0.0, 1.0)
+
+
+_REMOVE = (
+    "Remove these lines from the file: a measurement need not be evenly spaced. "
+    "With NumPy: ok = np.isfinite(values), then frequency[ok] and values[ok]."
+)
 
 
 def are_opposite(response: str, force: str) -> bool:

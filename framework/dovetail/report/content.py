@@ -289,6 +289,8 @@ def posterior_sentence(posterior: Posterior) -> str:
 def fit_sentence(fit: Fit) -> str:
     """Say how good a fit is and what it took."""
     source = "as the measurement tells it" if fit.variance_known else "told from the scatter from line to line"
+    if fit.variance_assumed:
+        source = "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it"
     return (
         f"Chi-squared {fit.chi_squared:.3g} per degree of freedom ({fit.degrees_of_freedom}) over the random error, "
         f"{source}; {fit.starts} starts, {fit.steps} steps, {fit.seconds:.2g} s."

@@ -146,11 +146,12 @@ def _parts(description: Description) -> dict[str, _Part]:
     for number, (name, model) in enumerate(substructures.items()):
         with plugin_errors(model, f"substructure '{name}' ({model.name})"):
             outline = list(model.outline)
-        try:
-            pieces = 1e3 * (np.reshape(outline, (-1, 4)) + np.array([1.0, 1.0, 0.0, 0.0]) * starts[name])
-        except (TypeError, ValueError):
-            problem, remedy = f"its outline is {outline!r:.60}.", "Give (start, stop, outer, inner) of each section."
-            raise PluginError(Fault(f"substructure '{name}' ({model.name})", problem, remedy=remedy)) from None
+            try:
+                pieces = 1e3 * (np.reshape(outline, (-1, 4)) + np.array([1.0, 1.0, 0.0, 0.0]) * starts[name])
+            except (TypeError, ValueError):
+                remedy = "Give (start, stop, outer, inner) of each section."
+                where, problem = f"substructure '{name}' ({model.name})", f"its outline is {outline!r:.60}."
+                raise PluginError(Fault(where, problem, remedy=remedy)) from None
         drawn[name] = _Part(model, _PARTS[number % len(_PARTS)], 1e3 * starts[name], pieces.tolist())
     return drawn
 

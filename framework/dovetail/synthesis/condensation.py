@@ -6,8 +6,9 @@ receptances alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -78,8 +79,12 @@ def boundary_dynamic_stiffness(
     if isinstance(matrices, StructuralMatrices):
         matrices = SparseMatrices(matrices.M, matrices.K, matrices.C, matrices.D)
     partitioned = PartitionedMatrices(matrices, dofs)
-    if substructure.condensation_tolerance > 0:
-        return condense_on_basis(partitioned, frequency, substructure.condensation_tolerance).stiffness
+    tolerance = substructure.condensation_tolerance
+    if not isinstance(tolerance, Real):
+        where = f"substructure model '{substructure.name}'"
+        raise PluginError(Fault(where, f"its condensation_tolerance is {tolerance!r:.60}.", "a number, 0 or more"))
+    if tolerance > 0:
+        return condense_on_basis(partitioned, frequency, float(tolerance)).stiffness
     return partitioned.condense(frequency)
 
 
@@ -170,7 +175,11 @@ def inverted_receptance(
     DovetailError
         The receptance is singular at a frequency, or so badly conditioned that its inverse is rounding.
     """
-    present = [index for index, dof in enumerate(dofs) if dof not in substructure.absent_dofs]
+    absent = substructure.absent_dofs
+    if not isinstance(absent, (Set, Sequence)) or isinstance(absent, str):
+        where = f"substructure model '{substructure.name}'"
+        raise PluginError(Fault(where, f"its absent_dofs are {absent!r:.60}.", "a frozenset of DOFs"))
+    present = [index for index, dof in enumerate(dofs) if dof not in absent]
     stiffness = np.zeros((len(frequency), len(dofs), len(dofs)), dtype=np.complex128)
     if present:
         inverse = _invert(substructure, [int(dofs[index]) for index in present], frequency)
@@ -182,7 +191,13 @@ def _invert(
     substructure: SubstructureModel, dofs: Sequence[int], frequency: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     where = f"substructure model '{substructure.name}'"
-    receptance = np.asarray(substructure.receptance(frequency, dofs), dtype=np.complex128)
+    answer = substructure.receptance(frequency, dofs)
+    try:
+        receptance = np.asarray(answer, dtype=np.complex128)
+    except (TypeError, ValueError):
+        raise PluginError(
+            Fault(where, f"it returns {answer!r:.60} for its receptance.", "an array of numbers")
+        ) from None
     wanted = (len(frequency), len(dofs), len(dofs))
     if receptance.shape != wanted:
         raise PluginError(Fault(where, f"it returns a receptance of the shape {receptance.shape}, not {wanted}."))

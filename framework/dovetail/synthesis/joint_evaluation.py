@@ -55,9 +55,9 @@ def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
     label = _label(name, model)
     with plugin_errors(model, label):
         matrices = model.matrices(theta)
-    _check_matrices(label, model, [matrices], len(theta))
-    for matrix in MATRICES:
-        _check_symmetry(label, f"a matrix {matrix}", getattr(matrices, matrix))
+        _check_matrices(label, model, [matrices], len(theta))
+        for matrix in MATRICES:
+            _check_symmetry(label, f"a matrix {matrix}", getattr(matrices, matrix))
     return matrices
 
 
@@ -72,10 +72,10 @@ def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
     label = _label(name, model)
     with plugin_errors(model, label):
         derivatives = tuple(model.matrices_jacobian(theta))
-    if len(derivatives) != len(model.parameters):
-        problem = f"{label} returns {len(derivatives)} derivatives of its matrices"
-        raise PluginError(f"{problem}, not one for each of its {len(model.parameters)} parameters.")
-    _check_matrices(label, model, derivatives, len(theta))
+        if len(derivatives) != len(model.parameters):
+            problem = f"{label} returns {len(derivatives)} derivatives of its matrices"
+            raise PluginError(f"{problem}, not one for each of its {len(model.parameters)} parameters.")
+        _check_matrices(label, model, derivatives, len(theta))
     return derivatives
 
 
@@ -92,8 +92,8 @@ def joint_stiffness(
     label = _label(name, model)
     with plugin_errors(model, label):
         stiffness = np.asarray(model.dynamic_stiffness(frequency, theta), dtype=np.complex128)
-    _check_stiffness(label, model, stiffness, (len(theta), len(frequency)))
-    _check_symmetry(label, "a dynamic stiffness", stiffness)
+        _check_stiffness(label, model, stiffness, (len(theta), len(frequency)))
+        _check_symmetry(label, "a dynamic stiffness", stiffness)
     return stiffness
 
 
@@ -116,12 +116,13 @@ def joint_stiffness_jacobian(
             if derivative is None:
                 break
             derivative = np.asarray(derivative, dtype=np.complex128)
-        _check_stiffness(label, model, derivative, shape)
+            _check_stiffness(label, model, derivative, shape)
         count += 1
         yield derivative
     if count != len(model.parameters):
         problem = f"{label} returns {count} derivatives of its dynamic stiffness"
-        raise PluginError(f"{problem}, not one for each of its {len(model.parameters)} parameters.")
+        with plugin_errors(model, label):
+            raise PluginError(f"{problem}, not one for each of its {len(model.parameters)} parameters.")
 
 
 def _check_stiffness(label: str, model: JointModel, stiffness: NDArray[np.complex128], count: tuple[int, int]) -> None:

@@ -74,8 +74,6 @@ def assess(
     noise = is_noise(assembly, target, fit)
     if noise and not model_error:
         return Adequacy("to the noise", allowed=model_error), fit
-    if not noise and max(target.counts) < 2:
-        return Adequacy("not judged", allowed=model_error), fit
     start = assembly.to_unit(fit.theta)
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
+from dovetail.identification.adequacy import model_causes
 from dovetail.identification.adequacy.adequacy import Cause
-from dovetail.identification.adequacy.model_causes import nearest_points, try_levels, try_missing_resonances, try_window
+from dovetail.identification.adequacy.model_causes import Candidate, nearest_points
 from dovetail.identification.adequacy.perturbations import Perturbation
-from dovetail.identification.adequacy.trials import Trial, Trials, values_of
+from dovetail.identification.adequacy.trials import Trials, values_of
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
@@ -98,9 +99,6 @@ _UNITS: tuple[tuple[float, str], ...] = (
 
 _LOG = logging.getLogger(__name__)
 
-Candidate = tuple[str, str, Trial]
-"""Kind and words of a cause, and the fit with it."""
-
 
 def find_causes(
     assembly: Assembly,
@@ -176,9 +174,9 @@ def _needed(name: str, excess: float) -> float:
     return max(_SETTINGS.least, _SETTINGS.least_share * excess, min(improvement, _SETTINGS.share * excess))
 
 
-_OF_MEASUREMENT = {"sign", "conjugate", "gain", "unit", "quantity", "delay", "window"}
-_STAGES = 11
-_FINISHED = 2
+_OF_MEASUREMENT = {"sign", "order", "conjugate", "gain", "unit", "quantity", "delay", "window"}
+_STAGES = 12
+_FINISHED = 3
 """Stages that are finished in any case: a gain and a mass may have the same effect, and are then both named."""
 
 
@@ -186,13 +184,14 @@ def _candidates(trials: Trials, progress: Progress, explained: Callable[[], bool
     """Yield the changes that could be the cause, the quickest to try first, until one explains the misfit."""
     stages: list[tuple[str, Callable[[Trials], Iterator[Candidate]]]] = [
         ("sign and phase", _phases),
+        ("order of measurements", model_causes.try_exchanges),
         ("gain, units and mass", _gains_and_masses),
         ("quantity", _quantities),
         ("delay", _delays),
-        ("levels", try_levels),
-        ("window", try_window),
+        ("levels", model_causes.try_levels),
+        ("window", model_causes.try_window),
         ("ranges", _ranges),
-        ("resonances", try_missing_resonances),
+        ("resonances", model_causes.try_missing_resonances),
         ("response point", _points),
         ("overhang", _overhangs),
         ("parts", _parts),
@@ -270,6 +269,8 @@ def _factors(gain: float) -> list[tuple[float, str]]:
 
 def _quantities(trials: Trials) -> Iterator[Candidate]:
     """Try another quantity if the ratio of measurement and model follows a power of the frequency."""
+    if len(trials.target.frequency) < 2:
+        return
     ratio = np.log(np.abs(values_of(trials.target.frfs)) / np.abs(trials.values(trials.shape)))
     axis = np.log(trials.target.frequency)
     low, high = np.array_split(np.argsort(axis), 2)

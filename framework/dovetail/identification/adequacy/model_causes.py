@@ -1,9 +1,10 @@
-"""Causes in the model: other points, several levels of the force, a resonance that it lacks, damping of a window."""
+"""Causes in the model: points, responses exchanged, levels of the force, a resonance that it lacks, a window."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from dovetail.identification.posterior.model_error import Resonances, fit_resona
 from dovetail.interfaces import DIRECTIONS
 from dovetail.synthesis import Point
 
-__all__ = ["nearest_points", "try_levels", "try_missing_resonances", "try_window"]
+__all__ = ["Candidate", "nearest_points", "try_exchanges", "try_levels", "try_missing_resonances", "try_window"]
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class Settings:
     """Random joints whose FRFs are compared."""
     most_difference: float = 1.0
     """Difference of logarithms of amplitudes at which it is cut off: a resonance elsewhere makes larger ones."""
+    most_exchanges: int = 15
+    """Pairs of responses that are tried: all of up to six."""
     most_resonances: int = 2
     """Resonances that are tried, the lowest first."""
     reach: float = 0.1
@@ -167,6 +170,7 @@ def _words(assembly: Assembly, place: Node) -> str:
 
 
 Candidate = tuple[str, str, Trial]
+"""Kind and words of a cause, and the fit with it."""
 
 
 def try_levels(trials: Trials) -> Iterator[Candidate]:
@@ -189,6 +193,23 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
         words += f", a resonance from {strongest:.5g} to {last[np.argmin(np.abs(last - strongest))]:.5g} Hz"
     together = np.concatenate([of_response[number] for number in range(len(measured_at))])
     yield "level", f"{words} (does it depend on the amplitude?)", trials.judged(trials.best, together)
+
+
+def try_exchanges(trials: Trials) -> Iterator[Candidate]:
+    """Yield the fits with the measurements of two responses exchanged: the model's responses are, on the same lines."""
+    frfs, description = trials.target.frfs, trials.assembly.description
+    for former, latter in islice(combinations(range(len(frfs)), 2), _SETTINGS.most_exchanges):
+        responses = list(description.responses)
+        first, second = responses[former], responses[latter]
+        alike = (first.point, first.force_point) == (second.point, second.force_point)
+        if alike or frfs[former].rotation != frfs[latter].rotation:
+            continue
+        responses[former] = replace(second, quantity=first.quantity)
+        responses[latter] = replace(first, quantity=second.quantity)
+        exchanged = Assembly(replace(description, responses=tuple(responses))).on(*(frf.frequency for frf in frfs))
+        labels = description.response_labels
+        words = f"the measurements at {labels[former]} and {labels[latter]} exchanged"
+        yield "order", words, trials.fit(exchanged, frfs, [trials.search(exchanged, trials.shape)])
 
 
 def try_missing_resonances(trials: Trials) -> Iterator[Candidate]:

@@ -35,6 +35,8 @@ class Fit:
         E|random error|^2 of each line; the lines of a second response stand behind those of the first.
     variance_known : bool
         Whether the variance came with the measurement; else it was estimated from the scatter from line to line.
+    variance_assumed : bool
+        Whether that of a response is assumed, since it has too few lines for an estimate.
     discrepancy : float
         Error of the model itself, relative to the magnitude of each line; 0 where the random error explains everything.
     background : float
@@ -61,6 +63,7 @@ class Fit:
     degrees_of_freedom: int
     variance: NDArray[np.float64]
     variance_known: bool
+    variance_assumed: bool
     discrepancy: float
     background: float
     ignored: NDArray[np.float64]
@@ -96,6 +99,7 @@ class Fit:
             "chi_squared": self.chi_squared,
             "degrees_of_freedom": self.degrees_of_freedom,
             "variance_known": self.variance_known,
+            "variance_assumed": self.variance_assumed,
             "discrepancy": self.discrepancy,
             "background": self.background,
             "ignored_lines_Hz": np.asarray(self.ignored).tolist(),

@@ -136,23 +136,32 @@ def _search(
     def reduced(position: bytes) -> NDArray[np.float64]:
         return _triangle(linearise(position))
 
-    def stop_when_late(_: NDArray[np.float64]) -> None:
+    reached = start.copy()
+
+    def stop_when_late(position: NDArray[np.float64]) -> None:
+        reached[:] = position
         if time.monotonic() > deadline:
             raise StopIteration
 
-    end = least_squares(
-        lambda position: reduced(position.tobytes())[:, -1],
-        start,
-        lambda position: reduced(position.tobytes())[:, :-1],
-        bounds=(0.0, 1.0),
-        x_scale="jac",  # the FRF tells some parameters a thousand times as well as others
-        ftol=tolerance / linearise(start.tobytes()).residuals.size,
-        max_nfev=most_steps,
-        callback=stop_when_late,
-    )
-    position = end.x
-    position[(position < _AT_BOUND) & (end.grad > 0)] = 0.0
-    position[(position > 1.0 - _AT_BOUND) & (end.grad < 0)] = 1.0
+    try:
+        end = least_squares(
+            lambda position: reduced(position.tobytes())[:, -1],
+            start,
+            lambda position: reduced(position.tobytes())[:, :-1],
+            bounds=(0.0, 1.0),
+            x_scale="jac",  # the FRF tells some parameters a thousand times as well as others
+            ftol=tolerance / linearise(start.tobytes()).residuals.size,
+            max_nfev=most_steps,
+            callback=stop_when_late,
+        )
+    except ValueError as error:
+        if "trust region" not in str(error):
+            raise
+        position = reached  # huge residuals of few lines: by rounding a step begins outside of its own region
+    else:
+        position = end.x
+        position[(position < _AT_BOUND) & (end.grad > 0)] = 0.0
+        position[(position > 1.0 - _AT_BOUND) & (end.grad < 0)] = 1.0
     at_end = linearise(position.tobytes())
     return position, at_end.cost[0], at_end.curvature[0], linearise.cache_info().misses
 

@@ -125,6 +125,7 @@ def fit_at(
         degrees_of_freedom=freedom,
         variance=variance,
         variance_known=target.variance_known,
+        variance_assumed=target.assumes(variance),
         discrepancy=0.0,
         background=0.0,
         ignored=np.empty(0),

@@ -16,6 +16,7 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 from dovetail.identification.fitting.random_error import (
     estimated_variance,
+    is_too_short,
     isolated_lines,
     known_variance,
     most_likely_parts,
@@ -131,6 +132,14 @@ class Observations:
         responses = zip(self.frfs, self._known_variances, models, strict=True)
         return np.concatenate(
             [_estimated(frf, values) if variance is None else variance for frf, variance, values in responses]
+        )
+
+    def assumes(self, variance: NDArray[np.float64]) -> bool:
+        """Return whether a variance (n_lines,) is assumed for a response: it is not known, and lines are too few."""
+        responses = zip(self.frfs, self._known_variances, self.split(variance), strict=True)
+        return any(
+            known is None and is_too_short(frf) and np.array_equal(own, estimated_variance(frf))
+            for frf, known, own in responses
         )
 
     def residual_variance(

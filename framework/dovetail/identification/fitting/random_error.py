@@ -19,6 +19,7 @@ __all__ = [
     "Weights",
     "error_parts",
     "estimated_variance",
+    "is_too_short",
     "isolated_lines",
     "known_variance",
     "most_likely_parts",
@@ -224,7 +225,7 @@ def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float
     """Estimate a and b of ``a + b |H|^2``."""
     least = _least_variance(frf)
     values = frf.values if frf.has_phase else frf.amplitude
-    if len(values) < 2 * len(_DIFFERENCE):
+    if is_too_short(frf):
         return float((_SETTINGS.short * frf.amplitude.max()) ** 2), 0.0
     residuals = values if model is None else values - model
     squares = np.abs(np.convolve(residuals, _DIFFERENCE, mode="valid")) ** 2
@@ -234,6 +235,11 @@ def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float
     magnitude = np.array([np.sqrt(np.mean(level[rows] ** 2)) for rows in bins])
     quantiles = np.array([np.quantile(squares[rows], _SETTINGS.quantile) for rows in bins])
     return _floor_and_share(magnitude, np.maximum(quantiles / _unit_quantile(frf.has_phase), least))
+
+
+def is_too_short(frf: Frf) -> bool:
+    """Return whether an FRF has fewer than 10 lines: 1 % of the largest value is then assumed as random error."""
+    return len(frf.frequency) < 2 * len(_DIFFERENCE)
 
 
 def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:

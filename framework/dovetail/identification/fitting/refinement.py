@@ -178,6 +178,7 @@ class _Refinement:
             degrees_of_freedom=self._freedom,
             variance=self._variance,
             variance_known=self._target.variance_known,
+            variance_assumed=self._target.assumes(self._variance),
             discrepancy=discrepancy,
             background=background,
             ignored=self._target.frequency[~self._used],

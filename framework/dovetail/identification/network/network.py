@@ -60,8 +60,11 @@ class Network:
     recipes: tuple[Reducer, Regressor]
 
     def __post_init__(self) -> None:
-        check_contract(self.reducer, self.recipes[0], FittedReducer)
-        check_contract(self.regressor, self.recipes[1], FittedRegressor)
+        for fitted, recipe, contract in zip(
+            (self.reducer, self.regressor), self.recipes, (FittedReducer, FittedRegressor), strict=True
+        ):
+            with plugin_errors(recipe, component_label(recipe)):
+                check_contract(fitted, recipe, contract)
 
     def predict(self, amplitude: NDArray[np.floating]) -> NDArray[np.float64]:
         """Predict parameters from the accelerance's amplitude.
@@ -87,7 +90,7 @@ class Network:
         label, features = component_label(self.recipes[1]), self._features(amplitude)
         with plugin_errors(self.regressor, label):
             predicted = self.regressor.predict(features)
-        targets = check_rows(predicted, label, len(amplitude), len(self.target_scaling.lower))
+            targets = check_rows(predicted, label, len(amplitude), len(self.target_scaling.lower))
         return self.target_scaling.inverse(targets)
 
     def predict_samples(self, amplitude: NDArray[np.floating]) -> NDArray[np.float64] | None:
@@ -111,23 +114,23 @@ class Network:
         label, features = component_label(self.recipes[1]), self._features(amplitude[np.newaxis])
         with plugin_errors(self.regressor, label):
             told = self.regressor.predict_distribution(features)
-        if told is None:
-            return None
-        check_contract(told, self.recipes[1], TargetDistribution, "predict_distribution")
-        samples = np.asarray(told.samples)
-        if samples.ndim != 3 or len(samples) != 1 or samples.shape[1] < _FEWEST_DRAWS:
-            accepted = f"(1, {_FEWEST_DRAWS} or more, {len(self.target_scaling.lower)})"
-            raise PluginError(Fault(label, f"its distribution has the shape {samples.shape}.", accepted))
-        draws = check_rows(samples[0], label, samples.shape[1], len(self.target_scaling.lower))
-        if not np.isfinite(draws).all():
-            raise PluginError(Fault(label, "its distribution is not finite.", "finite numbers"))
+            if told is None:
+                return None
+            check_contract(told, self.recipes[1], TargetDistribution, "predict_distribution")
+            samples = told.samples if isinstance(told.samples, np.ndarray) else np.empty(0)
+            if samples.ndim != 3 or len(samples) != 1 or samples.shape[1] < _FEWEST_DRAWS:
+                accepted = f"an array (1, {_FEWEST_DRAWS} or more, {len(self.target_scaling.lower)})"
+                raise PluginError(Fault(label, f"its distribution has the shape {samples.shape}.", accepted))
+            draws = check_rows(samples[0], label, samples.shape[1], len(self.target_scaling.lower))
+            if not np.isfinite(draws).all():
+                raise PluginError(Fault(label, "its distribution is not finite.", "finite numbers"))
         return self.target_scaling.inverse(draws)
 
     def _features(self, amplitude: NDArray[np.floating]) -> NDArray[np.float32]:
         label = component_label(self.recipes[0])
         with plugin_errors(self.reducer, label):
             reduced = self.reducer.transform(log10p1(amplitude))
-        features = check_rows(reduced, label, len(amplitude), len(self.feature_scaling.mean))
+            features = check_rows(reduced, label, len(amplitude), len(self.feature_scaling.mean))
         return self.feature_scaling.transform(features)
 
 
@@ -194,9 +197,10 @@ def reduce_features(
     for rows in blocks(len(features)):
         with plugin_errors(reducer, f"reducer '{name}'"):
             block = reducer.transform(features[rows])
-        block = check_rows(block, f"reducer '{name}'", rows.stop - rows.start, reduced.shape[1] or None)
-        if not np.isfinite(block).all():
-            raise PluginError(Fault(f"reducer '{name}'", "it returned features that are not finite.", "finite numbers"))
+            block = check_rows(block, f"reducer '{name}'", rows.stop - rows.start, reduced.shape[1] or None)
+            if not np.isfinite(block).all():
+                problem = "it returned features that are not finite."
+                raise PluginError(Fault(f"reducer '{name}'", problem, "finite numbers"))
         if rows.start == 0:
             reduced = np.empty((len(features), block.shape[1]), dtype=np.float32)
         reduced[rows] = block

@@ -182,7 +182,8 @@ def train_and_evaluate(
         predicted = network.predict(test_amplitude)
         if not np.isfinite(predicted).all():
             label = component_label(settings.regressor)
-            raise PluginError(Fault(label, "its answers to the test FRFs are not finite.", "finite numbers"))
+            with plugin_errors(settings.regressor, label):
+                raise PluginError(Fault(label, "its answers to the test FRFs are not finite.", "finite numbers"))
     evaluation = Evaluation(
         parameters=parameter_metrics(assembly.parameters, theta[is_test], predicted),
         training_samples=int(np.count_nonzero(~is_test)),
@@ -268,7 +269,7 @@ def _fit_reducer(
         progress("reducer", 0, 1, f"{settings.reducer.name} on {len(features)} FRFs{expected}")
         with plugin_errors(settings.reducer, component_label(settings.reducer)):
             reducer = fit_in_context(settings.reducer.fit, features, context=context, seed=settings.seed)
-        check_contract(reducer, settings.reducer, FittedReducer)
+            check_contract(reducer, settings.reducer, FittedReducer)
         assert isinstance(reducer, FittedReducer)
         progress("reducer", 1, 1)
     return reducer

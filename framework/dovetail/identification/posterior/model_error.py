@@ -111,7 +111,7 @@ class ModelError:
         ]
         if self.magnitude > 0.0 or self.phase > 0.0:  # nothing is known of them where there is no FRF
             words.append(f"amplitudes by {_percent_or_factor(self.magnitude)}")
-            words.append(f"phases by {np.degrees(self.phase):.2g} degrees")
+            words.append(f"phases by {_degrees(self.phase)} degrees")
         if self.other > 0.0:
             words.append(f"and what none of these explains is {_percent_or_factor(self.other)} of the FRF")
         return ", ".join(words)
@@ -119,6 +119,11 @@ class ModelError:
     def to_dict(self) -> dict[str, float]:
         """Return the sizes by their names."""
         return asdict(self)
+
+
+def _degrees(phase: float) -> str:
+    """Return an error of the phase [rad] in degrees; no two phases are more than half a turn apart."""
+    return "180" if phase >= np.pi else f"{np.degrees(phase):.2g}"
 
 
 def _percent_or_factor(size: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -80,6 +81,9 @@ _NO_FRF = frozenset(("force", "excitation", "hammer", "psd", "power", "autopower
 """Words by which a signal is none of an FRF."""
 _SHOWN = 60
 """Characters of a name."""
+_MANY_LINES = 100
+_HALF_TURN, _NEARLY_A_TURN = 3.15, 6.0
+"""Phase [rad] that is not left, and from which on a jump is a wrap, where radians are called degrees."""
 _ACCEPTED = "values (complex) | real, imag | amplitude (or db), phase_deg (or phase_rad) | amplitude"
 
 
@@ -246,6 +250,12 @@ def _inventory(contents: Mapping[str, str], limit: int = 20) -> str:
     return ("".join(rows) or " nothing") + (f"\n    and {hidden} more" if hidden > 0 else "")
 
 
+def _looks_like_radians(phase: NDArray[np.float64]) -> bool:
+    """Return whether a phase that is called one in degrees lies within +-pi on many lines and wraps there."""
+    within = phase.size >= _MANY_LINES and bool(np.all(np.abs(phase) <= _HALF_TURN))
+    return within and bool(np.abs(np.diff(phase)).max() > _NEARLY_A_TURN)
+
+
 def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], str]) -> tuple[NDArray[Any], bool]:
     """Return the values of an FRF from its fields, and whether they have a phase.
 
@@ -269,6 +279,10 @@ def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], s
     if "real" in fields:
         values.real, values.imag = fields["real"], fields["imag"]
         return values, True
+    if "phase_deg" in fields and _looks_like_radians(fields["phase_deg"]):
+        problem = "the phase in degrees never leaves +-3.15 and jumps by nearly 2 pi: it looks like radians"
+        place = re.sub(r"[:,]\D*\d+\D*$", "", locate(0))
+        warnings.warn(f"{place}: {problem}. If it is in radians, call it phase_rad.", stacklevel=2)
     phase = np.deg2rad(fields["phase_deg"]) if "phase_deg" in fields else fields["phase_rad"]
     with np.errstate(invalid="ignore"):  # an infinite phase becomes NaN, and the recording refuses it
         values.real, values.imag = fields["amplitude"] * np.cos(phase), fields["amplitude"] * np.sin(phase)

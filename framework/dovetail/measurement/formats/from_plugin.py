@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Integral
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +78,8 @@ def decode(path: Path, content: bytes, reader: FrfReader, options: ReadOptions) 
             raise MeasurementError(Fault(str(path), str(error.__cause__))) from None
         raise
     number, frf = _chosen(path, recorded, options)
-    _check_arrays(frf, _label(reader))
+    with plugin_errors(reader, _label(reader)):
+        _check_arrays(frf, _label(reader))
     where = str(path) if len(recorded) == 1 else f"{path}: FRF {number}"
     meaning = meaning_of_unit(frf.unit, where) if frf.unit else None
     recording = Recording(
@@ -151,3 +153,6 @@ def _check_arrays(frf: RecordedFrf, label: str) -> None:
             raise PluginError(Fault(label, f"its {name} are {found}.", "vectors of numbers of one length"))
     if any(not isinstance(text, str) for text in (frf.unit, frf.response, frf.force, frf.note)):
         raise PluginError(Fault(label, "its unit, DOFs and note are not all texts.", "texts, empty where it is silent"))
+    averages = frf.averages
+    if averages is not None and (isinstance(averages, bool) or not isinstance(averages, Integral)):
+        raise PluginError(Fault(label, f"its averages are {averages!r:.40}.", "a whole number, or None"))
