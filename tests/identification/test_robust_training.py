@@ -12,8 +12,7 @@ from dovetail.assembly import AugmentationSection
 from dovetail.errors import DatasetError
 from dovetail.identification.network.augmentation import Augmentation, FreshEpochs, NoisyFeatures
 from dovetail.identification.network.network import Reduction
-from dovetail.identification.network.preprocessing import TargetScaling, ZScore, log10p1
-from dovetail.identification.network.training import draw_test_samples
+from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 
 AXIS = np.arange(1.0, 2001.0)
 SILENT = {"additive": 0.0, "multiplicative": 0.0}
@@ -233,18 +232,3 @@ def test_robust_training_can_be_asked_for_and_is_in_the_description(with_setting
     model = dovetail.train(plain, frfs, robust=True)
     again = dovetail.load(json.loads(model.assembly.description.text))
     assert again.description.identification.augmentation == AugmentationSection()
-
-
-def test_the_reducer_may_be_fitted_to_frfs_without_noise(with_settings, frfs):
-    """A test FRF without noise is then reduced to the scores that it has among the others."""
-    section = {"copies": 1, "additive": 0.0, "multiplicative": 0.3}
-    options = {"samples": 600, "reducer": {"model": "pca", "n_components": 12}}
-    regressor = {"model": "mlp", "hidden": [8], "max_epochs": 2}
-    means = {}
-    for clean in (False, True):
-        settings = with_settings(**options, regressor=regressor, augmentation={**section, "clean_reducer": clean})
-        means[clean] = dovetail.train(settings, frfs).network.reducer.state()["mean"]
-    is_test = draw_test_samples(len(frfs), 0.2, 0)
-    expected = log10p1(np.asarray(frfs.amplitude[:])[~is_test]).mean(axis=0)
-    np.testing.assert_allclose(means[True], expected, atol=1e-5)
-    assert np.abs(means[False] - expected).max() > 1e-3

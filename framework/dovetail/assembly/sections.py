@@ -255,9 +255,6 @@ class AugmentationSection(_Section):
     reuse : int
         How often such a sample is drawn on average: one in so many is new in each epoch. By default none is seen twice;
         more where the regressor is faster than the engine.
-    clean_reducer : bool
-        Fit the reducer to FRFs without noise. Among noisy ones principal components are those of the noise where an
-        FRF varies by less, however well good measurements would tell it.
     """
 
     additive: _Level = 0.2
@@ -275,7 +272,6 @@ class AugmentationSection(_Section):
     copies: Annotated[_Count, Field(ge=1, le=1000)] = 8
     fresh: bool = False
     reuse: Annotated[_Count, Field(ge=1, le=1000)] = 1
-    clean_reducer: bool = False
 
     @model_validator(mode="before")
     @classmethod

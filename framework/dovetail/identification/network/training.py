@@ -200,13 +200,11 @@ def _fit_network(
     """Fit to the training FRFs, with noise if the description has it; return the network and the test amplitudes."""
     settings = assembly.description.identification
     theta = dataset.parameters[~is_test]
-    noisy = for_reducer = None
+    noisy = None
     with timer.stage("features"):
         features, test_amplitude = read_frfs(dataset, is_test, progress, phase=needs_phase(assembly))
         if settings.augmentation is not None:
             noisy = NoisyFeatures.of(assembly, features, theta)
-            if settings.augmentation.clean_reducer:
-                for_reducer = log10p1(np.abs(features))
             features, theta = noisy(0)
         else:
             for rows in blocks(len(features)):
@@ -216,10 +214,7 @@ def _fit_network(
     if sum(timer.seconds.values()) > _WORTH_FORECASTING:
         with timer.stage("forecast"):
             expected = _forecast(assembly, features, theta, context)
-    reducer = _fit_reducer(
-        settings, features if for_reducer is None else for_reducer, context, timer, progress, expected
-    )
-    del for_reducer
+    reducer = _fit_reducer(settings, features, context, timer, progress, expected)
     with timer.stage("reduction"):
         reduced = reduce_features(reducer, settings.reducer.name, features, progress)
     del features  # 700 MB at 40,000 FRFs of 4451 lines
