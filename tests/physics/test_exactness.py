@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
@@ -33,6 +35,15 @@ def shipped() -> list[str]:
 @cache
 def load(name: str) -> dovetail.Assembly:
     return dovetail.load(FOLDER / name)
+
+
+def one_of_each(suits: Callable[[str], object] = bool) -> Iterable[object]:
+    """The assemblies that suit; of those that differ in the tool alone, all but the first are slow tests."""
+    seen = set[str]()
+    for name in filter(suits, shipped()):
+        without_tool = re.sub(r"t[1-3]\.yaml$", "", name)
+        yield pytest.param(name, marks=[pytest.mark.slow] if without_tool in seen else [])
+        seen.add(without_tool)
 
 
 class WholeAssembly:
@@ -127,7 +138,7 @@ def test_the_assemblies_that_ship_are_found():
     assert not any("cases" in name for name in shipped())
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", one_of_each())
 def test_a_hundred_vectors_equal_the_direct_solve_with_resonances_and_dips(name):
     assembly, generator = load(name), np.random.default_rng(0)
     theta = samples(assembly, 100, seed=11)
@@ -142,14 +153,14 @@ def test_a_hundred_vectors_of_the_large_ones_too(name):
     assert largest_error(assembly, theta, lambda vector, found: spread(found, generator, lines=3, extremes=4)) < 1e-8
 
 
-@pytest.mark.parametrize("name", [name for name in shipped() if load(name).parameters])
+@pytest.mark.parametrize("name", one_of_each(lambda name: load(name).parameters))
 def test_interpolated_frfs_equal_the_direct_solve_as_well(name):
     assembly, generator = load(name).interpolated(1e-9), np.random.default_rng(2)
     theta = samples(assembly, 100, seed=17)
     assert largest_error(assembly, theta, lambda vector, found: spread(found, generator, lines=40)) < 1e-8
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", one_of_each())
 def test_one_vector_equals_the_direct_solve_at_every_line(name):
     """Of a large one at every fourth line, or fewer."""
     assembly = load(name)
@@ -185,7 +196,7 @@ def is_damped_by_its_measurement(name: str) -> bool:
     return "/sf_" in name or name == "hammer_test.yaml"
 
 
-@pytest.mark.parametrize("name", [name for name in shipped() if not is_damped_by_its_measurement(name)])
+@pytest.mark.parametrize("name", one_of_each(lambda name: not is_damped_by_its_measurement(name)))
 def test_without_any_damping_the_engine_is_exact_away_from_resonance(name):
     assembly, generator = undamped(load(name)), np.random.default_rng(1)
     theta = samples(assembly, 100, seed=14)
@@ -212,7 +223,7 @@ def literal_exists(assembly) -> bool:
     return bool(internal) and graph.size == whole + internal
 
 
-@pytest.mark.parametrize("name", [name for name in shipped() if literal_exists(load(name))])
+@pytest.mark.parametrize("name", one_of_each(lambda name: literal_exists(load(name))))
 def test_the_literal_method_gives_the_same_for_twenty_vectors(name):
     """To 1e-6 only: the literal method inverts receptances, which costs it the digits."""
     assembly = load(name)
@@ -233,7 +244,7 @@ def differences(assembly, theta, column, relative_step) -> np.ndarray:
     return weights @ (ahead - behind) / step[column]
 
 
-@pytest.mark.parametrize("name", [name for name in shipped() if load(name).parameters])
+@pytest.mark.parametrize("name", one_of_each(lambda name: load(name).parameters))
 def test_the_jacobian_equals_central_differences(name):
     """The best of several steps: a small one loses digits where a parameter hardly matters, a large one elsewhere.
 

@@ -57,7 +57,8 @@ def _words(kind: str, wanted: str) -> dict[str, str]:
     name = wanted.replace("-", "_").lower()
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,49}", name) or keyword.iskeyword(name):
         problem = f"'{wanted:.60}' cannot be the name of a model."
-        raise PluginError(Fault("", problem, "up to 50 letters from a to z, digits and '_', beginning with a letter"))
+        accepted = "up to 50 letters from a to z, digits and '_', beginning with a letter, and no keyword of Python"
+        raise PluginError(Fault("", problem, accepted))
     for offer in installed_components().named(name):
         if offer.component.kind == kind:
             raise PluginError(Fault("", f"{offer.source} offers a {kind} '{name}' already.", remedy="Choose another."))
