@@ -157,6 +157,8 @@ def _factor(unit: str, target: str, text: str) -> float:
     import pint
 
     registry, spelled = _registry(), _GLUED_POWER.sub("^", unit) if text != unit else unit
+    if "gr" in re.findall(r"[a-z]+", spelled):  # of powder, 65 mg, but written for grams as well
+        raise UnitError(f"'gr' in {text!r} is a grain to some and a gram to others: write 'g' or 'grain'.")
     try:
         if not _UNIT.fullmatch(spelled):
             raise ValueError(unit)

@@ -175,8 +175,7 @@ def fresh_epochs(with_settings, frfs):
 
 def drawn(epochs, numbers):
     """Return the targets of each epoch, as sets of rows."""
-    with epochs.running():
-        return [[tuple(row) for row in epochs(number)[1].tolist()] for number in numbers]
+    return [[tuple(row) for row in epochs(number)[1].tolist()] for number in numbers]
 
 
 def test_fresh_samples_are_never_used_twice(fresh_epochs):
@@ -199,8 +198,7 @@ def test_fresh_features_belong_to_their_targets(fresh_epochs):
     """The features that a regressor gets are those of the FRF of the parameters beside them, but for the noise."""
     epochs = fresh_epochs(3)
     reduction = epochs._reduction
-    with epochs.running():
-        features, targets = epochs(5)
+    features, targets = epochs(5)
     clean = np.log10(epochs._noisy.assembly.accelerance_amplitude(reduction.targets.inverse(targets)) + 1)
     expected, _ = reduction(clean.astype(np.float32), reduction.targets.inverse(targets))
     assert np.corrcoef(features[:, 0], expected[:, 0])[0, 1] > 0.99

@@ -78,9 +78,10 @@ def test_rows_without_a_length_are_no_fault():
         assert np.isfinite(Compression.fit(rows, metric, fewest=2, seed=0).project(rows)).all()
 
 
-@pytest.mark.parametrize("spread", [1.0, 1e-5])
-def test_the_nearest_are_exact_where_single_precision_cannot_tell_them_apart(spread):
-    rows = 1.0 + spread * np.random.default_rng(0).standard_normal((400, 6))
+@pytest.mark.parametrize(("spread", "count"), [(1.0, 400), (1e-5, 400), (1.0, 3011), (1e-5, 3011)])
+def test_the_nearest_are_exact_where_single_precision_cannot_tell_them_apart(spread, count):
+    """Also of rows that are ranked in groups, of which some are left."""
+    rows = 1.0 + spread * np.random.default_rng(0).standard_normal((count, 6))
     points = rows[:300] + 0.1 * spread
     squares = np.sum((rows - points[:, np.newaxis]) ** 2, axis=2)
     wanted = np.argsort(squares, axis=1, kind="stable")[:, :5]

@@ -77,6 +77,33 @@ def test_prediction_is_the_forward_pass_of_torch(training, rows, unit):
     np.testing.assert_allclose(fitted.predict(rows), activation.numpy(), rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.skipif(torch.accelerator.is_available(), reason="a GPU rounds otherwise than the processor")
+def test_where_there_is_no_gpu_the_processor_trains(training, rows):
+    fitted = [recipe(max_epochs=3, device=device).fit(*training, seed=0) for device in ("auto", "cpu")]
+    np.testing.assert_array_equal(*(one.predict(rows) for one in fitted))
+
+
+@pytest.mark.skipif(not torch.accelerator.is_available(), reason="there is no GPU")
+@pytest.mark.parametrize(
+    "options", [{}, {"uncertainty": "gaussian"}, {"uncertainty": "gaussian", "activation": "gated"}]
+)
+def test_a_gpu_learns_what_the_processor_learns(training, rows, options):
+    fitted = [recipe(max_epochs=20, device=device, **options).fit(*training, seed=0) for device in ("auto", "cpu")]
+    np.testing.assert_allclose(*(one.predict(rows) for one in fitted), rtol=0, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"uncertainty": "gaussian"}, {"uncertainty": "gaussian", "activation": "gated"}]
+)
+def test_a_training_step_leaves_nothing_on_the_processor(options):
+    """On a device without memory every operation with a tensor elsewhere fails, as it would on a GPU."""
+    mlp = recipe(**options)
+    network = mlp.network(4, 2).to("meta")
+    loss = mlp.loss(network, torch.rand(8, 4, device="meta"), torch.rand(8, 2, device="meta"))
+    loss.backward()
+    assert {loss.device.type, *(one.grad.device.type for one in network.parameters())} == {"meta"}
+
+
 def test_there_are_two_hidden_layers_of_the_sizes_asked_for(fitted):
     shapes = [fitted.state()[f"weight{layer}"].shape for layer in range(3)]
     assert shapes == [(4, 24), (24, 12), (12, 2)]

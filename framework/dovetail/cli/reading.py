@@ -38,6 +38,8 @@ __all__ = [
 ]
 
 _Given = TypeVar("_Given")
+_HEAVY = 0.1
+"""Mass [kg] of an accelerometer above which a number without a unit was meant in grams."""
 
 QuantityOfFile = Annotated[
     str | None,
@@ -84,12 +86,22 @@ Columns = Annotated[
 Reader = Annotated[
     str | None, typer.Option("--reader", metavar="NAME", help="The reader of a plugin that is to read the file.")
 ]
+
+
+def _accelerometer_mass(text: str) -> float:
+    """Return a mass in kg; a number alone must be as small as those of accelerometers are in kg."""
+    mass = quantity_in("kg")(text)
+    if mass > _HEAVY and text.strip()[-1:] in "0123456789.":
+        raise typer.BadParameter(f"'{text}' without a unit is {mass:g} kg. Write the unit, such as '1.2 g'.")
+    return mass
+
+
 AccelerometerMass = Annotated[
     float,
     typer.Option(
         "--accelerometer-mass",
         metavar="MASS",
-        parser=quantity_in("kg"),
+        parser=_accelerometer_mass,
         show_default=False,
         help="Of the accelerometer, such as '1.2 g'; its effect is removed from the FRF.",
     ),

@@ -33,7 +33,7 @@ class Settings:
     sample: int = 8000
     variance: float = 0.9999
     most_directions: int = 256
-    block: int = 1024
+    block: int = 256
 
 
 SETTINGS = Settings()
@@ -81,13 +81,17 @@ class Compression:
 
         generator = np.random.default_rng(seed)
         chosen = np.sort(generator.permutation(len(features))[: SETTINGS.sample])
-        rows = _prepared(features[chosen], metric)
-        mean = rows.mean(axis=0)
+        rows = np.empty((len(chosen), features.shape[1]), dtype=np.float32)
+        for start in range(0, len(chosen), SETTINGS.block):
+            block = slice(start, start + SETTINGS.block)
+            rows[block] = _prepared(features[chosen[block]], metric)
+        mean = rows.mean(axis=0, dtype=np.float64)
         rows -= mean
         most = min(*rows.shape, SETTINGS.most_directions)
-        _, values, directions = randomized_svd(rows.astype(np.float32), most, random_state=seed)
+        _, values, directions = randomized_svd(rows, most, random_state=seed)
         energy = np.cumsum(np.asarray(values, dtype=np.float64) ** 2)
-        kept = int(np.searchsorted(energy, SETTINGS.variance * np.einsum("ij,ij->", rows, rows))) + 1
+        variance = np.einsum("ij,ij->i", rows, rows).sum(dtype=np.float64)
+        kept = int(np.searchsorted(energy, SETTINGS.variance * variance)) + 1
         kept = min(max(kept, fewest), most)
         return cls(
             metric, mean.astype(np.float32).astype(np.float64), np.array(directions[:kept], dtype=np.float64, order="C")

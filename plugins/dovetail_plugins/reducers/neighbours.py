@@ -24,6 +24,8 @@ class Settings:
         Points that are compared with all rows at once. It bounds the memory of their distances.
     spare : int
         Candidates beyond the number of neighbours, since the matrix product rounds their distances.
+    group : int
+        Rows of which the nearest is found before any of them is ranked.
     threads : int
         Blocks at work at once, at most.
     bisections : int
@@ -32,8 +34,9 @@ class Settings:
         Least sigma over the mean distance of the neighbours, umap-learn's MIN_K_DIST_SCALE.
     """
 
-    block: int = 256
+    block: int = 128
     spare: int = 8
+    group: int = 32
     threads: int = 8
     bisections: int = 64
     least_sigma: float = 1e-3
@@ -114,9 +117,28 @@ def _candidates(
     ranking *= -2.0
     ranking += squares
     spared = min(count + SETTINGS.spare, len(rows))
-    chosen = np.argpartition(ranking, spared - 1, axis=1)[:, :spared]
-    border = np.take_along_axis(ranking, chosen, axis=1).max(axis=1).astype(np.float64)
+    columns = _columns_with_the_least(ranking, spared)
+    nearby = ranking if columns is None else np.take_along_axis(ranking, columns, axis=1)
+    chosen = np.argpartition(nearby, spared - 1, axis=1)[:, :spared]
+    border = np.take_along_axis(nearby, chosen, axis=1).max(axis=1).astype(np.float64)
+    if columns is not None:
+        chosen = np.take_along_axis(columns, chosen, axis=1)
     return np.sort(chosen, axis=1), border
+
+
+def _columns_with_the_least(ranking: NDArray[Any], count: int) -> NDArray[np.intp] | None:
+    """Return columns (n_points, n) that hold the `count` least of each row, or None where that is most of them.
+
+    They are in the groups of columns with the `count` least minima, which are found in one pass.
+    """
+    groups = ranking.shape[1] // SETTINGS.group
+    if groups < 2 * count:
+        return None
+    grouped = ranking[:, : groups * SETTINGS.group].reshape(len(ranking), SETTINGS.group, groups)
+    chosen = np.argpartition(grouped.min(axis=1), count - 1, axis=1)[:, np.newaxis, :count]
+    columns = (chosen + groups * np.arange(SETTINGS.group)[:, np.newaxis]).reshape(len(ranking), -1)
+    rest = np.arange(groups * SETTINGS.group, ranking.shape[1])
+    return np.concatenate([columns, np.broadcast_to(rest, (len(ranking), len(rest)))], axis=1)
 
 
 def membership_strengths(distances: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,9 +10,9 @@ import itertools
 import os
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -26,7 +26,17 @@ from dovetail.identification.network.network import Pair, Reduction
 from dovetail.identification.network.preprocessing import log10p1
 from dovetail.measurement import read_frf
 
-__all__ = ["Augmentation", "FreshEpochs", "NoisyFeatures", "ReducedEpochs", "measured_noises"]
+__all__ = [
+    "TRAINING_TOLERANCE",
+    "Augmentation",
+    "FreshEpochs",
+    "NoisyFeatures",
+    "ReducedEpochs",
+    "measured_noises",
+]
+
+TRAINING_TOLERANCE = 1e-7
+"""Estimated relative error of FRFs that are interpolated for a training alone: features have single precision."""
 
 _CHOICE_STREAM = 4
 """Keeps the choice among samples apart from other random numbers of the same seed."""
@@ -278,9 +288,14 @@ class NoisyFeatures:
             if not self.fresh:
                 yield self.clean[rows]
             elif self.augmentations[0].needs_phase:
-                yield complex_accelerance(self.assembly, theta[rows])
+                yield complex_accelerance(self._source, theta[rows])
             else:
-                yield self.assembly.accelerance_amplitude(theta[rows])
+                yield self._source.accelerance_amplitude(theta[rows])
+
+    @cached_property
+    def _source(self) -> Assembly:
+        """Computes fresh samples."""
+        return self.assembly.interpolated(TRAINING_TOLERANCE)
 
 
 def _deviation(accelerance: NDArray[np.number]) -> float:
@@ -321,7 +336,7 @@ class ReducedEpochs:
 
 
 class FreshEpochs:
-    """FRFs of new samples, made while the regressor is trained with those of the epoch before.
+    """FRFs of new samples, made when an epoch is asked for: beside a training that uses all cores both would wait.
 
     Each epoch after the first replaces one of `reuse` segments of the rows. The rows of the others are drawn from all
     samples that their place has had, so that the first epoch's rows, of which a regressor holds some back for its
@@ -344,37 +359,18 @@ class FreshEpochs:
         most = max(int(_MOST_BYTES / first[0].nbytes), 1) if reuse > 1 else 1
         self._kept = [deque([(first[0][rows], first[1][rows])], maxlen=most) for rows in self._segments]
         self._epoch = 0
-        self._maker = ThreadPoolExecutor(1)
-        self._next: Future[Pair] | None = None
-
-    @contextmanager
-    def running(self) -> Iterator[FreshEpochs]:
-        """Make samples as long as they may be asked for."""
-        try:
-            yield self
-        finally:
-            self._maker.shutdown(cancel_futures=True)
 
     def __call__(self, epoch: int) -> Pair:
         """Return features and targets of an epoch, which is the last one that was asked for or a later one."""
         while self._epoch < epoch:
-            made = (self._next or self._order()).result()
-            self._kept[self._epoch % len(self._segments)].append(made)
+            number = self._epoch % len(self._segments)
             self._epoch += 1
-            self._next = self._order()
-        if self._next is None:
-            self._next = self._order()
+            rows = self._segments[number]
+            self._kept[number].append(self._reduction(*self._noisy(self._epoch, rows.stop - rows.start)))
         generator = np.random.default_rng([self._noisy.seed, _CHOICE_STREAM, epoch])
         drawn = [_draw(kept, generator) for kept in self._kept]
         features, targets = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
         return features, targets
-
-    def _order(self) -> Future[Pair]:
-        rows = self._segments[self._epoch % len(self._segments)]
-        return self._maker.submit(self._make, self._epoch + 1, rows.stop - rows.start)
-
-    def _make(self, epoch: int, count: int) -> Pair:
-        return self._reduction(*self._noisy(epoch, count))
 
 
 def _draw(kept: deque[Pair], generator: np.random.Generator) -> Pair:

@@ -21,7 +21,13 @@ from threadpoolctl import threadpool_limits
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, Storage, generate
 from dovetail.errors import DatasetError, Fault, ParameterError, PluginError
-from dovetail.identification.network.augmentation import FreshEpochs, NoisyFeatures, ReducedEpochs, measured_noises
+from dovetail.identification.network.augmentation import (
+    TRAINING_TOLERANCE,
+    FreshEpochs,
+    NoisyFeatures,
+    ReducedEpochs,
+    measured_noises,
+)
 from dovetail.identification.network.network import Network, Reduction, check_contract, component_label, reduce_features
 from dovetail.identification.network.novelty import learn_novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
@@ -72,7 +78,13 @@ def train_network(
     with tempfile.TemporaryDirectory(prefix="dovetail-") as folder:
         with timer.stage("dataset"):
             storage: Storage = "complex" if needs_phase(assembly) else "amplitude"
-            generated = generate(assembly, Path(folder) / "dataset.zarr", storage=storage, progress=progress)
+            generated = generate(
+                assembly,
+                Path(folder) / "dataset.zarr",
+                storage=storage,
+                interpolation=TRAINING_TOLERANCE,
+                progress=progress,
+            )
         return _train(assembly, generated, timer, progress)
 
 
@@ -176,10 +188,10 @@ def train_and_evaluate(
     settings = assembly.description.identification
     is_test = draw_test_samples(len(dataset), settings.test_fraction, settings.seed)
     theta = np.asarray(dataset.parameters, dtype=np.float64)
-    network, test_amplitude = _fit_network(assembly, dataset, is_test, timer, progress)
+    network = _fit_network(assembly, dataset, is_test, timer, progress)
     progress("evaluation", 0, 1)
     with timer.stage("evaluation"):
-        predicted = network.predict(test_amplitude)
+        predicted = network.predict(read_frfs(dataset, is_test, silent))
         if not np.isfinite(predicted).all():
             label = component_label(settings.regressor)
             with plugin_errors(settings.regressor, label):
@@ -196,13 +208,13 @@ def train_and_evaluate(
 
 def _fit_network(
     assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], timer: _StageTimer, progress: Progress
-) -> tuple[Network, NDArray[np.float32]]:
-    """Fit to the training FRFs, with noise if the description has it; return the network and the test amplitudes."""
+) -> Network:
+    """Fit to the training FRFs, with noise if the description has it."""
     settings = assembly.description.identification
     theta = dataset.parameters[~is_test]
     noisy = None
     with timer.stage("features"):
-        features, test_amplitude = read_frfs(dataset, is_test, progress, phase=needs_phase(assembly))
+        features = read_frfs(dataset, ~is_test, progress, phase=needs_phase(assembly))
         if settings.augmentation is not None:
             noisy = NoisyFeatures.of(assembly, features, theta)
             features, theta = noisy(0)
@@ -224,13 +236,12 @@ def _fit_network(
     with timer.stage("regressor"), plugin_errors(settings.regressor, component_label(settings.regressor)):
         if noisy is None:
             regressor = fit_in_context(settings.regressor.fit, *reduction.standardise(reduced, theta), **named)
-        elif noisy.fresh:
-            with FreshEpochs(noisy, reduction, reduction.standardise(reduced, theta)).running() as epochs:
-                regressor = fit_in_context(settings.regressor.fit_epochs, epochs, **named)
         else:
-            regressor = fit_in_context(settings.regressor.fit_epochs, ReducedEpochs(noisy, reduction), **named)
+            first = reduction.standardise(reduced, theta)
+            epochs = FreshEpochs(noisy, reduction, first) if noisy.fresh else ReducedEpochs(noisy, reduction)
+            regressor = fit_in_context(settings.regressor.fit_epochs, epochs, **named)
     recipes = settings.reducer, settings.regressor
-    return Network(reducer, feature_scaling, regressor, target_scaling, recipes), test_amplitude
+    return Network(reducer, feature_scaling, regressor, target_scaling, recipes)
 
 
 def _context(
@@ -247,7 +258,7 @@ def _context(
         parameters=tuple(parameter.name for parameter in assembly.parameters),
         accelerance=None
         if noisy is not None or dataset.storage != "complex"
-        else lambda: read_frfs(dataset, is_test, silent, phase=True)[0],
+        else lambda: read_frfs(dataset, ~is_test, silent, phase=True),
         seconds=seconds,
     )
 
@@ -338,45 +349,38 @@ class _StageTimer:
         self.seconds[name] = time.perf_counter() - start
 
 
-def read_frfs(
-    dataset: Dataset, is_test: NDArray[np.bool_], progress: Progress, *, phase: bool = False
-) -> tuple[NDArray[Any], NDArray[np.float32]]:
-    """Read a dataset's FRFs once, each into its final place.
+def read_frfs(dataset: Dataset, wanted: NDArray[np.bool_], progress: Progress, *, phase: bool = False) -> NDArray[Any]:
+    """Read the FRFs of some samples, each into its final place.
 
     Parameters
     ----------
     dataset : Dataset
-    is_test : (n_samples,) bool array
+    wanted : (n_samples,) bool array
     progress : callable
     phase : bool
-        Read the training FRFs with their phases.
+        Read them with their phases.
 
     Returns
     -------
-    training : (n, n_responses n_freq) array
+    (n, n_responses n_freq) array
         float32 amplitudes, or complex64 [m/(N s^2)].
-    test : (n, n_responses n_freq) float32 array
-        Amplitudes.
 
     Raises
     ------
     DatasetError
         An FRF is not finite, a chunk is damaged, or phases are asked for and not stored.
     """
-    width = dataset.amplitude.shape[1]
     stored, dtype = (dataset.accelerance, np.complex64) if phase else (dataset.amplitude, np.float32)
-    training = np.empty((np.count_nonzero(~is_test), width), dtype=dtype)
-    test = np.empty((np.count_nonzero(is_test), width), dtype=np.float32)
-    training_count = test_count = 0
+    frfs = np.empty((np.count_nonzero(wanted), dataset.amplitude.shape[1]), dtype=dtype)
+    count = 0
     for rows in blocks(len(dataset)):
-        frfs = np.asarray(stored[rows], dtype=dtype)
-        if not np.isfinite(frfs).all():
+        block = np.asarray(stored[rows], dtype=dtype)
+        if not np.isfinite(block).all():
             raise DatasetError(
                 f"the dataset holds amplitudes that are not finite, in samples {rows.start}-{rows.stop}."
             )
-        of_test, of_training = frfs[is_test[rows]], frfs[~is_test[rows]]
-        test[test_count : test_count + len(of_test)] = np.abs(of_test)
-        training[training_count : training_count + len(of_training)] = of_training
-        test_count, training_count = test_count + len(of_test), training_count + len(of_training)
+        block = block[wanted[rows]]
+        frfs[count : count + len(block)] = block
+        count += len(block)
         progress("features", rows.stop, len(dataset))
-    return training, test
+    return frfs
