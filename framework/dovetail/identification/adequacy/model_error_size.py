@@ -58,7 +58,9 @@ class Settings:
     pseudo_count: float = 2.0
     """Errors of the typical size that the prior adds to those of a kind: a few resonances tell little."""
     least: float = 1e-4
-    """Relative errors of natural frequencies, and other errors, below which they do not matter."""
+    """Errors below which they do not matter."""
+    least_frequency: float = 1e-6
+    """Relative error of natural frequencies below which it does not matter."""
     most: float = 10.0
     """Errors above which the FRF says nothing."""
     fewest_peaks: int = 2
@@ -215,7 +217,9 @@ def _estimates(
     for step, width in enumerate(widths):
         progress("model error", step, len(widths))
         size = _Linearised(problem, fraction, typical_model_error(width), most).estimate()
-        yield width, replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
+        if width > _SETTINGS.narrowest:  # what is far below the width of an average is hidden in it
+            size = replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
+        yield width, size
 
 
 def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError:
@@ -299,7 +303,7 @@ class _Linearised:
         """Return the sizes from the second moments of the errors, in units of the sizes before."""
         of_frequency = second["natural_frequency"]
         frequency = size.natural_frequency * float(np.sqrt(of_frequency.mean()) if len(of_frequency) else 1.0)
-        typical = typical_model_error(min(max(frequency, _SETTINGS.least), self._most))
+        typical = typical_model_error(min(max(frequency, _SETTINGS.least_frequency), self._most))
         sizes = {}
         for kind in KINDS[1:]:
             squares = getattr(size, kind) ** 2 * float(second[kind].sum())
@@ -349,6 +353,8 @@ def _rms(values: Sequence[float]) -> float:
 
 def _change(size: ModelError, before: ModelError) -> float:
     """Return the largest change of the logarithms of sizes."""
-    least = _SETTINGS.least
-    pairs = [(getattr(size, name), getattr(before, name)) for name in (*KINDS, "other")]
-    return max(abs(float(np.log(max(now, least) / max(then, least)))) for now, then in pairs)
+    changes = []
+    for name in (*KINDS, "other"):
+        least = _SETTINGS.least_frequency if name == "natural_frequency" else _SETTINGS.least
+        changes.append(float(np.log(max(getattr(size, name), least) / max(getattr(before, name), least))))
+    return max(map(abs, changes))
