@@ -177,6 +177,15 @@ def test_a_lease_is_renewed_while_a_trial_runs_and_a_trial_that_fails_is_given_b
         assert second.claim(one).claims == 2
 
 
+def test_the_lock_of_a_process_that_was_killed_before_it_claimed_anything_does_not_stay(tmp_path):
+    first, second = (Ledger(tmp_path, {}, 1.0) for _ in range(2))
+    with second.at_work():
+        (tmp_path / ".process-killed.lock").write_text("")
+        with first.at_work():
+            pass
+        assert len(list(tmp_path.glob(".process-*.lock"))) == 1  # of the second, which is at work
+
+
 def test_many_at_once_get_each_trial_once(tmp_path):
     def propose(trials: Any) -> Proposal | None:
         return Proposal("sweep", {"reducer.a": len(trials)}) if len(trials) < 24 else None

@@ -113,9 +113,11 @@ class Ledger:
 
     @contextmanager
     def at_work(self) -> Iterator[None]:
-        """Hold the lock that tells others that this process is alive."""
+        """Hold the lock that tells others that this process is alive; remove what killed ones have left of theirs."""
         with held(self._lock_of(self._owner)):
             yield
+        for marker in self.folder.glob(".process-*.lock"):  # also of those that were killed before they claimed a trial
+            is_held(marker.with_name(marker.stem[1:]))
 
     def trials(self) -> list[Trial]:
         """Return all trials as they are now."""
