@@ -17,6 +17,7 @@ import dovetail
 from dovetail_plugins.regressors.mlp import MLP, _gaussians
 
 SMALL = {"hidden": (24, 12), "batch_size": 32, "learning_rate": 1e-2, "dropout": 0.0}
+KINDS = [{}, {"uncertainty": "gaussian"}, {"uncertainty": "gaussian", "activation": "gated"}]
 
 
 def recipe(**options: object) -> MLP:
@@ -67,7 +68,6 @@ def test_it_learns_a_smooth_function(fitted, rows):
 
 @pytest.mark.parametrize("unit", ["relu", "silu"])
 def test_prediction_is_the_forward_pass_of_torch(training, rows, unit):
-    torch = pytest.importorskip("torch")
     fitted = recipe(max_epochs=3, activation=unit).fit(*training, seed=0)
     state = {name: torch.tensor(value).double() for name, value in fitted.state().items() if name[-1].isdigit()}
     activation = torch.from_numpy(rows).double()
@@ -84,17 +84,13 @@ def test_where_there_is_no_gpu_the_processor_trains(training, rows):
 
 
 @pytest.mark.skipif(not torch.accelerator.is_available(), reason="there is no GPU")
-@pytest.mark.parametrize(
-    "options", [{}, {"uncertainty": "gaussian"}, {"uncertainty": "gaussian", "activation": "gated"}]
-)
+@pytest.mark.parametrize("options", KINDS)
 def test_a_gpu_learns_what_the_processor_learns(training, rows, options):
     fitted = [recipe(max_epochs=20, device=device, **options).fit(*training, seed=0) for device in ("auto", "cpu")]
     np.testing.assert_allclose(*(one.predict(rows) for one in fitted), rtol=0, atol=0.05)
 
 
-@pytest.mark.parametrize(
-    "options", [{}, {"uncertainty": "gaussian"}, {"uncertainty": "gaussian", "activation": "gated"}]
-)
+@pytest.mark.parametrize("options", KINDS)
 def test_a_training_step_leaves_nothing_on_the_processor(options):
     """On a device without memory every operation with a tensor elsewhere fails, as it would on a GPU."""
     mlp = recipe(**options)
@@ -142,7 +138,6 @@ def test_the_same_seed_gives_the_same_network_and_another_seed_another(training,
 
 
 def test_training_leaves_the_callers_torch_as_it_was(training):
-    torch = pytest.importorskip("torch")
     threads = torch.get_num_threads()
     torch.set_num_threads(3)
     try:
@@ -156,7 +151,6 @@ def test_training_leaves_the_callers_torch_as_it_was(training):
 
 
 def test_training_does_not_depend_on_the_callers_random_numbers(training):
-    torch = pytest.importorskip("torch")
     torch.manual_seed(1)
     first = recipe(max_epochs=2, dropout=0.3).fit(*training, seed=0).state()["weight0"]
     torch.manual_seed(2)

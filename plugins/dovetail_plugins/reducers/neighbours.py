@@ -118,22 +118,20 @@ def _candidates(
     ranking += squares
     spared = min(count + SETTINGS.spare, len(rows))
     columns = _columns_with_the_least(ranking, spared)
-    nearby = ranking if columns is None else np.take_along_axis(ranking, columns, axis=1)
+    nearby = np.take_along_axis(ranking, columns, axis=1)
     chosen = np.argpartition(nearby, spared - 1, axis=1)[:, :spared]
     border = np.take_along_axis(nearby, chosen, axis=1).max(axis=1).astype(np.float64)
-    if columns is not None:
-        chosen = np.take_along_axis(columns, chosen, axis=1)
-    return np.sort(chosen, axis=1), border
+    return np.sort(np.take_along_axis(columns, chosen, axis=1), axis=1), border
 
 
-def _columns_with_the_least(ranking: NDArray[Any], count: int) -> NDArray[np.intp] | None:
-    """Return columns (n_points, n) that hold the `count` least of each row, or None where that is most of them.
+def _columns_with_the_least(ranking: NDArray[Any], count: int) -> NDArray[np.intp]:
+    """Return columns (n_points, n) that hold the `count` least of each row; all where these would be most of them.
 
     They are in the groups of columns with the `count` least minima, which are found in one pass.
     """
     groups = ranking.shape[1] // SETTINGS.group
     if groups < 2 * count:
-        return None
+        return np.broadcast_to(np.arange(ranking.shape[1]), ranking.shape)
     grouped = ranking[:, : groups * SETTINGS.group].reshape(len(ranking), SETTINGS.group, groups)
     chosen = np.argpartition(grouped.min(axis=1), count - 1, axis=1)[:, np.newaxis, :count]
     columns = (chosen + groups * np.arange(SETTINGS.group)[:, np.newaxis]).reshape(len(ranking), -1)

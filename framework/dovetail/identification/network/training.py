@@ -236,10 +236,11 @@ def _fit_network(
     with timer.stage("regressor"), plugin_errors(settings.regressor, component_label(settings.regressor)):
         if noisy is None:
             regressor = fit_in_context(settings.regressor.fit, *reduction.standardise(reduced, theta), **named)
-        else:
-            first = reduction.standardise(reduced, theta)
-            epochs = FreshEpochs(noisy, reduction, first) if noisy.fresh else ReducedEpochs(noisy, reduction)
+        elif noisy.fresh:
+            epochs = FreshEpochs(noisy, reduction, reduction.standardise(reduced, theta))
             regressor = fit_in_context(settings.regressor.fit_epochs, epochs, **named)
+        else:
+            regressor = fit_in_context(settings.regressor.fit_epochs, ReducedEpochs(noisy, reduction), **named)
     recipes = settings.reducer, settings.regressor
     return Network(reducer, feature_scaling, regressor, target_scaling, recipes)
 
