@@ -43,7 +43,7 @@ from dovetail.identification.adequacy.model_error_size import estimate_model_err
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
-from dovetail.identification.posterior import TYPICAL, laplace_posterior, sample_posterior, typical_model_error
+from dovetail.identification.posterior import laplace_posterior, sample_posterior, typical_model_error
 
 STRUCTURES = 25
 MOST_LINES = 5000
@@ -225,8 +225,7 @@ def _intervals(
     """Return which intervals of the parameters that structure and model share hold the truth, and their widths."""
     if method == "refined":
         return (), ()
-    allowed = TYPICAL if adequacy.size is None else adequacy.size.at_least(TYPICAL)
-    posterior = POSTERIORS[method](assembly, measured, fit, model_error=allowed)
+    posterior = POSTERIORS[method](assembly, measured, fit, model_error=adequacy.error_in_intervals)
     low, high = np.array(list(posterior.interval().values())).T
     widths = assembly.to_unit(high) - assembly.to_unit(low)
     shared = ~dampers(assembly) if kind == "law" else np.ones(len(theta), dtype=bool)

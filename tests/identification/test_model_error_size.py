@@ -180,10 +180,13 @@ def test_an_allowed_error_sets_the_intervals_of_the_posterior(chain, off):
     assert told[0] == told[1]  # what the measurement shows does not depend on what is allowed
 
 
-def test_what_the_measurement_shows_sets_the_intervals_by_default(chain, off):
+def test_twice_what_the_measurement_shows_sets_the_intervals_by_default(chain, off):
+    """Its size is known within a factor of two; what has no shape is held by chi-squared."""
     result = dovetail.identify(chain, off, "posterior", form="laplace", samples=100, **NO_CAUSES)
+    allowed, told = result.posterior.model_error, result.adequacy.size
     assert result.adequacy.allowed is None
-    assert result.posterior.model_error.natural_frequency == result.adequacy.size.natural_frequency > 1e-3
+    assert allowed.natural_frequency == 2.0 * told.natural_frequency > 2e-3
+    assert allowed.other == told.other
 
 
 def test_an_allowed_error_sets_the_weights_of_the_estimate(chain, off):

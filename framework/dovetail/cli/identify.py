@@ -309,7 +309,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
     if modes:
         table(headers, modes, numbers=headers)
     else:
-        say("none within the frequencies")
+        say("none, as a note below says")
     say()
     if result.fit is not None:
         say(fit_sentence(result.fit))

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, Theta
 from dovetail.errors import Fault, MeasurementError, ParameterError, PluginError, did_you_mean, listing
-from dovetail.identification.adequacy import CAUSE_SECONDS, Adequacy, assess
+from dovetail.identification.adequacy import CAUSE_SECONDS, assess
 from dovetail.identification.fitting import Objective, fit_at, multistart, refine
 from dovetail.identification.fitting.observations import MeasuredLines, Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
+from dovetail.identification.network.bundle import TrainedNetwork
 from dovetail.identification.network.network import check_contract, component_label
 from dovetail.identification.network.preprocessing import accelerance_amplitudes
-from dovetail.identification.network.trained_network import TrainedNetwork
 from dovetail.identification.parameters import ROUNDING
 from dovetail.identification.posterior import (
     TYPICAL,
@@ -32,7 +32,6 @@ from dovetail.identification.posterior import (
     Posterior,
     laplace_posterior,
     sample_posterior,
-    typical_model_error,
 )
 from dovetail.identification.provenance import provenance, source_of
 from dovetail.identification.reconstruction import reconstruct
@@ -279,7 +278,7 @@ def by_posterior(
     limits: dict[str, Any] = {"model_error": model_error, "cause_seconds": cause_seconds}
     fitted = by_refined_fit(measured, trained, start=start, **limits, seed=seed, progress=progress)
     assert fitted.fit is not None
-    allowed = _allowed(fitted.adequacy)
+    allowed = TYPICAL if fitted.adequacy is None else fitted.adequacy.error_in_intervals
     posterior = _FORMS[form](
         measured.assembly,
         measured.frfs,
@@ -292,13 +291,6 @@ def by_posterior(
     origin = {**fitted.provenance, "posterior_form": form, "model_error": allowed.natural_frequency}
     warnings = (*fitted.warnings, *posterior.warnings)
     return replace(fitted, method="posterior", posterior=posterior, provenance=origin, warnings=warnings)
-
-
-def _allowed(adequacy: Adequacy | None) -> ModelError:
-    """Return the errors that the posterior allows: the user's, those that the measurement shows, or typical ones."""
-    if adequacy is not None and adequacy.allowed is not None:
-        return typical_model_error(adequacy.allowed)
-    return TYPICAL if adequacy is None or adequacy.size is None else adequacy.size.at_least(TYPICAL)
 
 
 def by_plugin(

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal, TypeAlias, get_args
 
-from dovetail.identification.posterior.model_error import ModelError
+from dovetail.identification.posterior.model_error import TYPICAL, ModelError, typical_model_error
 from dovetail.units import format_quantity
 
 __all__ = ["Adequacy", "AdequacyWord", "Cause", "word_for"]
@@ -25,6 +25,8 @@ class Settings:
 
     good: ModelError = field(default=ModelError(0.01, damping=0.5, magnitude=0.25, phase=0.15, other=0.2))
     rough: ModelError = field(default=ModelError(0.06, damping=2.0, magnitude=0.8, phase=0.6, other=0.7))
+    in_intervals: float = 2.0
+    """Times the size that is told, for which intervals allow: it is known within a factor of two."""
 
 
 _SETTINGS = Settings()
@@ -103,6 +105,13 @@ class Adequacy:
     def fits(self) -> bool:
         """Whether an error of a plausible size explains the measurement, as far as the method can tell."""
         return self.word != "does not fit"
+
+    @property
+    def error_in_intervals(self) -> ModelError:
+        """What intervals allow for: the user's errors, or twice those that are shown, and typical ones at least."""
+        if self.allowed is not None:
+            return typical_model_error(self.allowed)
+        return TYPICAL if self.size is None else self.size.times(_SETTINGS.in_intervals).at_least(TYPICAL)
 
     @property
     def meaning(self) -> str:

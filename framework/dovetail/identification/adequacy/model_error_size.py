@@ -219,7 +219,7 @@ def _estimates(
         size = _Linearised(problem, fraction, typical_model_error(width), most).estimate()
         if width > _SETTINGS.narrowest:  # what is far below the width of an average is hidden in it
             size = replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
-        yield width, size
+        yield width, _Linearised(problem, fraction, size).with_other(size)  # by the averages that intervals will use
 
 
 def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError:
@@ -270,7 +270,7 @@ class _Linearised:
         size = self._size
         for _ in range(_SETTINGS.alternations):
             before = size
-            size = self._estimate_shaped(self._estimate_other(size))
+            size = self._estimate_shaped(self.with_other(size))
             if _change(size, before) < _SETTINGS.settled:
                 break
         return size
@@ -312,7 +312,7 @@ class _Linearised:
             sizes[kind] = min(float(np.sqrt(mean)), _SETTINGS.most)
         return replace(size, natural_frequency=typical.natural_frequency, **sizes)
 
-    def _estimate_other(self, size: ModelError) -> ModelError:
+    def with_other(self, size: ModelError) -> ModelError:
         """Return with the size of other errors that makes chi-squared 1."""
 
         def excess(logarithm: float) -> float:

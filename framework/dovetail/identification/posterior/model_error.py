@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,10 @@ class ModelError:
     magnitude: float = 0.0
     phase: float = 0.0
     other: float = 0.0
+
+    def times(self, factor: float) -> ModelError:
+        """Return with the errors that have a shape so many times larger."""
+        return replace(self, **{kind: factor * getattr(self, kind) for kind in KINDS})
 
     def at_least(self, least: ModelError) -> ModelError:
         """Return each size, or that of another error where it is larger."""
