@@ -68,6 +68,7 @@ SECTIONS = {
     "sensor": "`calibration.at`, each",
     "identification": "`identification`",
     "identification.AugmentationSection": "`identification.augmentation`",
+    "identification.CorrectionSection": "`identification.correction`",
     "study": "`study`",
     "study.SearchSection": "`study.search`",
     "study.SearchRange": "`study.search.options.NAME`",

@@ -1,6 +1,6 @@
 """Mean R2 of a trained network at the publication's noise, on joints that it was not trained on.
 
-    dovetail train docs/network/bt40_er32.yaml --minutes 12 -o model
+    dovetail train docs/network/bt40_er32.yaml --minutes 13.5 -o model
     python tests/benchmarks/publication_noise.py model [--cases 2000]
 
 The noise is that of `dovetail robustness`: real, added to the amplitude, in units of the standard deviation of all

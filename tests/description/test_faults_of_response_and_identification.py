@@ -138,7 +138,7 @@ CASES = {
         "test.yaml:25:3  identification.sample\n"
         "  'sample' is not a key of 'identification'.\n"
         "  Did you mean 'samples'?  Accepted: samples, seed, test_fraction, features, reducer, regressor, "
-        "augmentation, method",
+        "augmentation, correction, method",
     ),
     "samples_is_a_text": (
         {

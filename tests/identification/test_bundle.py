@@ -241,7 +241,7 @@ def test_no_folder_and_no_manifest(tmp_path: Path) -> None:
         ("{}", "not a model of dovetail"),
         ('{"format": "keras"}', "its format is 'keras'"),
         ('{"format": "dovetail-model"}', "Field required"),
-        ('{"format": "dovetail-model", "version": 0}', "Input should be 1 or 2"),
+        ('{"format": "dovetail-model", "version": 0}', "Input should be 1, 2 or 3"),
     ],
 )
 def test_a_damaged_or_foreign_manifest(bundle: Path, text: str, message: str) -> None:
@@ -257,8 +257,8 @@ def test_a_manifest_that_is_no_text(bundle: Path) -> None:
 
 
 def test_a_newer_format(bundle: Path) -> None:
-    change_manifest(bundle, lambda manifest: manifest.update(version=3, surprise=True))
-    with pytest.raises(BundleError, match="format version 3") as caught:
+    change_manifest(bundle, lambda manifest: manifest.update(version=4, surprise=True))
+    with pytest.raises(BundleError, match="format version 4") as caught:
         dovetail.load_model(bundle)
     assert "Upgrade dovetail-frf" in str(caught.value)
 

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly.sections import AugmentationSection
+from dovetail.assembly.sections import AugmentationSection, CorrectionSection
 from dovetail.assembly.study_section import StudySection
 from dovetail.frf import Quantity
 from dovetail.interfaces import DIRECTIONS, IdentificationMethod, Parameter, Reducer, Regressor, SubstructureModel
@@ -126,6 +126,7 @@ class IdentificationSettings:
     reducer: Reducer
     regressor: Regressor
     augmentation: AugmentationSection | None = None
+    correction: CorrectionSection | None = None
     method: IdentificationMethod | None = None
 
 

@@ -233,6 +233,7 @@ def _read_identification(faults: FaultList, registry: Registry) -> Identificatio
         reducer.component,
         regressor.component,
         section.augmentation,
+        section.correction,
         None if method is None else method.component,
     )
 

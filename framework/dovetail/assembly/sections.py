@@ -280,6 +280,21 @@ class AugmentationSection(_Section):
         return {"additive": 0.0, "multiplicative": 0.0, **stated} if is_measured else stated
 
 
+class CorrectionSection(_Section):
+    """Further regressors, each of which corrects the answer before by what the assembly's FRF there tells.
+
+    Attributes
+    ----------
+    samples : int
+        FRFs for each, of its own: `fresh` must be set.
+    rounds : int
+        How many there are, one after the other.
+    """
+
+    samples: Annotated[_Count, Field(ge=100, le=10_000_000)] = 40_000
+    rounds: Annotated[_Count, Field(ge=1, le=5)] = 1
+
+
 class IdentificationSection(_Section):
     """How the network is trained; `reducer` and `regressor` are sections that name a model.
 
@@ -299,6 +314,8 @@ class IdentificationSection(_Section):
         From features to parameters.
     augmentation : section
         Noise on the training FRFs, new in every epoch. A description that names no reducer has it by default.
+    correction : section
+        Of the network's answer, by the assembly's FRF there.
     method : section
         A method of identification that a plugin offers; then it is the default. Others are chosen by ``--method``.
     """
@@ -310,6 +327,7 @@ class IdentificationSection(_Section):
     reducer: Any = None
     regressor: Any = None
     augmentation: AugmentationSection | None = None
+    correction: CorrectionSection | None = None
     method: Any = None
 
 

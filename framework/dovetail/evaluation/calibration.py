@@ -16,7 +16,7 @@ from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
 from dovetail.identification import identify
-from dovetail.identification.network.trained_network import TrainedNetwork
+from dovetail.identification.network.bundle import TrainedNetwork
 from dovetail.identification.posterior import LEVEL, PRIOR_PRECISION
 from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import noisy_frf

@@ -17,7 +17,7 @@ from dovetail.assembly.reader import read_description
 from dovetail.dataset import Dataset, generate
 from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
-from dovetail.identification.network.training import draw_test_samples
+from dovetail.identification.network.preprocessing import draw_test_samples
 from dovetail.identification.provenance import parameter_metrics
 from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import data_noise
@@ -149,6 +149,7 @@ def variant(assembly: Assembly, name: str, registry: Registry) -> Assembly:
         section.setdefault("augmentation", {})
     else:
         section.pop("augmentation", None)
+        section.pop("correction", None)  # which needs fresh samples
     return Assembly(read_description({**description, "identification": section}, registry))
 
 

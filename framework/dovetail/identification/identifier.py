@@ -15,8 +15,7 @@ from dovetail.dataset import Dataset
 from dovetail.errors import DovetailError
 from dovetail.frf import Frf
 from dovetail.identification.identify import Measurement, identify
-from dovetail.identification.network.bundle import read_bundle, write_bundle
-from dovetail.identification.network.trained_network import TrainedNetwork
+from dovetail.identification.network.bundle import TrainedNetwork, read_bundle, write_bundle
 from dovetail.identification.network.training import train_network
 from dovetail.identification.parameters import dataframe
 from dovetail.identification.result import Identification, caveats_of

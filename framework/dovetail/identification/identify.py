@@ -22,7 +22,7 @@ from dovetail.identification.fitting.observations import MeasuredLines, one_per_
 from dovetail.identification.fitting.random_error import Weights, weighted_variance
 from dovetail.identification.methods import DEFAULT_METHOD, METHODS, by_plugin
 from dovetail.identification.modal_fit import identify_from_modes
-from dovetail.identification.network.trained_network import TrainedNetwork
+from dovetail.identification.network.bundle import TrainedNetwork
 from dovetail.identification.result import Identification, ModalIdentification
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.measurement import ModalParameters, is_modal_table, read_frf

@@ -1,6 +1,6 @@
 """The provenance of a result: versions, description, components, seed, and how well a network predicts.
 
-That is R2, RMSE and MAE of each parameter.
+That is R2, RMSE and MAE of each parameter, and the time of each stage of its training.
 """
 
 from __future__ import annotations
@@ -8,8 +8,10 @@ from __future__ import annotations
 import hashlib
 import inspect
 import platform
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -20,13 +22,14 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.interfaces import Component, Parameter
+from dovetail.interfaces import Component, Parameter, logged
 from dovetail.measurement import ModalParameters
 from dovetail.registry import installed_components
 
 __all__ = [
     "Evaluation",
     "ParameterMetrics",
+    "StageTimer",
     "component_sources",
     "description_hash",
     "package_versions",
@@ -35,6 +38,10 @@ __all__ = [
 ]
 
 _PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "torch")
+
+
+_FIRST_SHARE, _LEAST_SHARE = 0.35, 0.1
+"""Of the regressors' time, which the first one takes if others correct it, and which each of these takes at least."""
 
 
 @dataclass(frozen=True)
@@ -185,3 +192,39 @@ def provenance(
 def source_of(component: Component) -> str:
     """Return who offers a component: a distribution with its version, or the name of its file."""
     return installed_components().source_of(type(component)) or Path(inspect.getfile(type(component))).name
+
+
+@dataclass
+class StageTimer:
+    """Wall-clock seconds of each stage of a training.
+
+    Parameters
+    ----------
+    limit : float, optional
+        Those that the regressors may take at most.
+    seconds : dict of str to float
+        By the name of the stage.
+    """
+
+    limit: float | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def first_share(self) -> float | None:
+        """Seconds for a first regressor that others correct."""
+        return None if self.limit is None else _FIRST_SHARE * self.limit
+
+    def share_of_the_rest(self, rounds: int) -> float | None:
+        """Return the seconds for the next of so many corrections whose FRFs are there."""
+        if self.limit is None:
+            return None
+        used = [seconds for name, seconds in self.seconds.items() if name == "regressor" or "correction" in name]
+        return max((self.limit - sum(used)) / rounds, _LEAST_SHARE * self.limit)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Measure a stage."""
+        start = time.perf_counter()
+        with logged(__name__, f"training, {name}"):
+            yield
+        self.seconds[name] = time.perf_counter() - start

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -50,6 +51,11 @@ class TargetDistribution:
 
 def spread_normal(draws: int, dimensions: int) -> NDArray[np.float64]:
     """Return standard normal draws (draws, dimensions), spread evenly and always the same."""
+    return _spread_normal(draws, dimensions).copy()
+
+
+@lru_cache(maxsize=8)
+def _spread_normal(draws: int, dimensions: int) -> NDArray[np.float64]:
     from scipy.stats import norm, qmc
 
     return np.asarray(norm.ppf(qmc.Halton(dimensions, rng=np.random.default_rng(0)).random(draws)))

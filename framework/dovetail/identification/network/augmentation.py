@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -264,6 +264,16 @@ class NoisyFeatures:
 
         Of fresh samples there are `count`, by default as many as those that they replace.
         """
+        return self._made(epoch, count, log10p1)
+
+    def amplitudes(self, epoch: int, count: int) -> Pair:
+        """Return amplitudes (n_samples, n_responses n_freq) [m/(N s^2)] of fresh samples, and their parameters."""
+        return self._made(epoch, count, _as_it_is)
+
+    def _made(
+        self, epoch: int, count: int | None, write: Callable[..., object]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Return what `write` makes of noisy amplitudes, and the parameters."""
         theta, seed = self.theta, self.seed
         if self.fresh:
             theta = latin_hypercube(self.assembly, count or len(theta), (seed, _SAMPLE_STREAM, epoch))
@@ -274,7 +284,7 @@ class NoisyFeatures:
             responses = np.split(clean, len(self.augmentations), axis=1)
             pairs = zip(self.augmentations, responses, strict=True)
             noisy = np.concatenate([augmentation(response, generator) for augmentation, response in pairs], axis=1)
-            log10p1(noisy, out=features[block * _ROWS : block * _ROWS + len(noisy)])
+            write(noisy, out=features[block * _ROWS : block * _ROWS + len(noisy)])
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             for future in [pool.submit(fill, block, clean) for block, clean in enumerate(self._clean_blocks(theta))]:
@@ -296,6 +306,10 @@ class NoisyFeatures:
     def _source(self) -> Assembly:
         """Computes fresh samples."""
         return self.assembly.interpolated(TRAINING_TOLERANCE)
+
+
+def _as_it_is(amplitude: NDArray[np.floating], out: NDArray[np.float32]) -> None:
+    out[:] = amplitude
 
 
 def _deviation(accelerance: NDArray[np.number]) -> float:

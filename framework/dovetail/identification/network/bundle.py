@@ -1,4 +1,4 @@
-"""The model bundle: a folder with a manifest in JSON and arrays in safetensors, nothing that could be code."""
+"""A trained network, and its bundle: a folder with a manifest in JSON and arrays in safetensors, no code."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ import hashlib
 import json
 import shutil
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference, load
 from dovetail.atomic_files import new_folder
-from dovetail.errors import BundleError, DescriptionError, Fault, FileError, PluginError, listing
+from dovetail.errors import BundleError, DescriptionError, Fault, FileError, MeasurementError, PluginError, listing
+from dovetail.identification.network.correction import Linearisation, correction_states, restore_corrections
 from dovetail.identification.network.manifest import (
     FORMAT,
     MANIFEST,
     SECTIONS,
-    SINCE_VERSION,
     TRAIN_AGAIN,
-    VERSION,
     Manifest,
     PlainValue,
     Section,
@@ -35,12 +35,11 @@ from dovetail.identification.network.manifest import (
 from dovetail.identification.network.network import Network
 from dovetail.identification.network.novelty import Novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
-from dovetail.identification.network.trained_network import TrainedNetwork
-from dovetail.identification.provenance import component_sources, package_versions
+from dovetail.identification.provenance import Evaluation, component_sources, package_versions
 from dovetail.interfaces import State
 from dovetail.registry import PluginPaths
 
-__all__ = ["check_replaceable", "read_bundle", "write_bundle"]
+__all__ = ["TrainedNetwork", "check_replaceable", "read_bundle", "write_bundle"]
 
 FILES = "files"
 """Folder of the files that the description names, each under its SHA-256."""
@@ -49,6 +48,77 @@ _CHECK_FRACTIONS = (0.3, 0.5, 0.7)
 
 _CHECK_TOLERANCE = 0.01
 """Part of a parameter's range by which those predictions may differ on another machine."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedNetwork:
+    """A trained network together with the assembly it was trained for.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    network : Network
+    evaluation : Evaluation
+        How well it does on the test part of its dataset.
+    novelty : Novelty or None
+        What is usual for the FRFs that it was trained on; None with a model of an earlier version.
+    """
+
+    assembly: Assembly
+    network: Network
+    evaluation: Evaluation
+    novelty: Novelty | None = None
+
+    def predict_parameters(self, amplitude: ArrayLike) -> NDArray[np.float64]:
+        """Predict parameters from the amplitude of the accelerance, on the assembly's frequencies.
+
+        Parameters
+        ----------
+        amplitude : (n_samples, n_responses n_freq) array
+            m/(N s^2); the lines of a second response stand behind those of the first.
+
+        Returns
+        -------
+        (n_samples, n_params) array
+            SI values, in the order of ``assembly.parameters``; not confined to their ranges.
+
+        Raises
+        ------
+        MeasurementError
+            The shape is another, or values are negative or not finite.
+        """
+        return self.network.predict(self._checked(amplitude))
+
+    def predict_samples(self, amplitude: ArrayLike) -> NDArray[np.float64] | None:
+        """Predict how far parameters are known from the amplitude of one FRF's accelerance.
+
+        Parameters
+        ----------
+        amplitude : (n_responses n_freq,) array
+            m/(N s^2), as a row of those that `predict_parameters` takes.
+
+        Returns
+        -------
+        (n_draws, n_params) array or None
+            SI values of equal weight; None where the regressor gives values alone.
+
+        Raises
+        ------
+        MeasurementError
+            As of `predict_parameters`.
+        """
+        return self.network.predict_samples(self._checked(np.asarray(amplitude)[np.newaxis])[0])
+
+    def _checked(self, amplitude: ArrayLike) -> NDArray[np.float32]:
+        rows = np.asarray(amplitude, dtype=np.float32)
+        lines = len(self.assembly.description.responses) * len(self.assembly.frequency)
+        if rows.ndim != 2 or rows.shape[0] == 0 or rows.shape[1] != lines:
+            raise MeasurementError(
+                Fault("", f"the amplitudes have the shape {rows.shape}.", f"(n_samples, {lines}), one row an FRF")
+            )
+        if not (np.isfinite(rows).all() and np.all(rows >= 0)):
+            raise MeasurementError("an amplitude is negative or not finite.")
+        return rows
 
 
 def write_bundle(trained: TrainedNetwork, path: str | Path) -> Path:
@@ -80,8 +150,7 @@ def read_bundle(path: str | Path, *, plugins: PluginPaths = ()) -> TrainedNetwor
     """Read the model that `write_bundle` wrote; parameters and errors as `dovetail.load_model` has them."""
     folder = Path(path)
     manifest = read_manifest(folder)
-    sections = [section for section in SECTIONS if manifest.version >= SINCE_VERSION.get(section, 1)]
-    states = {section: _read_state(folder, manifest, section) for section in sections}
+    states = {section: _read_state(folder, manifest, section) for section in manifest.sections}
     assembly = _assembly(folder, manifest, plugins)
     try:
         network = _network(assembly, states)
@@ -136,7 +205,7 @@ def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, State
         files[section] = _write_tensors(folder / f"{section}.safetensors", arrays)
     manifest = Manifest(
         format=FORMAT,
-        version=VERSION if trained.novelty is not None else 1,
+        version=3 if trained.network.corrections else 2 if trained.novelty is not None else 1,
         description=_packed_description(folder, trained.assembly),
         parameters=tuple(parameter.name for parameter in trained.assembly.parameters),
         components=component_sources(trained.assembly),
@@ -173,6 +242,8 @@ def _states(trained: TrainedNetwork) -> dict[Section, State]:
         "target_scaling": network.target_scaling.state(),
         "check": _check_state(trained),
     }
+    if network.corrections:
+        states["corrections"] = correction_states(network.corrections)
     if trained.novelty is not None:
         states["novelty"] = trained.novelty.state()
     return states
@@ -271,12 +342,15 @@ def _assembly(folder: Path, manifest: Manifest, plugins: PluginPaths) -> Assembl
 
 def _network(assembly: Assembly, states: Mapping[Section, Mapping[str, Any]]) -> Network:
     settings = assembly.description.identification
+    target_scaling = TargetScaling.restore(states["target_scaling"])
+    linearisation = Linearisation(assembly, target_scaling)
     return Network(
         settings.reducer.restore(states["reducer"]),
         ZScore.restore(states["feature_scaling"]),
         settings.regressor.restore(states["regressor"]),
-        TargetScaling.restore(states["target_scaling"]),
+        target_scaling,
         (settings.reducer, settings.regressor),
+        restore_corrections(states.get("corrections", {}), linearisation, settings.regressor),
     )
 
 

@@ -17,7 +17,6 @@ __all__ = [
     "FORMAT",
     "MANIFEST",
     "SECTIONS",
-    "SINCE_VERSION",
     "VERSION",
     "Manifest",
     "PlainValue",
@@ -31,16 +30,14 @@ __all__ = [
 
 MANIFEST = "manifest.json"
 FORMAT: Final = "dovetail-model"
-VERSION: Final = 2
+VERSION: Final = 3
 
 TRAIN_AGAIN = "Train the model again, or get a fresh copy."
 
-Section = Literal["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty"]
+Section = Literal["reducer", "feature_scaling", "regressor", "target_scaling", "check", "novelty", "corrections"]
 SECTIONS: tuple[Section, ...] = get_args(Section)
 """Each section keeps its arrays in ``<section>.safetensors`` and its plain values in the manifest."""
 
-SINCE_VERSION: Mapping[Section, int] = {"novelty": 2}
-"""Format version since which bundles have a section; 1 for the others."""
 
 _LARGEST_MANIFEST = 16 * 2**20
 """Bytes; the manifest of a real model stays far below."""
@@ -65,7 +62,7 @@ class Manifest(_Strict):
     Attributes
     ----------
     format, version
-        What kind of bundle this is; version 1 has no `novelty`.
+        What kind of bundle this is; version 1 has no `novelty`, version 3 may lack it and has corrections.
     description : str
         The assembly's description as JSON.
     parameters : tuple of str
@@ -82,7 +79,7 @@ class Manifest(_Strict):
     """
 
     format: Literal["dovetail-model"]
-    version: Literal[1, 2]
+    version: Literal[1, 2, 3]
     description: str
     parameters: tuple[str, ...]
     components: dict[str, str]
@@ -91,6 +88,13 @@ class Manifest(_Strict):
     files: dict[Section, TensorFile]
     evaluation: Evaluation
     sha256: str | None = None
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """Those that a bundle of this version must have."""
+        has_novelty = self.version == 2 or (self.version == 3 and "novelty" in self.files)
+        optional = {"novelty": has_novelty, "corrections": self.version == 3}
+        return tuple(section for section in SECTIONS if optional.get(section, True))
 
 
 def manifest_hash(manifest: Mapping[str, Any]) -> str:

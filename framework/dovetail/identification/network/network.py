@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import Fault, PluginError
+from dovetail.identification.network.correction import Correction
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
 from dovetail.interfaces import (
     Component,
@@ -25,7 +26,16 @@ from dovetail.interfaces import (
     silent,
 )
 
-__all__ = ["Network", "Pair", "Reduction", "check_contract", "check_rows", "component_label", "reduce_features"]
+__all__ = [
+    "Network",
+    "Pair",
+    "Reduction",
+    "check_contract",
+    "check_rows",
+    "component_label",
+    "no_distribution",
+    "reduce_features",
+]
 
 Pair = tuple[NDArray[np.float32], NDArray[np.float64]]
 """Features (n, n_components) and targets (n, n_targets)."""
@@ -46,6 +56,8 @@ class Network:
     target_scaling : TargetScaling
     recipes : (Reducer, Regressor)
         What the two were fitted by; errors name it.
+    corrections : tuple of Correction
+        Of the regressor's answers, one after the other; the last one's regressor has the last word.
 
     Raises
     ------
@@ -58,6 +70,7 @@ class Network:
     regressor: FittedRegressor
     target_scaling: TargetScaling
     recipes: tuple[Reducer, Regressor]
+    corrections: tuple[Correction, ...] = ()
 
     def __post_init__(self) -> None:
         for fitted, recipe, contract in zip(
@@ -87,9 +100,10 @@ class Network:
         return np.concatenate([self._predict(amplitude[rows]) for rows in blocks(len(amplitude))])
 
     def _predict(self, amplitude: NDArray[np.floating]) -> NDArray[np.float64]:
-        label, features = component_label(self.recipes[1]), self._features(amplitude)
-        with plugin_errors(self.regressor, label):
-            predicted = self.regressor.predict(features)
+        regressor, features = self._last(amplitude)
+        label = component_label(self.recipes[1])
+        with plugin_errors(regressor, label):
+            predicted = regressor.predict(features)
             targets = check_rows(predicted, label, len(amplitude), len(self.target_scaling.lower))
         return self.target_scaling.inverse(targets)
 
@@ -111,20 +125,47 @@ class Network:
         PluginError
             The regressor fails, or returns anything else than finite draws.
         """
-        label, features = component_label(self.recipes[1]), self._features(amplitude[np.newaxis])
-        with plugin_errors(self.regressor, label):
-            told = self.regressor.predict_distribution(features)
+        told = self.tell(amplitude[np.newaxis])
+        return None if told is None else self.target_scaling.inverse(told.samples[0])
+
+    def tell(self, amplitude: NDArray[np.floating]) -> TargetDistribution | None:
+        """Return what is known of the targets of FRFs (n_samples, n_responses n_freq), or None from values alone.
+
+        Raises
+        ------
+        PluginError
+            As of `predict_samples`.
+        """
+        return self._told(*self._last(amplitude))
+
+    def _last(self, amplitude: NDArray[np.floating]) -> tuple[FittedRegressor, NDArray[np.float32]]:
+        """Return the regressor that has the last word, and its features."""
+        regressor, features = self.regressor, self._features(amplitude)
+        for correction in self.corrections:
+            told = self._told(regressor, features)
+            if told is None:
+                raise PluginError(no_distribution(self.recipes[1]))
+            regressor, features = correction.regressor, correction.features(amplitude, told)
+        return regressor, features
+
+    def _told(self, regressor: FittedRegressor, features: NDArray[np.float32]) -> TargetDistribution | None:
+        """Return the distribution that a regressor tells, if it has finite draws for each row."""
+        recipe = self.recipes[1]
+        label = component_label(recipe)
+        with plugin_errors(regressor, label):
+            told = regressor.predict_distribution(features)
             if told is None:
                 return None
-            check_contract(told, self.recipes[1], TargetDistribution, "predict_distribution")
+            check_contract(told, recipe, TargetDistribution, "predict_distribution")
             samples = told.samples if isinstance(told.samples, np.ndarray) else np.empty(0)
-            if samples.ndim != 3 or len(samples) != 1 or samples.shape[1] < _FEWEST_DRAWS:
-                accepted = f"an array (1, {_FEWEST_DRAWS} or more, {len(self.target_scaling.lower)})"
+            if samples.ndim != 3 or len(samples) != len(features) or samples.shape[1] < _FEWEST_DRAWS:
+                accepted = f"an array ({len(features)}, {_FEWEST_DRAWS} or more, {len(self.target_scaling.lower)})"
                 raise PluginError(Fault(label, f"its distribution has the shape {samples.shape}.", accepted))
-            draws = check_rows(samples[0], label, samples.shape[1], len(self.target_scaling.lower))
-            if not np.isfinite(draws).all():
+            rows, draws, width = samples.shape
+            check_rows(samples.reshape(rows * draws, width), label, rows * draws, len(self.target_scaling.lower))
+            if not np.isfinite(samples).all():
                 raise PluginError(Fault(label, "its distribution is not finite.", "finite numbers"))
-        return self.target_scaling.inverse(draws)
+        return told
 
     def _features(self, amplitude: NDArray[np.floating]) -> NDArray[np.float32]:
         label = component_label(self.recipes[0])
@@ -132,6 +173,12 @@ class Network:
             reduced = self.reducer.transform(log10p1(amplitude))
             features = check_rows(reduced, label, len(amplitude), len(self.feature_scaling.mean))
         return self.feature_scaling.transform(features)
+
+
+def no_distribution(recipe: Regressor) -> Fault:
+    """Return what is wrong with a regressor that is to be corrected and tells values alone."""
+    problem = f"the {component_label(recipe)} tells values alone, not how far they are known."
+    return Fault("identification.correction", problem, "one that tells it, such as mlp with 'uncertainty: gaussian'")
 
 
 def component_label(component: Component) -> str:

@@ -1,4 +1,4 @@
-"""Features of FRFs, and the scaling of features and targets, which is fitted to training data only.
+"""FRFs of training and test, their features, and the scaling of features and targets, fitted to training data only.
 
 The equations are those of Processes 14 (2026) 1875, doi:10.3390/pr14121875: features Eq. 12, z-score Eq. 13, targets
 Eq. 14.
@@ -8,15 +8,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.dataset import Dataset
+from dovetail.errors import DatasetError, Fault
 from dovetail.frf import Frf
-from dovetail.interfaces import Parameter
+from dovetail.interfaces import Parameter, Progress
 
-__all__ = ["TargetScaling", "ZScore", "accelerance_amplitudes", "blocks", "log10p1"]
+__all__ = [
+    "TargetScaling",
+    "ZScore",
+    "accelerance_amplitudes",
+    "blocks",
+    "draw_test_samples",
+    "log10p1",
+    "read_frfs",
+]
+
+_SPLIT_STREAM = 1
+"""Keeps the split's random numbers apart from those that sampled the dataset with the same seed."""
+
+_FEWEST_SAMPLES = 2
+"""In either part, for a spread to exist."""
 
 BLOCK_ROWS = 2048
 """Rows handled at a time: 50,000 FRFs are never copied to double precision as a whole."""
@@ -138,6 +154,10 @@ class TargetScaling:
             theta[:, self.logarithmic] = np.exp(theta[:, self.logarithmic])
         return theta
 
+    def slope(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of SI values (n_samples, n_params) by the targets."""
+        return (self.upper - self.lower) * np.where(self.logarithmic, theta, 1.0)
+
     def state(self) -> dict[str, NDArray[np.generic]]:
         """Return the arrays that `restore` needs."""
         return {"lower": self.lower, "upper": self.upper, "logarithmic": self.logarithmic}
@@ -174,3 +194,64 @@ def _doubles(
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
         raise ValueError(f"'{first}' or '{second}' is not finite.")
     return a, b
+
+
+def draw_test_samples(samples: int, test_fraction: float, seed: int) -> NDArray[np.bool_]:
+    """Draw the test part.
+
+    Returns
+    -------
+    (samples,) bool array
+        True for the samples of the test part, a fraction `test_fraction` of all.
+
+    Raises
+    ------
+    DatasetError
+        One of the two parts would be too small.
+    """
+    test_samples = round(test_fraction * samples)
+    if min(test_samples, samples - test_samples) < _FEWEST_SAMPLES:
+        problem = f"{samples} samples leave {samples - test_samples} for training and {test_samples} for the test."
+        remedy = "Generate more samples, or change 'identification.test_fraction'."
+        raise DatasetError(Fault("", problem, f"at least {_FEWEST_SAMPLES} of each", remedy))
+    order = np.random.default_rng([seed, _SPLIT_STREAM]).permutation(samples)
+    is_test = np.zeros(samples, dtype=np.bool_)
+    is_test[order[:test_samples]] = True
+    return is_test
+
+
+def read_frfs(dataset: Dataset, wanted: NDArray[np.bool_], progress: Progress, *, phase: bool = False) -> NDArray[Any]:
+    """Read the FRFs of some samples, each into its final place.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    wanted : (n_samples,) bool array
+    progress : callable
+    phase : bool
+        Read them with their phases.
+
+    Returns
+    -------
+    (n, n_responses n_freq) array
+        float32 amplitudes, or complex64 [m/(N s^2)].
+
+    Raises
+    ------
+    DatasetError
+        An FRF is not finite, a chunk is damaged, or phases are asked for and not stored.
+    """
+    stored, dtype = (dataset.accelerance, np.complex64) if phase else (dataset.amplitude, np.float32)
+    frfs = np.empty((np.count_nonzero(wanted), dataset.amplitude.shape[1]), dtype=dtype)
+    count = 0
+    for rows in blocks(len(dataset)):
+        block = np.asarray(stored[rows], dtype=dtype)
+        if not np.isfinite(block).all():
+            raise DatasetError(
+                f"the dataset holds amplitudes that are not finite, in samples {rows.start}-{rows.stop}."
+            )
+        block = block[wanted[rows]]
+        frfs[count : count + len(block)] = block
+        count += len(block)
+        progress("features", rows.stop, len(dataset))
+    return frfs

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, Storage, generate
-from dovetail.errors import DatasetError, Fault, ParameterError, PluginError
+from dovetail.errors import Fault, ParameterError, PluginError
 from dovetail.identification.network.augmentation import (
     TRAINING_TOLERANCE,
     FreshEpochs,
@@ -28,33 +27,46 @@ from dovetail.identification.network.augmentation import (
     ReducedEpochs,
     measured_noises,
 )
-from dovetail.identification.network.network import Network, Reduction, check_contract, component_label, reduce_features
+from dovetail.identification.network.bundle import TrainedNetwork
+from dovetail.identification.network.correction import Correction, Linearisation
+from dovetail.identification.network.network import (
+    Network,
+    Reduction,
+    check_contract,
+    component_label,
+    no_distribution,
+    reduce_features,
+)
 from dovetail.identification.network.novelty import learn_novelty
-from dovetail.identification.network.preprocessing import TargetScaling, ZScore, blocks, log10p1
-from dovetail.identification.network.trained_network import TrainedNetwork
-from dovetail.identification.provenance import Evaluation, parameter_metrics
+from dovetail.identification.network.preprocessing import (
+    TargetScaling,
+    ZScore,
+    blocks,
+    draw_test_samples,
+    log10p1,
+    read_frfs,
+)
+from dovetail.identification.provenance import Evaluation, StageTimer, parameter_metrics
 from dovetail.interfaces import (
     FeatureContext,
     FittedReducer,
+    FittedRegressor,
     Progress,
     fit_in_context,
-    logged,
     plugin_errors,
     silent,
     takes_context,
 )
 
-__all__ = ["draw_test_samples", "needs_phase", "read_frfs", "train_and_evaluate", "train_network"]
-
-_SPLIT_STREAM = 1
-"""Keeps the split's random numbers apart from those that sampled the dataset with the same seed."""
-
-_FEWEST_SAMPLES = 2
-"""In either part, for a spread to exist."""
+__all__ = ["needs_phase", "train_and_evaluate", "train_network"]
 
 _WORTH_FORECASTING = 10.0
 """Seconds for the FRFs from which a training says beforehand how long it will take."""
 
+_CORRECTION_EPOCH = 2**31
+"""From which on epochs are those of the first correction, and twice it of the second, so that no FRF is used twice."""
+
+_TRIAL_ROWS, _TRIAL_SECONDS = 64, 0.5
 _PILOT_SHARE, _PILOT_EPOCHS = 0.02, 3
 """Of the samples, on which reducer and regressor are tried for that, and epochs of the regressor."""
 
@@ -69,10 +81,11 @@ def train_network(
     progress: Progress = silent,
 ) -> TrainedNetwork:
     """Train the network of an assembly's description; parameters and errors as `dovetail.train` has them."""
-    timer = _StageTimer(_seconds(assembly, minutes))
+    timer = StageTimer(_seconds(assembly, minutes))
     if robust or fresh:
         assembly = _with_augmentation(assembly, fresh=fresh)
     measured_noises(assembly)  # what is wrong with their files is said before any work
+    _check_correction(assembly)
     if dataset is not None:
         return _train(assembly, dataset, timer, progress)
     with tempfile.TemporaryDirectory(prefix="dovetail-") as folder:
@@ -107,6 +120,35 @@ def _seconds(assembly: Assembly, minutes: float | None) -> float | None:
     return 60.0 * minutes
 
 
+def _check_correction(assembly: Assembly) -> None:
+    """Raise what stands in the way of a correction, before any work.
+
+    Raises
+    ------
+    ParameterError
+        No fresh samples are drawn.
+    PluginError
+        The regressor tells values alone, or fails on a few random rows.
+    """
+    settings = assembly.description.identification
+    if settings.correction is None:
+        return
+    if settings.augmentation is None or not settings.augmentation.fresh:
+        problem = "a correction is learnt from samples that the first regressor has not seen, and none are drawn."
+        remedy = "Set 'augmentation: {fresh: true}', or train with --fresh."
+        raise ParameterError(Fault("identification.correction", problem, remedy=remedy))
+    generator, label = np.random.default_rng(settings.seed), component_label(settings.regressor)
+    features = generator.standard_normal((_TRIAL_ROWS, 4), dtype=np.float32)
+    targets = generator.random((_TRIAL_ROWS, len(assembly.parameters)))
+    names = tuple(parameter.name for parameter in assembly.parameters)
+    context = FeatureContext(assembly.frequency, ("trial",), names, seconds=_TRIAL_SECONDS)
+    with plugin_errors(settings.regressor, label):
+        fitted = fit_in_context(settings.regressor.fit, features, targets, context=context, seed=settings.seed)
+        check_contract(fitted, settings.regressor, FittedRegressor)
+        if fitted.predict_distribution(features) is None:
+            raise PluginError(no_distribution(settings.regressor))
+
+
 def _with_augmentation(assembly: Assembly, *, fresh: bool) -> Assembly:
     """Return the assembly with noise on its training FRFs, and with new ones in every epoch if `fresh`."""
     stated = assembly.description.identification.augmentation
@@ -122,31 +164,7 @@ def needs_phase(assembly: Assembly) -> bool:
     return augmentation is not None and augmentation.mass > 0 and not augmentation.fresh
 
 
-def draw_test_samples(samples: int, test_fraction: float, seed: int) -> NDArray[np.bool_]:
-    """Draw the test part.
-
-    Returns
-    -------
-    (samples,) bool array
-        True for the samples of the test part, a fraction `test_fraction` of all.
-
-    Raises
-    ------
-    DatasetError
-        One of the two parts would be too small.
-    """
-    test_samples = round(test_fraction * samples)
-    if min(test_samples, samples - test_samples) < _FEWEST_SAMPLES:
-        problem = f"{samples} samples leave {samples - test_samples} for training and {test_samples} for the test."
-        remedy = "Generate more samples, or change 'identification.test_fraction'."
-        raise DatasetError(Fault("", problem, f"at least {_FEWEST_SAMPLES} of each", remedy))
-    order = np.random.default_rng([seed, _SPLIT_STREAM]).permutation(samples)
-    is_test = np.zeros(samples, dtype=np.bool_)
-    is_test[order[:test_samples]] = True
-    return is_test
-
-
-def _train(assembly: Assembly, dataset: Dataset, timer: _StageTimer, progress: Progress) -> TrainedNetwork:
+def _train(assembly: Assembly, dataset: Dataset, timer: StageTimer, progress: Progress) -> TrainedNetwork:
     network, evaluation = train_and_evaluate(assembly, dataset, progress, timer)
     settings, theta = assembly.description.identification, np.asarray(dataset.parameters, dtype=np.float64)
     is_test = draw_test_samples(len(dataset), settings.test_fraction, settings.seed)
@@ -163,7 +181,7 @@ def _train(assembly: Assembly, dataset: Dataset, timer: _StageTimer, progress: P
 
 
 def train_and_evaluate(
-    assembly: Assembly, dataset: Dataset, progress: Progress = silent, timer: _StageTimer | None = None
+    assembly: Assembly, dataset: Dataset, progress: Progress = silent, timer: StageTimer | None = None
 ) -> tuple[Network, Evaluation]:
     """Train a network on one part of a dataset, and evaluate it on the other.
 
@@ -183,8 +201,9 @@ def train_and_evaluate(
     PluginError
         Reducer or regressor fail.
     """
-    timer = _StageTimer() if timer is None else timer
+    timer = StageTimer() if timer is None else timer
     dataset.require(assembly)
+    _check_correction(assembly)
     settings = assembly.description.identification
     is_test = draw_test_samples(len(dataset), settings.test_fraction, settings.seed)
     theta = np.asarray(dataset.parameters, dtype=np.float64)
@@ -207,7 +226,7 @@ def train_and_evaluate(
 
 
 def _fit_network(
-    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], timer: _StageTimer, progress: Progress
+    assembly: Assembly, dataset: Dataset, is_test: NDArray[np.bool_], timer: StageTimer, progress: Progress
 ) -> Network:
     """Fit to the training FRFs, with noise if the description has it."""
     settings = assembly.description.identification
@@ -232,7 +251,8 @@ def _fit_network(
     del features  # 700 MB at 40,000 FRFs of 4451 lines
     scaling = feature_scaling, target_scaling = ZScore.fit(reduced), TargetScaling.fit(theta, assembly.parameters)
     reduction = Reduction(settings.reducer.name, reducer, *scaling)
-    named: dict[str, Any] = {"context": context, "seed": settings.seed, "progress": progress}
+    first = replace(context, seconds=timer.first_share) if settings.correction is not None else context
+    named: dict[str, Any] = {"context": first, "seed": settings.seed, "progress": progress}
     with timer.stage("regressor"), plugin_errors(settings.regressor, component_label(settings.regressor)):
         if noisy is None:
             regressor = fit_in_context(settings.regressor.fit, *reduction.standardise(reduced, theta), **named)
@@ -242,7 +262,52 @@ def _fit_network(
         else:
             regressor = fit_in_context(settings.regressor.fit_epochs, ReducedEpochs(noisy, reduction), **named)
     recipes = settings.reducer, settings.regressor
-    return Network(reducer, feature_scaling, regressor, target_scaling, recipes)
+    network = Network(reducer, feature_scaling, regressor, target_scaling, recipes)
+    if settings.correction is None:
+        return network
+    assert noisy is not None  # as _check_correction has it
+    for _ in range(settings.correction.rounds):
+        correction = _fit_correction(assembly, noisy, network, context, timer, progress)
+        network = replace(network, corrections=(*network.corrections, correction))
+    return network
+
+
+def _fit_correction(
+    assembly: Assembly,
+    noisy: NoisyFeatures,
+    network: Network,
+    context: FeatureContext,
+    timer: StageTimer,
+    progress: Progress,
+) -> Correction:
+    """Train a regressor that corrects the network's answers, on FRFs of its own."""
+    settings, before = assembly.description.identification, len(network.corrections)
+    assert settings.correction is not None
+    count, rounds, recipe = settings.correction.samples, settings.correction.rounds, settings.regressor
+    linearisation, name = Linearisation(assembly, network.target_scaling), f"correction {before + 1} of {rounds}"
+    features, targets = [], []
+    with timer.stage(f"FRFs of {name}"):
+        for block, rows in enumerate(blocks(count)):
+            epoch = (before + 1) * _CORRECTION_EPOCH + block
+            amplitude, theta = noisy.amplitudes(epoch, rows.stop - rows.start)
+            told = network.tell(amplitude)
+            assert told is not None  # as _check_correction has it
+            features.append(linearisation(amplitude, told))
+            targets.append(network.target_scaling.transform(theta))
+            progress(f"FRFs of {name}", rows.stop, count)
+
+    def of_correction(stage: str, done: int, total: int, note: str = "") -> None:  # noqa: ARG001
+        progress(name, done, total, note)
+
+    seconds = timer.share_of_the_rest(rounds - before)
+    with timer.stage(name), plugin_errors(recipe, component_label(recipe)):
+        standardised = np.concatenate(features)
+        scaling = ZScore.fit(standardised)
+        standardised = scaling.transform(standardised, out=standardised)
+        context = replace(context, seconds=seconds)
+        named: dict[str, Any] = {"context": context, "seed": settings.seed, "progress": of_correction}
+        regressor = fit_in_context(recipe.fit, standardised, np.concatenate(targets), **named)
+        return Correction(linearisation, scaling, regressor)
 
 
 def _context(
@@ -268,7 +333,7 @@ def _fit_reducer(
     settings: IdentificationSettings,
     features: NDArray[np.float32],
     context: FeatureContext,
-    timer: _StageTimer,
+    timer: StageTimer,
     progress: Progress,
     expected: str,
 ) -> FittedReducer:
@@ -290,7 +355,7 @@ def _forecast(
     Nothing is said where one of them fails on so few. Where the regressor was told a time, that holds.
     """
     with suppress(Exception):
-        count = max(round(_PILOT_SHARE * len(features)), _FEWEST_SAMPLES)
+        count = max(round(_PILOT_SHARE * len(features)), 2)
         sizes = count, count, 2 * count  # the first only loads and compiles what is needed
         _, once, twice = (_pilot(assembly, features[:rows], theta[:rows], context) for rows in sizes)
         further = len(features) / count - 1.0
@@ -333,55 +398,3 @@ def _pilot(
 def _rounded(seconds: float) -> str:
     """Write a time as one would say it."""
     return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
-
-
-@dataclass
-class _StageTimer:
-    """Wall-timer seconds of each stage, and those that the regressor may take at most."""
-
-    limit: float | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        start = time.perf_counter()
-        with logged(__name__, f"training, {name}"):
-            yield
-        self.seconds[name] = time.perf_counter() - start
-
-
-def read_frfs(dataset: Dataset, wanted: NDArray[np.bool_], progress: Progress, *, phase: bool = False) -> NDArray[Any]:
-    """Read the FRFs of some samples, each into its final place.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    wanted : (n_samples,) bool array
-    progress : callable
-    phase : bool
-        Read them with their phases.
-
-    Returns
-    -------
-    (n, n_responses n_freq) array
-        float32 amplitudes, or complex64 [m/(N s^2)].
-
-    Raises
-    ------
-    DatasetError
-        An FRF is not finite, a chunk is damaged, or phases are asked for and not stored.
-    """
-    stored, dtype = (dataset.accelerance, np.complex64) if phase else (dataset.amplitude, np.float32)
-    frfs = np.empty((np.count_nonzero(wanted), dataset.amplitude.shape[1]), dtype=dtype)
-    count = 0
-    for rows in blocks(len(dataset)):
-        block = np.asarray(stored[rows], dtype=dtype)
-        if not np.isfinite(block).all():
-            raise DatasetError(
-                f"the dataset holds amplitudes that are not finite, in samples {rows.start}-{rows.stop}."
-            )
-        block = block[wanted[rows]]
-        frfs[count : count + len(block)] = block
-        count += len(block)
-        progress("features", rows.stop, len(dataset))
-    return frfs

@@ -1,0 +1,200 @@
+"""A second look at an FRF: what the model, linearised where a network's answer lies, tells of how to correct it.
+
+A network sees an FRF through a few features and blurs what is sharp in it. The assembly itself does not: its FRF at the
+network's answer differs from the measured one line by line, and its Jacobian there tells which parameters bring them
+together. One such step is not to be trusted, since resonances move by more than their widths. So the step is taken with
+several degrees of caution, and a second regressor learns from thousands of them what they are worth.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import convolve1d, uniform_filter1d
+from scipy.special import ndtr, ndtri
+from threadpoolctl import threadpool_limits
+
+from dovetail.assembly import Assembly
+from dovetail.frf import conversion
+from dovetail.identification.network.preprocessing import TargetScaling, ZScore
+from dovetail.interfaces import FittedRegressor, Regressor, State, TargetDistribution
+
+__all__ = ["Correction", "Linearisation", "correction_states", "restore_corrections"]
+
+_CAUTIONS = (0.03, 0.3, 3.0, 30.0)
+"""Parts of the spread that the answer leaves at a line, squared, that count as random error there."""
+_EDGE = 2.3
+"""Normal quantile beyond which the model is not linearised: the ends of a range tell nothing of what is beyond."""
+_FARTHEST = 5.0
+"""Normal quantile of a draw at the very end of a range."""
+_MOST_DEVIATIONS = 30.0
+"""By which a line counts at most."""
+_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
+"""Of five lines: white noise keeps its variance, and what is smooth is gone."""
+_NEIGHBOURS = 64
+"""Lines over which the variance of the noise is averaged."""
+_LEAST_VARIANCE, _LEAST_AMPLITUDE = 1e-8, 1e-30
+"""By which nothing is divided by zero."""
+_ROWS = 64
+"""FRFs whose Jacobians are in memory at a time, on each core."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Makes the features of the second regressor.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    targets : TargetScaling
+    """
+
+    assembly: Assembly
+    targets: TargetScaling
+
+    def __call__(self, amplitude: NDArray[np.floating], before: TargetDistribution) -> NDArray[np.float32]:
+        """Return features from FRFs and the answers to them.
+
+        Parameters
+        ----------
+        amplitude : (n_samples, n_responses n_freq) array
+            Of the accelerance [m/(N s^2)], all responses side by side.
+        before : TargetDistribution
+            The answers.
+
+        Returns
+        -------
+        (n_samples, n_features) float32 array
+            For each caution the corrected parameters, the correction, the deviation that is left and the residuals'
+            mean square; then the answer, its deviations and the random error. Parameters are normal quantiles
+            of the targets, deviations and squares logarithms.
+        """
+        blocks = [slice(start, start + _ROWS) for start in range(0, len(amplitude), _ROWS)]
+
+        def of_block(rows: slice) -> NDArray[np.float32]:
+            return self._of_block(amplitude[rows], before.samples[rows])
+
+        if len(blocks) == 1:
+            return of_block(blocks[0])
+        with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+            return np.concatenate(list(pool.map(of_block, blocks)))
+
+    def _of_block(self, amplitude: NDArray[np.floating], samples: NDArray[np.float64]) -> NDArray[np.float32]:
+        means, factors = _gaussians(samples)
+        at = np.clip(means, -_EDGE, _EDGE)
+        modelled, jacobian = self._logarithms(at)
+        measured = np.log(np.maximum(amplitude, _LEAST_AMPLITUDE))
+        variance = _noise_variance(measured.reshape(len(measured), -1, len(self.assembly.frequency)))
+        rows = zip(measured - modelled, jacobian, variance.reshape(measured.shape), means, at, factors, strict=True)
+        return np.array([_features(*row) for row in rows], dtype=np.float32)
+
+    def _logarithms(self, quantiles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        """Return logarithms (n, n_lines) of the model's amplitudes, and their derivatives (n, n_lines, n_params)."""
+        theta = self.targets.inverse(ndtr(quantiles))
+        density = np.exp(-(quantiles**2) / 2.0) / np.sqrt(2.0 * np.pi)
+        slope = (self.targets.slope(theta) * density)[:, np.newaxis]
+        logarithms, derivatives = [], []
+        for assembly, response in zip(self.assembly.each_response, self.assembly.description.responses, strict=True):
+            frf, jacobian = assembly.frf_jacobian(theta)
+            amplitude = np.maximum(np.abs(frf), _LEAST_AMPLITUDE)
+            to_accelerance = np.abs(conversion(assembly.frequency, response.quantity, "accelerance"))
+            logarithms.append(np.log(amplitude * to_accelerance))
+            relative = (frf / amplitude / amplitude)[..., np.newaxis]
+            derivative = jacobian.real * relative.real + jacobian.imag * relative.imag
+            derivatives.append((derivative * slope).astype(np.float32))
+        return np.concatenate(logarithms, axis=1), np.concatenate(derivatives, axis=1)
+
+
+def _gaussians(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return means (n, t) of the draws' normal quantiles, and the Cholesky factors (n, t, t) of their covariances."""
+    edge = ndtr(-_FARTHEST)
+    quantiles = ndtri(np.clip(samples, edge, 1.0 - edge))
+    means = quantiles.mean(axis=1)
+    centred = quantiles - means[:, np.newaxis]
+    covariance = np.swapaxes(centred, 1, 2) @ centred / samples.shape[1]
+    return means, np.linalg.cholesky(covariance + _LEAST_VARIANCE * np.eye(samples.shape[2]))
+
+
+def _noise_variance(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the variance of the noise of logarithms (..., n_freq), from how neighbouring lines differ."""
+    differences = convolve1d(logarithms, _FOURTH_DIFFERENCE, axis=-1, mode="mirror")
+    return np.asarray(uniform_filter1d(differences**2, _NEIGHBOURS, axis=-1, mode="mirror") + _LEAST_VARIANCE)
+
+
+def _features(
+    residuals: NDArray[np.float64],
+    jacobian: NDArray[np.float32],
+    variance: NDArray[np.float64],
+    mean: NDArray[np.float64],
+    at: NDArray[np.float64],
+    factor: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the features of one FRF, linearised at `at`; the answer has a mean and the factor's covariance."""
+    along = jacobian @ factor.astype(np.float32)
+    spread = np.einsum("ij,ij->i", along, along)
+    features: list[NDArray[np.float64]] = []
+    for caution in _CAUTIONS:
+        weight = (1.0 / np.sqrt(variance + caution * spread)).astype(np.float32)
+        scaled = np.clip(residuals * weight, -_MOST_DEVIATIONS, _MOST_DEVIATIONS).astype(np.float32)
+        weighted = along * weight[:, np.newaxis]
+        inverse = np.linalg.inv(np.eye(len(mean)) + weighted.T @ weighted)
+        step = factor @ (inverse @ (weighted.T @ scaled))
+        left = np.einsum("ij,jk,ik->i", factor, inverse, factor)
+        left = 0.5 * np.log(np.maximum(left, _LEAST_VARIANCE))
+        features += [mean + step, step, left, np.log([np.mean(scaled**2) + _LEAST_VARIANCE])]
+    spreads = 0.5 * np.log(np.sum(factor**2, axis=1))
+    return np.concatenate([*features, mean, at - mean, spreads, np.log([np.mean(variance)])])
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """A second regressor, and how its features are made.
+
+    Parameters
+    ----------
+    linearisation : Linearisation
+    feature_scaling : ZScore
+    regressor : FittedRegressor
+    """
+
+    linearisation: Linearisation
+    feature_scaling: ZScore
+    regressor: FittedRegressor
+
+    def features(self, amplitude: NDArray[np.floating], before: TargetDistribution) -> NDArray[np.float32]:
+        """Return what `regressor` takes, from FRFs (n_samples, n_responses n_freq) and the answers before."""
+        return self.feature_scaling.transform(self.linearisation(amplitude, before))
+
+
+def correction_states(corrections: Sequence[Correction]) -> State:
+    """Return the arrays and plain values of corrections as one state."""
+    state: dict[str, Any] = {}
+    for number, correction in enumerate(corrections):
+        parts = {"scaling": correction.feature_scaling.state(), "regressor": correction.regressor.state()}
+        state |= {f"{number}.{part}.{name}": value for part, of in parts.items() for name, value in of.items()}
+    return state
+
+
+def restore_corrections(state: State, linearisation: Linearisation, recipe: Regressor) -> tuple[Correction, ...]:
+    """Rebuild corrections from what `correction_states` returned.
+
+    Raises
+    ------
+    ValueError
+        As of `ZScore.restore`.
+    """
+    parts: dict[str, dict[str, dict[str, Any]]] = {}
+    for key, value in state.items():
+        number, part, name = key.split(".", 2)
+        parts.setdefault(number, {"scaling": {}, "regressor": {}})[part][name] = value
+    ordered = (parts[number] for number in sorted(parts, key=int))
+    return tuple(
+        Correction(linearisation, ZScore.restore(part["scaling"]), recipe.restore(part["regressor"]))
+        for part in ordered
+    )

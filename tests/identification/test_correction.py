@@ -1,0 +1,199 @@
+"""A network whose answer is corrected by the model, linearised there: features, gain, file, and what it needs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+import dovetail
+from dovetail.errors import BundleError, ParameterError, PluginError
+from dovetail.evaluation.robustness import variant
+from dovetail.identification.network.correction import Linearisation
+from dovetail.identification.network.preprocessing import TargetScaling
+from dovetail.registry import components
+
+DAMPING, RANGE = {"range": [20, 200], "scale": "log"}, {"range": [1e6, 1e7]}
+DESCRIPTION = {
+    "dovetail": 1,
+    "name": "block",
+    "frequency": {"start": 150, "stop": 600, "step": 1},
+    "substructures": {
+        "mass": {"model": "lumped", "masses": [{"mass": 1.0}]},
+        "base": {"model": "ground"},
+    },
+    "joints": {
+        "mount": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "mass", "at": 0}, "b": {"to": "base", "at": 0}},
+            "parameters": {"k": RANGE, "c": DAMPING},
+        }
+    },
+    "response": {"at": "mass", "position": 0, "quantity": "mobility"},
+}
+NEAR = np.array([5e-4, 0.05])
+"""Deviations of a first answer that knows the stiffness well and the damping little."""
+REGRESSOR = {
+    "model": "mlp",
+    "uncertainty": "gaussian",
+    "activation": "silu",
+    "hidden": [32],
+    "dropout": 0.0,
+    "max_epochs": 20,
+    "learning_rate": 3e-3,
+}
+
+
+def block(**identification):
+    settings = {"samples": 1000, "reducer": {"model": "pca", "n_components": 8}, "regressor": REGRESSOR}
+    noise = {"additive": 0.0, "multiplicative": 0.1, "circular": 1.0, "fresh": True}
+    return dovetail.load({**DESCRIPTION, "identification": {**settings, "augmentation": noise, **identification}})
+
+
+@pytest.fixture(scope="module")
+def model():
+    return dovetail.train(block(correction={"samples": 2000, "rounds": 2}))
+
+
+@pytest.fixture(scope="module")
+def linearisation():
+    assembly = block()
+    lower, upper = assembly.from_unit(np.array([[0.0, 0.0], [1.0, 1.0]]))
+    return Linearisation(assembly, TargetScaling.fit(np.array([lower, upper]), assembly.parameters))
+
+
+def answers(quantiles, deviation, draws=400):
+    """Return what a regressor tells that knows the normal quantiles to these deviations."""
+    spread = deviation * dovetail.spread_normal(draws, quantiles.shape[1])
+    return dovetail.TargetDistribution(ndtr(quantiles[:, np.newaxis] + spread))
+
+
+def corrected(linearisation, truth, first, deviation, noise=0.0, rng=None):
+    """Return the corrected normal quantiles for the smallest and the largest caution."""
+    amplitude = linearisation.assembly.accelerance_amplitude(linearisation.targets.inverse(ndtr(truth)))
+    if rng is not None:
+        amplitude = amplitude * (1.0 + noise * rng.standard_normal(amplitude.shape))
+    features = linearisation(amplitude, answers(first, deviation))
+    per_caution = (features.shape[1] - 3 * 2 - 1) // 4
+    return features[:, :2], features[:, 3 * per_caution : 3 * per_caution + 2]
+
+
+def test_near_the_truth_one_step_reaches_it_and_caution_holds_it_back(linearisation):
+    truth = np.array([[0.3, -0.4], [-1.0, 0.8]])
+    first = truth + np.array([[0.0005, -0.05], [-0.0005, 0.05]])
+    bold, cautious = corrected(linearisation, truth, first, NEAR)
+    away = np.abs(first - truth)
+    assert np.all(np.abs(bold - truth) < 0.2 * away)
+    assert np.all(np.abs(cautious - truth) < away)
+    assert np.all(np.abs(cautious - truth) > np.abs(bold - truth))
+
+
+def test_with_noise_the_step_errs_as_the_fisher_information_has_it(linearisation):
+    """From differences of the model's own FRFs, without its Jacobian."""
+    rng, noise, count = np.random.default_rng(1), 0.2, 200
+    truth = np.tile([[0.2, 0.1]], (count, 1))
+    bold, _ = corrected(linearisation, truth, truth + 0.01 * rng.standard_normal(truth.shape), 0.3, noise, rng)
+
+    def logarithm(quantiles):
+        return np.log(linearisation.assembly.frf(linearisation.targets.inverse(ndtr(quantiles)))).real
+
+    step = 1e-4 * np.eye(2)
+    slopes = (logarithm(truth[0] + step) - logarithm(truth[0] - step)) / 2e-4
+    expected = np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T / noise**2)))
+    ratio = (bold - truth).std(axis=0) / expected
+    assert np.all((ratio > 0.8) & (ratio < 3.0))
+
+
+def test_each_frf_has_the_same_features_alone_and_among_others(linearisation):
+    rng = np.random.default_rng(2)
+    first = rng.standard_normal((150, 2))
+    amplitude = linearisation.assembly.accelerance_amplitude(linearisation.targets.inverse(ndtr(first + 0.1)))
+    together, chosen = linearisation(amplitude, answers(first, 0.2)), (0, 77, 149)
+    alone = [linearisation(amplitude[[number]], answers(first[[number]], 0.2))[0] for number in chosen]
+    np.testing.assert_allclose(together[list(chosen)], alone, rtol=1e-4, atol=1e-5)
+
+
+def test_lines_without_any_amplitude_give_finite_features(linearisation):
+    features = linearisation(np.zeros((1, len(linearisation.assembly.frequency))), answers(np.zeros((1, 2)), 0.2))
+    assert np.isfinite(features).all()
+
+
+def test_the_correction_brings_the_answer_nearer_to_the_truth(model):
+    """On FRFs that neither of the two regressors was trained on, at a noise that hides no resonance."""
+    rng = np.random.default_rng(3)
+    theta = model.assembly.from_unit(rng.random((300, 2)))
+    amplitude = model.assembly.accelerance_amplitude(theta)
+    amplitude = amplitude * (1.0 + 0.02 * rng.standard_normal(amplitude.shape))
+    first = replace(model.network, corrections=()).tell(amplitude.astype(np.float32)).samples.mean(axis=1)
+    truth = model.network.target_scaling.transform(theta)
+    last = model.network.target_scaling.transform(model.predict_parameters(amplitude))
+    before, after = (np.sqrt(np.mean((predicted - truth) ** 2, axis=0)) for predicted in (first, last))
+    assert np.all(after < 0.7 * before)
+
+
+def test_its_intervals_hold_the_truth_as_often_as_they_say(model):
+    done = dovetail.calibrate(
+        model.assembly, cases=300, noise=0.05, seed=5, method="network", model=model, noise_kind="proportional"
+    )
+    covered, _ = done.coverage
+    assert 0.82 < covered < 0.97
+
+
+def test_a_stored_model_answers_the_same(model, tmp_path):
+    amplitude = model.assembly.accelerance_amplitude({"k": 4e6, "c": 80.0})[np.newaxis]
+    again = dovetail.load_model(model.save(tmp_path / "model"))
+    np.testing.assert_allclose(again.predict_parameters(amplitude), model.predict_parameters(amplitude), rtol=1e-5)
+    np.testing.assert_allclose(again.predict_samples(amplitude[0]), model.predict_samples(amplitude[0]), rtol=1e-4)
+
+
+def test_a_stored_model_without_its_corrections_is_refused(model, tmp_path):
+    folder = model.save(tmp_path / "model")
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["version"] == 3
+    del manifest["files"]["corrections"], manifest["sha256"]
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(BundleError, match="the manifest does not list the corrections"):
+        dovetail.load_model(folder)
+
+
+def test_without_fresh_samples_there_is_no_correction():
+    assembly = block(correction={"samples": 200}, augmentation={"multiplicative": 0.1})
+    with pytest.raises(ParameterError, match=r"(?s)identification\.correction.*none are drawn.*--fresh"):
+        dovetail.train(assembly)
+
+
+def test_a_comparison_without_noise_leaves_the_correction_out():
+    assembly = block(correction={"samples": 200})
+    plain, robust = (variant(assembly, name, components()) for name in ("pca", "pca+robust"))
+    assert plain.description.identification.correction is None
+    assert robust.description.identification.correction.samples == 200
+
+
+def test_a_regressor_of_values_alone_is_not_corrected():
+    assembly = block(correction={"samples": 200}, regressor={"model": "mlp", "hidden": [8]})
+    with pytest.raises(PluginError, match=r"(?s)identification\.correction.*tells values alone"):
+        dovetail.train(assembly)
+
+
+def test_a_third_of_the_time_is_for_the_first_regressor():
+    regressor = {**REGRESSOR, "max_epochs": 100_000, "patience": 100_000}
+    seconds = dovetail.train(block(correction={"samples": 200}, regressor=regressor), minutes=0.1).evaluation.seconds
+    assert seconds["regressor"] == pytest.approx(2.1, abs=1.5)
+    assert 1.0 < seconds["correction 1 of 1"] < 5.5
+
+
+def test_several_responses_have_their_lines_beside_each_other():
+    whole = json.loads(block().description.text)
+    response = whole.pop("response")
+    whole["responses"] = [response, {**response, "name": "again", "quantity": "receptance"}]
+    assembly = dovetail.load(whole)
+    lower, upper = assembly.from_unit(np.array([[0.0, 0.0], [1.0, 1.0]]))
+    linearisation = Linearisation(assembly, TargetScaling.fit(np.array([lower, upper]), assembly.parameters))
+    truth = np.array([[0.3, -0.4]])
+    first = truth + np.array([[0.0005, -0.05]])
+    bold, _ = corrected(linearisation, truth, first, NEAR)
+    assert np.all(np.abs(bold - truth) < 0.2 * np.abs(first - truth))
