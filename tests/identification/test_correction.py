@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from block_on_spring import BLOCK
 from scipy.special import ndtr
 
 import dovetail
@@ -16,25 +18,9 @@ from dovetail.identification.network.correction import Linearisation
 from dovetail.identification.network.preprocessing import TargetScaling
 from dovetail.registry import components
 
-DAMPING, RANGE = {"range": [20, 200], "scale": "log"}, {"range": [1e6, 1e7]}
-DESCRIPTION = {
-    "dovetail": 1,
-    "name": "block",
-    "frequency": {"start": 150, "stop": 600, "step": 1},
-    "substructures": {
-        "mass": {"model": "lumped", "masses": [{"mass": 1.0}]},
-        "base": {"model": "ground"},
-    },
-    "joints": {
-        "mount": {
-            "model": "spring_damper",
-            "direction": "x",
-            "connect": {"a": {"to": "mass", "at": 0}, "b": {"to": "base", "at": 0}},
-            "parameters": {"k": RANGE, "c": DAMPING},
-        }
-    },
-    "response": {"at": "mass", "position": 0, "quantity": "mobility"},
-}
+DESCRIPTION = {**deepcopy(BLOCK), "frequency": {"start": 150, "stop": 600, "step": 1}}
+DESCRIPTION["joints"]["mount"]["parameters"]["c"]["scale"] = "log"
+DESCRIPTION["response"]["quantity"] = "mobility"
 NEAR = np.array([5e-4, 0.05])
 """Deviations of a first answer that knows the stiffness well and the damping little."""
 REGRESSOR = {
@@ -59,11 +45,14 @@ def model():
     return dovetail.train(block(correction={"samples": 2000, "rounds": 2}))
 
 
+def linearised(assembly):
+    ends = assembly.from_unit(np.array([[0.0, 0.0], [1.0, 1.0]]))
+    return Linearisation(assembly, TargetScaling.fit(ends, assembly.parameters))
+
+
 @pytest.fixture(scope="module")
 def linearisation():
-    assembly = block()
-    lower, upper = assembly.from_unit(np.array([[0.0, 0.0], [1.0, 1.0]]))
-    return Linearisation(assembly, TargetScaling.fit(np.array([lower, upper]), assembly.parameters))
+    return linearised(block())
 
 
 def answers(quantiles, deviation, draws=400):
@@ -190,9 +179,7 @@ def test_several_responses_have_their_lines_beside_each_other():
     whole = json.loads(block().description.text)
     response = whole.pop("response")
     whole["responses"] = [response, {**response, "name": "again", "quantity": "receptance"}]
-    assembly = dovetail.load(whole)
-    lower, upper = assembly.from_unit(np.array([[0.0, 0.0], [1.0, 1.0]]))
-    linearisation = Linearisation(assembly, TargetScaling.fit(np.array([lower, upper]), assembly.parameters))
+    linearisation = linearised(dovetail.load(whole))
     truth = np.array([[0.3, -0.4]])
     first = truth + np.array([[0.0005, -0.05]])
     bold, _ = corrected(linearisation, truth, first, NEAR)

@@ -200,12 +200,15 @@ class StageTimer:
 
     Parameters
     ----------
+    module : str
+        In whose name they are logged.
     limit : float, optional
         Those that the regressors may take at most.
     seconds : dict of str to float
         By the name of the stage.
     """
 
+    module: str
     limit: float | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -225,6 +228,6 @@ class StageTimer:
     def stage(self, name: str) -> Iterator[None]:
         """Measure a stage."""
         start = time.perf_counter()
-        with logged(__name__, f"training, {name}"):
+        with logged(self.module, f"training, {name}"):
             yield
         self.seconds[name] = time.perf_counter() - start

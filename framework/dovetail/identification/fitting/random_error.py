@@ -15,6 +15,7 @@ from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf
 
 __all__ = [
+    "FOURTH_DIFFERENCE",
     "MeasuredNoise",
     "Weights",
     "error_parts",
@@ -32,7 +33,7 @@ __all__ = [
 Weights = Literal["coherence", "amplitude"] | NDArray[np.float64]
 """How much lines count, other than by their random error; as of `weighted_variance`."""
 
-_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
+FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth difference: it keeps the variance of white noise and removes nearly all of a smooth curve."""
 _FEWEST_AVERAGES = 3
 """From which the mean of 1 / s^2 is finite."""
@@ -109,9 +110,9 @@ def _scattering_averages(frf: Frf) -> int:
     if variance is None or frf.variance is not None or frf.averages is None or frf.averages < _FEWEST_AVERAGES:
         return 0
     variance = variance[np.isfinite(variance)]
-    if len(variance) < 2 * len(_DIFFERENCE) or not np.all(variance > 0.0):
+    if len(variance) < 2 * len(FOURTH_DIFFERENCE) or not np.all(variance > 0.0):
         return 0
-    scatter = np.convolve(np.log(variance), _DIFFERENCE, mode="valid") ** 2
+    scatter = np.convolve(np.log(variance), FOURTH_DIFFERENCE, mode="valid") ** 2
     expected = float(polygamma(1, frf.averages - 1)) * float(scipy.stats.chi2.ppf(0.5, 1))
     return frf.averages if np.median(scatter) > _SETTINGS.scattering * expected else 0
 
@@ -228,8 +229,8 @@ def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float
     if is_too_short(frf):
         return float((_SETTINGS.short * frf.amplitude.max()) ** 2), 0.0
     residuals = values if model is None else values - model
-    squares = np.abs(np.convolve(residuals, _DIFFERENCE, mode="valid")) ** 2
-    level = np.sqrt(np.convolve(frf.amplitude**2, _DIFFERENCE**2, mode="valid"))
+    squares = np.abs(np.convolve(residuals, FOURTH_DIFFERENCE, mode="valid")) ** 2
+    level = np.sqrt(np.convolve(frf.amplitude**2, FOURTH_DIFFERENCE**2, mode="valid"))
     count = min(_SETTINGS.bins, max(1, len(level) // _SETTINGS.lines_per_bin))
     bins = np.array_split(np.argsort(level), count)
     magnitude = np.array([np.sqrt(np.mean(level[rows] ** 2)) for rows in bins])
@@ -239,7 +240,7 @@ def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float
 
 def is_too_short(frf: Frf) -> bool:
     """Return whether an FRF has fewer than 10 lines: 1 % of the largest value is then assumed as random error."""
-    return len(frf.frequency) < 2 * len(_DIFFERENCE)
+    return len(frf.frequency) < 2 * len(FOURTH_DIFFERENCE)
 
 
 def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:

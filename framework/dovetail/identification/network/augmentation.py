@@ -268,7 +268,7 @@ class NoisyFeatures:
 
     def amplitudes(self, epoch: int, count: int) -> Pair:
         """Return amplitudes (n_samples, n_responses n_freq) [m/(N s^2)] of fresh samples, and their parameters."""
-        return self._made(epoch, count, _as_it_is)
+        return self._made(epoch, count, np.positive)
 
     def _made(
         self, epoch: int, count: int | None, write: Callable[..., object]
@@ -306,10 +306,6 @@ class NoisyFeatures:
     def _source(self) -> Assembly:
         """Computes fresh samples."""
         return self.assembly.interpolated(TRAINING_TOLERANCE)
-
-
-def _as_it_is(amplitude: NDArray[np.floating], out: NDArray[np.float32]) -> None:
-    out[:] = amplitude
 
 
 def _deviation(accelerance: NDArray[np.number]) -> float:

@@ -17,12 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, uniform_filter1d
-from scipy.special import ndtr, ndtri
 from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly
 from dovetail.frf import conversion
+from dovetail.identification.fitting.random_error import FOURTH_DIFFERENCE
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
+from dovetail.identification.posterior.likelihood import normal_density, normal_from_unit, unit_from_normal
 from dovetail.interfaces import FittedRegressor, Regressor, State, TargetDistribution
 
 __all__ = ["Correction", "Linearisation", "correction_states", "restore_corrections"]
@@ -35,8 +36,6 @@ _FARTHEST = 5.0
 """Normal quantile of a draw at the very end of a range."""
 _MOST_DEVIATIONS = 30.0
 """By which a line counts at most."""
-_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
-"""Of five lines: white noise keeps its variance, and what is smooth is gone."""
 _NEIGHBOURS = 64
 """Lines over which the variance of the noise is averaged."""
 _LEAST_VARIANCE, _LEAST_AMPLITUDE = 1e-8, 1e-30
@@ -96,9 +95,8 @@ class Linearisation:
 
     def _logarithms(self, quantiles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         """Return logarithms (n, n_lines) of the model's amplitudes, and their derivatives (n, n_lines, n_params)."""
-        theta = self.targets.inverse(ndtr(quantiles))
-        density = np.exp(-(quantiles**2) / 2.0) / np.sqrt(2.0 * np.pi)
-        slope = (self.targets.slope(theta) * density)[:, np.newaxis]
+        theta = self.targets.inverse(unit_from_normal(quantiles))
+        slope = (self.targets.slope(theta) * normal_density(quantiles))[:, np.newaxis]
         logarithms, derivatives = [], []
         for assembly, response in zip(self.assembly.each_response, self.assembly.description.responses, strict=True):
             frf, jacobian = assembly.frf_jacobian(theta)
@@ -113,8 +111,7 @@ class Linearisation:
 
 def _gaussians(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return means (n, t) of the draws' normal quantiles, and the Cholesky factors (n, t, t) of their covariances."""
-    edge = ndtr(-_FARTHEST)
-    quantiles = ndtri(np.clip(samples, edge, 1.0 - edge))
+    quantiles = np.clip(normal_from_unit(samples), -_FARTHEST, _FARTHEST)
     means = quantiles.mean(axis=1)
     centred = quantiles - means[:, np.newaxis]
     covariance = np.swapaxes(centred, 1, 2) @ centred / samples.shape[1]
@@ -123,7 +120,7 @@ def _gaussians(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
 
 def _noise_variance(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the variance of the noise of logarithms (..., n_freq), from how neighbouring lines differ."""
-    differences = convolve1d(logarithms, _FOURTH_DIFFERENCE, axis=-1, mode="mirror")
+    differences = convolve1d(logarithms, FOURTH_DIFFERENCE, axis=-1, mode="mirror")
     return np.asarray(uniform_filter1d(differences**2, _NEIGHBOURS, axis=-1, mode="mirror") + _LEAST_VARIANCE)
 
 

@@ -81,7 +81,7 @@ def train_network(
     progress: Progress = silent,
 ) -> TrainedNetwork:
     """Train the network of an assembly's description; parameters and errors as `dovetail.train` has them."""
-    timer = StageTimer(_seconds(assembly, minutes))
+    timer = StageTimer(__name__, _seconds(assembly, minutes))
     if robust or fresh:
         assembly = _with_augmentation(assembly, fresh=fresh)
     measured_noises(assembly)  # what is wrong with their files is said before any work
@@ -201,7 +201,7 @@ def train_and_evaluate(
     PluginError
         Reducer or regressor fail.
     """
-    timer = StageTimer() if timer is None else timer
+    timer = StageTimer(__name__) if timer is None else timer
     dataset.require(assembly)
     _check_correction(assembly)
     settings = assembly.description.identification

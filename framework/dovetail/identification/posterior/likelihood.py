@@ -280,7 +280,7 @@ class PosteriorResiduals:
     def linearise(self, z: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residuals (n, p + m) and their derivatives (n, p, p + m)."""
         misfit = self.misfit.linearise(unit_from_normal(z))
-        density = np.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi)
+        density = normal_density(z)
         of_prior = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
         jacobian = np.concatenate([of_prior, misfit.jacobian * density[:, :, np.newaxis]], axis=2)
         return np.concatenate([z, misfit.residuals], axis=1), jacobian
@@ -326,3 +326,8 @@ def normal_from_unit(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
 def unit_from_normal(z: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the fractions of the ranges of normal quantiles z."""
     return np.asarray(ndtr(z))
+
+
+def normal_density(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivatives of the fractions of the ranges by their normal quantiles z."""
+    return np.asarray(np.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi))
