@@ -13,6 +13,7 @@ from dovetail.errors import ParameterError
 from dovetail.identification.adequacy.adequacy import word_for
 from dovetail.identification.adequacy.model_error_size import estimate_model_error
 from dovetail.identification.adequacy.perturbations import list_perturbations
+from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.multistart import fit_at
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
@@ -135,6 +136,17 @@ def test_where_damping_alone_is_wrong_natural_frequencies_are_not_said_to_be(cha
     told, *_ = told_of_moved_resonance(chain, TRUTH, 1, 1.0, damping=1.3)
     assert told.natural_frequency < 1e-4
     assert 0.5 * 0.13 < told.damping < 4.0 * 0.13
+
+
+@pytest.mark.parametrize(("mass", "size", "noise"), [(2, 1.1, 1e-2), (3, 0.995, 1e-3), (2, 1.02, 1e-3)])
+def test_the_errors_that_are_told_explain_the_residuals(chain, mass, size, noise):
+    """By the averages that intervals use: by those from which the size is told they left a chi-squared of 2 to 4."""
+    masses = ["1 kg"] * 5
+    masses[mass] = f"{size} kg"
+    measured = noisy(chain, load_chain(*masses).frf(TRUTH), noise, 1)
+    fit, target = refine(chain, measured), Observations.of(chain, measured)
+    told = estimate_model_error(ModelFrfs.of(chain), target, fit.variance, fit.used, chain.to_unit(fit.theta))
+    assert told.chi_squared < 1.1
 
 
 def test_noise_has_no_size_whatever_its_lines(sdof, collet, torque_100):
