@@ -14,7 +14,7 @@ from scipy.special import ndtr
 import dovetail
 from dovetail.errors import BundleError, ParameterError, PluginError
 from dovetail.evaluation.robustness import variant
-from dovetail.identification.network.correction import Linearisation
+from dovetail.identification.network.correction import Linearisation, correction_states, restore_corrections
 from dovetail.identification.network.preprocessing import TargetScaling
 from dovetail.registry import components
 
@@ -47,7 +47,7 @@ def model():
 
 def linearised(assembly):
     ends = assembly.from_unit(np.array([[0.0, 0.0], [1.0, 1.0]]))
-    return Linearisation(assembly, TargetScaling.fit(ends, assembly.parameters))
+    return Linearisation.of(assembly, TargetScaling.fit(ends, assembly.parameters))
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +97,30 @@ def test_with_noise_the_step_errs_as_the_fisher_information_has_it(linearisation
     assert np.all((ratio > 0.8) & (ratio < 3.0))
 
 
+def on_lines(step, damping=None):
+    described = {**deepcopy(DESCRIPTION), "frequency": {"start": 150, "stop": 600, "step": step}}
+    if damping is not None:
+        described["joints"]["mount"]["parameters"]["c"]["range"] = damping
+    return linearised(dovetail.load(described))
+
+
+def test_lines_are_left_out_where_they_are_many_and_resonances_wide():
+    assert [on_lines(step).step for step in (1, 0.25)] == [1, 4]
+    assert [on_lines(0.25, damping).step for damping in ([10, 15], [3, 10])] == [2, 1]
+
+
+@pytest.mark.parametrize("step", [0.25, 0.1])
+def test_what_the_lines_tell_that_are_left_out_is_not_lost(step):
+    """A step from a few of the lines is as good as one from all; without their neighbours' noise it would be worse."""
+    fewer, truth = on_lines(step), np.tile([[0.2, 0.1]], (200, 1))
+    errors = []
+    for linearisation in (replace(fewer, step=1), fewer):
+        rng = np.random.default_rng(1)
+        first = truth + 0.01 * rng.standard_normal(truth.shape)
+        errors.append((corrected(linearisation, truth, first, 0.3, 0.2, rng)[0] - truth).std(axis=0))
+    assert np.all(errors[1] < 1.15 * errors[0])
+
+
 def test_each_frf_has_the_same_features_alone_and_among_others(linearisation):
     rng = np.random.default_rng(2)
     first = rng.standard_normal((150, 2))
@@ -137,6 +161,15 @@ def test_a_stored_model_answers_the_same(model, tmp_path):
     again = dovetail.load_model(model.save(tmp_path / "model"))
     np.testing.assert_allclose(again.predict_parameters(amplitude), model.predict_parameters(amplitude), rtol=1e-5)
     np.testing.assert_allclose(again.predict_samples(amplitude[0]), model.predict_samples(amplitude[0]), rtol=1e-4)
+
+
+def test_a_model_that_was_stored_before_lines_were_left_out_uses_all(model):
+    states = correction_states(model.network.corrections)
+    old = {name: value for name, value in states.items() if ".lines." not in name}
+    assert len(old) < len(states)
+    targets = model.network.target_scaling
+    recipe = model.network.recipes[1]
+    assert [one.linearisation.step for one in restore_corrections(old, model.assembly, targets, recipe)] == [1, 1]
 
 
 def test_a_stored_model_without_its_corrections_is_refused(model, tmp_path):

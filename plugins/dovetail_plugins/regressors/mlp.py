@@ -83,8 +83,9 @@ class FittedMLP(dovetail.FittedRegressor):
         if not self._is_gaussian:
             return None
         mean, inverse = _gaussians(self._output(features))
-        normal = dovetail.spread_normal(_DRAWS, mean.shape[1])
-        return dovetail.TargetDistribution(ndtr(mean[:, np.newaxis] + normal @ inverse))
+        draws = dovetail.spread_normal(_DRAWS, mean.shape[1]) @ inverse
+        draws += mean[:, np.newaxis]
+        return dovetail.TargetDistribution(ndtr(draws, out=draws))
 
     def _output(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         rows = checked_rows(features, _OWNER, width=self._weights[0].shape[0])

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.assembly import FRF_TOLERANCE, Assembly, largest_frf_difference, load
 from dovetail.atomic_files import new_folder
 from dovetail.errors import BundleError, DescriptionError, Fault, FileError, MeasurementError, PluginError, listing
-from dovetail.identification.network.correction import Linearisation, correction_states, restore_corrections
+from dovetail.identification.network.correction import correction_states, restore_corrections
 from dovetail.identification.network.manifest import (
     FORMAT,
     MANIFEST,
@@ -343,14 +343,13 @@ def _assembly(folder: Path, manifest: Manifest, plugins: PluginPaths) -> Assembl
 def _network(assembly: Assembly, states: Mapping[Section, Mapping[str, Any]]) -> Network:
     settings = assembly.description.identification
     target_scaling = TargetScaling.restore(states["target_scaling"])
-    linearisation = Linearisation(assembly, target_scaling)
     return Network(
         settings.reducer.restore(states["reducer"]),
         ZScore.restore(states["feature_scaling"]),
         settings.regressor.restore(states["regressor"]),
         target_scaling,
         (settings.reducer, settings.regressor),
-        restore_corrections(states.get("corrections", {}), linearisation, settings.regressor),
+        restore_corrections(states.get("corrections", {}), assembly, target_scaling, settings.regressor),
     )
 
 

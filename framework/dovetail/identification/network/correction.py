@@ -9,14 +9,16 @@ several degrees of caution, and a second regressor learns from thousands of them
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, uniform_filter1d
+from scipy.signal import argrelmax, savgol_coeffs, savgol_filter
 from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly
@@ -29,7 +31,8 @@ from dovetail.interfaces import FittedRegressor, Regressor, State, TargetDistrib
 __all__ = ["Correction", "Linearisation", "correction_states", "restore_corrections"]
 
 _CAUTIONS = (0.03, 0.3, 3.0, 30.0)
-"""Parts of the spread that the answer leaves at a line, squared, that count as random error there."""
+"""Parts of the spread that the answer leaves at a line, squared, that count as random error there. Of an average of some
+lines it is as many times less, as of the noise."""
 _EDGE = 2.3
 """Normal quantile beyond which the model is not linearised: the ends of a range tell nothing of what is beyond."""
 _FARTHEST = 5.0
@@ -42,6 +45,11 @@ _LEAST_VARIANCE, _LEAST_AMPLITUDE = 1e-8, 1e-30
 """By which nothing is divided by zero."""
 _ROWS = 64
 """FRFs whose Jacobians are in memory at a time, on each core."""
+_STEPS, _FEWEST_LINES, _BENT = (4, 2), 250, 0.01
+"""Of each so many lines one is kept, if so many are left, and if a parabola through as many lines on either side
+follows three of four peaks so closely."""
+_TRIALS = 100
+"""FRFs on which that is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +60,30 @@ class Linearisation:
     ----------
     assembly : Assembly
     targets : TargetScaling
+    step : int
+        Of each so many lines one is kept; neighbours are averaged, so that what they tell is not lost.
     """
 
     assembly: Assembly
     targets: TargetScaling
+    step: int = 1
+
+    @staticmethod
+    def of(assembly: Assembly, targets: TargetScaling) -> Linearisation:
+        """Return one that keeps as few lines as the assembly's resonances allow."""
+        fraction = np.random.default_rng(0).random((_TRIALS, len(assembly.parameters)))
+        logarithms = _by_response(assembly.accelerance_amplitude(assembly.from_unit(fraction)), assembly)
+        peaks = argrelmax(logarithms, axis=-1)
+        for step in _STEPS:
+            if logarithms.shape[-1] >= step * _FEWEST_LINES:
+                bent = np.abs(_averaged(logarithms, step) - logarithms)[peaks]
+                if not len(bent) or np.quantile(bent, 0.75) <= _BENT:
+                    return Linearisation(assembly, targets, step)
+        return Linearisation(assembly, targets)
+
+    @cached_property
+    def _thinned(self) -> Assembly:
+        return self.assembly.on(self.assembly.frequency[:: self.step])
 
     def __call__(self, amplitude: NDArray[np.floating], before: TargetDistribution) -> NDArray[np.float32]:
         """Return features from FRFs and the answers to them.
@@ -88,17 +116,19 @@ class Linearisation:
         means, factors = _gaussians(samples)
         at = np.clip(means, -_EDGE, _EDGE)
         modelled, jacobian = self._logarithms(at)
-        measured = np.log(np.maximum(amplitude, _LEAST_AMPLITUDE))
-        variance = _noise_variance(measured.reshape(len(measured), -1, len(self.assembly.frequency)))
-        rows = zip(measured - modelled, jacobian, variance.reshape(measured.shape), means, at, factors, strict=True)
-        return np.array([_features(*row) for row in rows], dtype=np.float32)
+        logarithms = _by_response(amplitude, self.assembly)
+        measured = _averaged(logarithms, self.step)[..., :: self.step].reshape(modelled.shape)
+        variance = _noise_variance(logarithms)[..., :: self.step].reshape(modelled.shape)
+        variance = variance * _variance_of_averages(self.step)
+        cautions = np.array(_CAUTIONS) / self.step
+        return _features(measured - modelled, jacobian, variance, cautions, means, at, factors)
 
     def _logarithms(self, quantiles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         """Return logarithms (n, n_lines) of the model's amplitudes, and their derivatives (n, n_lines, n_params)."""
         theta = self.targets.inverse(unit_from_normal(quantiles))
         slope = (self.targets.slope(theta) * normal_density(quantiles))[:, np.newaxis]
         logarithms, derivatives = [], []
-        for assembly, response in zip(self.assembly.each_response, self.assembly.description.responses, strict=True):
+        for assembly, response in zip(self._thinned.each_response, self.assembly.description.responses, strict=True):
             frf, jacobian = assembly.frf_jacobian(theta)
             amplitude = np.maximum(np.abs(frf), _LEAST_AMPLITUDE)
             to_accelerance = np.abs(conversion(assembly.frequency, response.quantity, "accelerance"))
@@ -107,6 +137,22 @@ class Linearisation:
             derivative = jacobian.real * relative.real + jacobian.imag * relative.imag
             derivatives.append((derivative * slope).astype(np.float32))
         return np.concatenate(logarithms, axis=1), np.concatenate(derivatives, axis=1)
+
+
+def _by_response(amplitude: NDArray[np.floating], assembly: Assembly) -> NDArray[np.floating]:
+    """Return logarithms (n, n_responses, n_freq) of amplitudes (n, n_responses n_freq)."""
+    logarithms: NDArray[np.floating] = np.log(np.maximum(amplitude, _LEAST_AMPLITUDE))
+    return logarithms.reshape(len(amplitude), -1, len(assembly.frequency))
+
+
+def _averaged(logarithms: NDArray[np.floating], step: int) -> NDArray[np.floating]:
+    """Return each line (last axis) as a parabola has it that is fitted to `step` lines on either side."""
+    return logarithms if step == 1 else np.asarray(savgol_filter(logarithms, 2 * step + 1, polyorder=2, axis=-1))
+
+
+def _variance_of_averages(step: int) -> float:
+    """Return the variance that white noise keeps in them."""
+    return 1.0 if step == 1 else float(np.sum(savgol_coeffs(2 * step + 1, polyorder=2) ** 2))
 
 
 def _gaussians(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -118,7 +164,7 @@ def _gaussians(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
     return means, np.linalg.cholesky(covariance + _LEAST_VARIANCE * np.eye(samples.shape[2]))
 
 
-def _noise_variance(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
+def _noise_variance(logarithms: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return the variance of the noise of logarithms (..., n_freq), from how neighbouring lines differ."""
     differences = convolve1d(logarithms, FOURTH_DIFFERENCE, axis=-1, mode="mirror")
     return np.asarray(uniform_filter1d(differences**2, _NEIGHBOURS, axis=-1, mode="mirror") + _LEAST_VARIANCE)
@@ -127,26 +173,29 @@ def _noise_variance(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
 def _features(
     residuals: NDArray[np.float64],
     jacobian: NDArray[np.float32],
-    variance: NDArray[np.float64],
-    mean: NDArray[np.float64],
+    variance: NDArray[np.floating],
+    cautions: NDArray[np.float64],
+    means: NDArray[np.float64],
     at: NDArray[np.float64],
-    factor: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the features of one FRF, linearised at `at`; the answer has a mean and the factor's covariance."""
-    along = jacobian @ factor.astype(np.float32)
-    spread = np.einsum("ij,ij->i", along, along)
+    factors: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """Return the features of FRFs, each linearised at its row of `at`; answers have means and factors' covariances."""
+    along = jacobian @ factors.astype(np.float32)
+    spread = np.einsum("nlt,nlt->nl", along, along)
     features: list[NDArray[np.float64]] = []
-    for caution in _CAUTIONS:
+    for caution in cautions:
         weight = (1.0 / np.sqrt(variance + caution * spread)).astype(np.float32)
         scaled = np.clip(residuals * weight, -_MOST_DEVIATIONS, _MOST_DEVIATIONS).astype(np.float32)
-        weighted = along * weight[:, np.newaxis]
-        inverse = np.linalg.inv(np.eye(len(mean)) + weighted.T @ weighted)
-        step = factor @ (inverse @ (weighted.T @ scaled))
-        left = np.einsum("ij,jk,ik->i", factor, inverse, factor)
-        left = 0.5 * np.log(np.maximum(left, _LEAST_VARIANCE))
-        features += [mean + step, step, left, np.log([np.mean(scaled**2) + _LEAST_VARIANCE])]
-    spreads = 0.5 * np.log(np.sum(factor**2, axis=1))
-    return np.concatenate([*features, mean, at - mean, spreads, np.log([np.mean(variance)])])
+        weighted = along * weight[..., np.newaxis]
+        transposed = np.swapaxes(weighted, 1, 2)
+        spreading = factors @ np.linalg.inv(np.eye(means.shape[1]) + transposed @ weighted)
+        step = (spreading @ (transposed @ scaled[..., np.newaxis]))[..., 0]
+        left = 0.5 * np.log(np.maximum(np.sum(spreading * factors, axis=2), _LEAST_VARIANCE))
+        size = np.log(np.mean(scaled**2, axis=1, keepdims=True) + _LEAST_VARIANCE)
+        features += [means + step, step, left, size]
+    spreads = 0.5 * np.log(np.sum(factors**2, axis=2))
+    noise = np.log(np.mean(variance, axis=1, keepdims=True))
+    return np.concatenate([*features, means, at - means, spreads, noise], axis=1).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,12 +222,18 @@ def correction_states(corrections: Sequence[Correction]) -> State:
     """Return the arrays and plain values of corrections as one state."""
     state: dict[str, Any] = {}
     for number, correction in enumerate(corrections):
-        parts = {"scaling": correction.feature_scaling.state(), "regressor": correction.regressor.state()}
+        parts: dict[str, Mapping[str, Any]] = {
+            "lines": {"step": correction.linearisation.step},
+            "scaling": correction.feature_scaling.state(),
+            "regressor": correction.regressor.state(),
+        }
         state |= {f"{number}.{part}.{name}": value for part, of in parts.items() for name, value in of.items()}
     return state
 
 
-def restore_corrections(state: State, linearisation: Linearisation, recipe: Regressor) -> tuple[Correction, ...]:
+def restore_corrections(
+    state: State, assembly: Assembly, targets: TargetScaling, recipe: Regressor
+) -> tuple[Correction, ...]:
     """Rebuild corrections from what `correction_states` returned.
 
     Raises
@@ -189,9 +244,13 @@ def restore_corrections(state: State, linearisation: Linearisation, recipe: Regr
     parts: dict[str, dict[str, dict[str, Any]]] = {}
     for key, value in state.items():
         number, part, name = key.split(".", 2)
-        parts.setdefault(number, {"scaling": {}, "regressor": {}})[part][name] = value
+        parts.setdefault(number, {"lines": {"step": 1}, "scaling": {}, "regressor": {}})[part][name] = value
     ordered = (parts[number] for number in sorted(parts, key=int))
     return tuple(
-        Correction(linearisation, ZScore.restore(part["scaling"]), recipe.restore(part["regressor"]))
+        Correction(
+            Linearisation(assembly, targets, int(part["lines"]["step"])),
+            ZScore.restore(part["scaling"]),
+            recipe.restore(part["regressor"]),
+        )
         for part in ordered
     )

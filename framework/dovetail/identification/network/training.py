@@ -284,7 +284,7 @@ def _fit_correction(
     settings, before = assembly.description.identification, len(network.corrections)
     assert settings.correction is not None
     count, rounds, recipe = settings.correction.samples, settings.correction.rounds, settings.regressor
-    linearisation, name = Linearisation(assembly, network.target_scaling), f"correction {before + 1} of {rounds}"
+    linearisation, name = Linearisation.of(assembly, network.target_scaling), f"correction {before + 1} of {rounds}"
     features, targets = [], []
     with timer.stage(f"FRFs of {name}"):
         for block, rows in enumerate(blocks(count)):
