@@ -203,6 +203,30 @@ def test_a_batch_is_identified_by_a_cluster(sdof, tmp_path, scheduler, workers, 
     assert list(there.failures) == ["none.uff"]
 
 
+def test_a_study_by_a_cluster_tries_each_setting_once_whoever_is_killed(sdof, tmp_path, scheduler, workers):
+    """A worker is killed when two trials have ended; what the others have is what this process finds alone."""
+    regressor = {"model": "sklearn", "estimator": "KernelRidge", "options": {"alpha": 0.1, "kernel": "rbf"}}
+    described = json.loads(sdof.description.text)
+    described["identification"] = {"samples": 300, "reducer": {"model": "pca"}, "regressor": regressor}
+    described["study"] = {"sweeps": {"reducer.n_components": [2, 4], "regressor.options.alpha": [1e-4, 10.0]}}
+    assembly = dovetail.load(described)
+    killed = []
+
+    def kill_one(stage, done, total, note=""):
+        if done >= 2 and not killed:
+            killed.append(workers[-1].pid)
+            workers[-1].kill()
+
+    together = dovetail.study(assembly, tmp_path / "together", scheduler=scheduler[1], progress=kill_one)
+    alone = dovetail.study(assembly, tmp_path / "alone")
+    assert killed
+    assert [trial.state for trial in together.trials] == ["done"] * len(alone.trials)
+    found, expected = ({str(t.changes) + t.kind: t.answer["mae"] for t in s.trials} for s in (together, alone))
+    assert found == pytest.approx(expected, rel=1e-4)  # threads of linear algebra change the last digits
+    assert together.best.changes == alone.best.changes
+    assert not list((tmp_path / "together").glob(".process-*"))
+
+
 def test_the_command_that_the_page_shows_lets_a_cluster_work(tmp_path, scheduler, workers):
     page = (Path(__file__).parents[2] / "docs" / "cluster.md").read_text(encoding="utf-8")
     (line,) = re.findall(r"^dovetail generate .* --scheduler .*$", page, flags=re.M)

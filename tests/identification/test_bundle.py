@@ -121,6 +121,7 @@ def test_a_new_process_gives_the_same_answer(
     np.testing.assert_allclose(theta, model.predict_parameters(amplitude), rtol=1e-12)
 
 
+@pytest.mark.slow  # the reducer alone is held to it in tests/plugins/test_reducers.py
 def test_a_model_with_umap_answers_alike_alone_in_a_batch_and_in_a_new_process(
     with_settings: Callable[..., dovetail.Assembly], dataset: dovetail.Dataset, tmp_path: Path
 ) -> None:

@@ -15,10 +15,15 @@ from dovetail.interfaces import KINDS
 from dovetail.registry import Registry, installed_components
 from dovetail.testing import CheckResult, check_component, check_names, conformance
 
+SLOW = ("flow",)
+"""Of which `mlp`, whose training it shares, shows most."""
 REGISTERED = [(kind, name) for kind in KINDS for name in installed_components().names(kind)]
 
 
-@pytest.mark.parametrize(("kind", "name"), REGISTERED)
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [pytest.param(*one, marks=[pytest.mark.slow] if one[1] in SLOW else []) for one in REGISTERED],
+)
 def test_every_registered_component_conforms(kind, name):
     results = check_component(installed_components().find(kind, name).component)
     assert [str(result) for result in results if not result.ok] == []

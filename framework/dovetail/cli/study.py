@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, Scheduler, note_doubts
 from dovetail.cli.terminal import heading, note, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def study(
         Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for tables, figures and what is known.")
     ],
     plugin: PluginFiles = None,
+    scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
     """Try settings of the training.
@@ -43,7 +44,8 @@ def study(
     note_doubts(loaded)
     prepare_folder(output, (*_FILES, _SWEEPS, _SEARCH), _FILES[0])
     with progress_bars() as progress:
-        done = dovetail.study(loaded, output / _WORK, plugins=plugin or (), progress=progress)
+        work = output / _WORK
+        done = dovetail.study(loaded, work, plugins=plugin or (), scheduler=scheduler, progress=progress)
     names = _write(done, assembly, output)
     if as_json:
         print_json(done.to_dict())

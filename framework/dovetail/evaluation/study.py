@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,8 @@ from dovetail.evaluation.study_ledger import Ledger, Trial
 from dovetail.evaluation.study_plan import StudyPlan, Sweep
 from dovetail.identification.network.training import train_and_evaluate
 from dovetail.identification.provenance import Evaluation, parameter_metrics
-from dovetail.interfaces import Progress, progress_reporter
+from dovetail.interfaces import Progress, progress_reporter, silent
+from dovetail.parallel import on_cluster
 from dovetail.registry import PluginPaths, Registry, components
 
 __all__ = ["Study", "study", "words"]
@@ -89,6 +92,7 @@ def study(
     folder: str | os.PathLike[str],
     *,
     plugins: PluginPaths = (),
+    scheduler: str | None = None,
     progress: Progress | bool | None = None,
 ) -> Study:
     """Try the settings that the section ``study:`` of a description names, and tell which are the best.
@@ -102,6 +106,8 @@ def study(
         processes may work on the same one.
     plugins : path or iterable of paths
         Plugin files with further reducers and regressors.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers do the trials. They must see the folder, by the same path.
     progress : bool or callable, optional
         True shows bars in a terminal or a notebook; a function is called as `Progress` says.
 
@@ -118,10 +124,34 @@ def study(
         The folder holds another study; a search needs Optuna, which is not installed; or no trial succeeded.
     """
     with progress_reporter(progress) as report:
-        work = _Work(as_assembly(assembly), Path(folder), components(plugins), report)
-        with work.ledger.at_work():
-            work.run(report)
+        loaded, at, registry = as_assembly(assembly), Path(folder).resolve(), components(plugins)
+        work = _Work(loaded, at, registry, report)
+        if scheduler is None:
+            with work.ledger.at_work():
+                work.run(report)
+        else:
+            for _ in on_cluster(_Worker(loaded, at, registry), work.turns(report), scheduler):
+                pass
     return work.result()
+
+
+@dataclass(eq=False)
+class _Worker:
+    """The part of one worker of a cluster in a study."""
+
+    assembly: Assembly
+    folder: Path
+    registry: Registry
+
+    @cached_property
+    def _work(self) -> _Work:
+        work = _Work(self.assembly, self.folder, self.registry, silent)
+        work.load_libraries(silent)
+        return work
+
+    def __call__(self, turn: int) -> None:  # noqa: ARG002 - all turns are alike
+        with self._work.ledger.at_work():
+            self._work.take_turn(silent)
 
 
 class _Work:
@@ -134,25 +164,43 @@ class _Work:
 
     def run(self, progress: Progress) -> None:
         """Work on trials until all have ended."""
-        search = 0 if self.plan.section.search is None else self.plan.section.search.trials
         if not all(trial.ended for trial in self.ledger.trials()) or not self.ledger.trials():
-            self._load_libraries(progress)
-        while True:
-            trial = self.ledger.claim(self.plan.propose)
-            trials = self.ledger.trials()
-            total = len(self.plan.first) + search + (len(self.plan.sweeps) > 1) + 1
-            ended = sum(trial.ended for trial in trials)
-            if trial is not None:
-                progress("trials", ended, max(total, len(trials)), f"{trial.number}: {words(trial)}")
-                self._try(trial, progress)
-            elif all(other.ended for other in trials):
-                progress("trials", total, total)
-                return
-            else:
-                progress("waiting", ended, len(trials), "for trials of other processes")
-                time.sleep(_PAUSE)
+            self.load_libraries(progress)
+        while not self.take_turn(progress):
+            pass
 
-    def _load_libraries(self, progress: Progress) -> None:
+    def turns(self, progress: Progress) -> Iterator[int]:
+        """Yield the numbers of turns, for others to take, until all trials have ended."""
+        for turn in count():
+            trials = self.ledger.trials()
+            progress("trials", sum(trial.ended for trial in trials), max(self._most, len(trials)))
+            if any(trial.kind == "test" and trial.ended for trial in trials):
+                return
+            yield turn
+
+    def take_turn(self, progress: Progress) -> bool:
+        """Try a trial, or wait for those of others; return whether all have ended."""
+        trial = self.ledger.claim(self.plan.propose)
+        trials = self.ledger.trials()
+        ended = sum(other.ended for other in trials)
+        if trial is not None:
+            progress("trials", ended, max(self._most, len(trials)), f"{trial.number}: {words(trial)}")
+            self._try(trial, progress)
+        elif ended == len(trials):
+            progress("trials", ended, ended)
+            return True
+        else:
+            progress("waiting", ended, len(trials), "for trials of other processes")
+            time.sleep(_PAUSE)
+        return False
+
+    @property
+    def _most(self) -> int:
+        """How many trials are known from the start."""
+        search = 0 if self.plan.section.search is None else self.plan.section.search.trials
+        return len(self.plan.first) + search + (len(self.plan.sweeps) > 1) + 1
+
+    def load_libraries(self, progress: Progress) -> None:
         """Train once on few samples, so that the first trial's times are not those of loading and compiling."""
         if self.plan.settings.samples - self.plan.test_samples >= _LARGE:
             with suppress(DovetailError):

@@ -31,8 +31,8 @@ from dovetail.interfaces import FittedRegressor, Regressor, State, TargetDistrib
 __all__ = ["Correction", "Linearisation", "correction_states", "restore_corrections"]
 
 _CAUTIONS = (0.03, 0.3, 3.0, 30.0)
-"""Parts of the spread that the answer leaves at a line, squared, that count as random error there. Of an average of some
-lines it is as many times less, as of the noise."""
+"""Parts of the spread that the answer leaves at a line, squared, that count as random error there; of an average of
+several lines as many times less."""
 _EDGE = 2.3
 """Normal quantile beyond which the model is not linearised: the ends of a range tell nothing of what is beyond."""
 _FARTHEST = 5.0
