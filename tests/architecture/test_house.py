@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 28_450
+LINES_OF_CODE = 28_550
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -36,7 +36,8 @@ Layers of gated units took sixty. A feature that is worth more code raises the l
 and says here what it was. The conformance kit is left out: it grows with every mistake that it learns to see.
 Answers of plugins refused with their file, responses in exchanged order, and a phase that looks like radians took
 a hundred more, a GPU on request and neighbours ranked in groups twenty-five. Corrections of a network's answer by the
-assembly's FRF there took two hundred and seventy.
+assembly's FRF there took two hundred and seventy, their thinned lines forty, and studies that the workers of a
+cluster share sixty.
 """
 
 
