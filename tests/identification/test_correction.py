@@ -14,7 +14,12 @@ from scipy.special import ndtr
 import dovetail
 from dovetail.errors import BundleError, ParameterError, PluginError
 from dovetail.evaluation.robustness import variant
-from dovetail.identification.network.correction import Linearisation, correction_states, restore_corrections
+from dovetail.identification.network.correction import (
+    Linearisation,
+    _over_bands,
+    correction_states,
+    restore_corrections,
+)
 from dovetail.identification.network.preprocessing import TargetScaling
 from dovetail.registry import components
 
@@ -23,6 +28,8 @@ DESCRIPTION["joints"]["mount"]["parameters"]["c"]["scale"] = "log"
 DESCRIPTION["response"]["quantity"] = "mobility"
 NEAR = np.array([5e-4, 0.05])
 """Deviations of a first answer that knows the stiffness well and the damping little."""
+PER_CAUTION = 3 * 2 + 1
+"""Features: two parameters, their corrections and deviations, and the residuals' mean square."""
 REGRESSOR = {
     "model": "mlp",
     "uncertainty": "gaussian",
@@ -62,13 +69,12 @@ def answers(quantiles, deviation, draws=400):
 
 
 def corrected(linearisation, truth, first, deviation, noise=0.0, rng=None):
-    """Return the corrected normal quantiles for the smallest and the largest caution."""
+    """Return the corrected normal quantiles for the smallest and the largest caution, line by line."""
     amplitude = linearisation.assembly.accelerance_amplitude(linearisation.targets.inverse(ndtr(truth)))
     if rng is not None:
         amplitude = amplitude * (1.0 + noise * rng.standard_normal(amplitude.shape))
     features = linearisation(amplitude, answers(first, deviation))
-    per_caution = (features.shape[1] - 3 * 2 - 1) // 4
-    return features[:, :2], features[:, 3 * per_caution : 3 * per_caution + 2]
+    return features[:, :2], features[:, 3 * PER_CAUTION : 3 * PER_CAUTION + 2]
 
 
 def test_near_the_truth_one_step_reaches_it_and_caution_holds_it_back(linearisation):
@@ -79,6 +85,27 @@ def test_near_the_truth_one_step_reaches_it_and_caution_holds_it_back(linearisat
     assert np.all(np.abs(bold - truth) < 0.2 * away)
     assert np.all(np.abs(cautious - truth) < away)
     assert np.all(np.abs(cautious - truth) > np.abs(bold - truth))
+
+
+def test_averages_over_bands_lead_back_from_where_single_lines_mislead(linearisation):
+    """From answers whose resonance lies several of its widths beside the true one."""
+    assert linearisation.bands == (64, 16)
+    rng = np.random.default_rng(6)
+    truth = rng.uniform(-1.0, 1.0, (300, 2))
+    first = truth + rng.standard_normal(truth.shape)
+    amplitude = linearisation.assembly.accelerance_amplitude(linearisation.targets.inverse(ndtr(truth)))
+    features = linearisation(amplitude, answers(first, 1.0))
+    stiffness = features[:, [(4 * kind + 1) * PER_CAUTION for kind in range(3)]]
+    lines, many, few = np.sqrt(np.mean((stiffness - truth[:, :1]) ** 2, axis=0))
+    assert lines > many > 1.0 > few
+
+
+def test_bands_are_averages_of_as_many_lines_or_one_more():
+    values = np.random.default_rng(7).random((2, 3, 25, 4))
+    expected = np.stack(
+        [part.mean(axis=2) for part in (values[:, :, :8], values[:, :, 8:16], values[:, :, 16:])], axis=2
+    )
+    np.testing.assert_allclose(_over_bands(values, 3), expected)
 
 
 def test_with_noise_the_step_errs_as_the_fisher_information_has_it(linearisation):
@@ -169,7 +196,8 @@ def test_a_model_that_was_stored_before_lines_were_left_out_uses_all(model):
     assert len(old) < len(states)
     targets = model.network.target_scaling
     recipe = model.network.recipes[1]
-    assert [one.linearisation.step for one in restore_corrections(old, model.assembly, targets, recipe)] == [1, 1]
+    restored = [one.linearisation for one in restore_corrections(old, model.assembly, targets, recipe)]
+    assert [(one.step, one.bands) for one in restored] == [(1, ()), (1, ())]
 
 
 def test_a_stored_model_without_its_corrections_is_refused(model, tmp_path):

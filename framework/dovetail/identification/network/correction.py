@@ -9,6 +9,7 @@ several degrees of caution, and a second regressor learns from thousands of them
 from __future__ import annotations
 
 import os
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -50,6 +51,9 @@ _STEPS, _FEWEST_LINES, _BENT = (4, 2), 250, 0.01
 follows three of four peaks so closely."""
 _TRIALS = 100
 """FRFs on which that is tried."""
+_BANDS = (64, 16)
+"""Equal parts of the frequency axis over which residuals are averaged, besides those line by line: an average follows
+the parameters more nearly along a straight line than a flank that a resonance leaves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,24 +66,28 @@ class Linearisation:
     targets : TargetScaling
     step : int
         Of each so many lines one is kept; neighbours are averaged, so that what they tell is not lost.
+    bands : tuple of int
+        Residuals are taken line by line, and averaged over each of so many bands.
     """
 
     assembly: Assembly
     targets: TargetScaling
     step: int = 1
+    bands: tuple[int, ...] = ()
 
     @staticmethod
     def of(assembly: Assembly, targets: TargetScaling) -> Linearisation:
         """Return one that keeps as few lines as the assembly's resonances allow."""
         fraction = np.random.default_rng(0).random((_TRIALS, len(assembly.parameters)))
         logarithms = _by_response(assembly.accelerance_amplitude(assembly.from_unit(fraction)), assembly)
-        peaks = argrelmax(logarithms, axis=-1)
-        for step in _STEPS:
-            if logarithms.shape[-1] >= step * _FEWEST_LINES:
-                bent = np.abs(_averaged(logarithms, step) - logarithms)[peaks]
-                if not len(bent) or np.quantile(bent, 0.75) <= _BENT:
-                    return Linearisation(assembly, targets, step)
-        return Linearisation(assembly, targets)
+        peaks, lines = argrelmax(logarithms, axis=-1), logarithms.shape[-1]
+
+        def follows(step: int) -> bool:
+            bent = np.abs(_averaged(logarithms, step) - logarithms)[peaks]
+            return not len(bent) or bool(np.quantile(bent, 0.75) <= _BENT)
+
+        step = next((step for step in _STEPS if lines >= step * _FEWEST_LINES and follows(step)), 1)
+        return Linearisation(assembly, targets, step, tuple(bands for bands in _BANDS if 2 * bands * step <= lines))
 
     @cached_property
     def _thinned(self) -> Assembly:
@@ -98,9 +106,9 @@ class Linearisation:
         Returns
         -------
         (n_samples, n_features) float32 array
-            For each caution the corrected parameters, the correction, the deviation that is left and the residuals'
-            mean square; then the answer, its deviations and the random error. Parameters are normal quantiles
-            of the targets, deviations and squares logarithms.
+            For lines and each kind of bands, and for each caution, the corrected parameters, the correction, the
+            deviation that is left and the residuals' mean square; then the answer, its deviations and the random
+            error. Parameters are normal quantiles of the targets, deviations and squares logarithms.
         """
         blocks = [slice(start, start + _ROWS) for start in range(0, len(amplitude), _ROWS)]
 
@@ -117,14 +125,19 @@ class Linearisation:
         at = np.clip(means, -_EDGE, _EDGE)
         modelled, jacobian = self._logarithms(at)
         logarithms = _by_response(amplitude, self.assembly)
-        measured = _averaged(logarithms, self.step)[..., :: self.step].reshape(modelled.shape)
-        variance = _noise_variance(logarithms)[..., :: self.step].reshape(modelled.shape)
-        variance = variance * _variance_of_averages(self.step)
-        cautions = np.array(_CAUTIONS) / self.step
-        return _features(measured - modelled, jacobian, variance, cautions, means, at, factors)
+        residuals = _averaged(logarithms, self.step)[..., :: self.step] - modelled
+        variance = _noise_variance(logarithms)[..., :: self.step] * _variance_of_averages(self.step)
+        features = _corrections(residuals, jacobian, variance, self.step, means, factors)
+        for bands in self.bands:
+            lines = residuals.shape[2] / bands
+            residual, slopes, random = (_over_bands(values, bands) for values in (residuals, jacobian, variance))
+            features += _corrections(residual, slopes, random / lines, self.step * lines, means, factors)
+        spreads = 0.5 * np.log(np.sum(factors**2, axis=2))
+        noise = np.log(np.mean(variance, axis=(1, 2)))[:, np.newaxis]
+        return np.concatenate([*features, means, at - means, spreads, noise], axis=1).astype(np.float32)
 
     def _logarithms(self, quantiles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-        """Return logarithms (n, n_lines) of the model's amplitudes, and their derivatives (n, n_lines, n_params)."""
+        """Return logarithms (n, n_responses, n_lines) of the model's amplitudes; derivatives (..., n_params)."""
         theta = self.targets.inverse(unit_from_normal(quantiles))
         slope = (self.targets.slope(theta) * normal_density(quantiles))[:, np.newaxis]
         logarithms, derivatives = [], []
@@ -136,7 +149,7 @@ class Linearisation:
             relative = (frf / amplitude / amplitude)[..., np.newaxis]
             derivative = jacobian.real * relative.real + jacobian.imag * relative.imag
             derivatives.append((derivative * slope).astype(np.float32))
-        return np.concatenate(logarithms, axis=1), np.concatenate(derivatives, axis=1)
+        return np.stack(logarithms, axis=1), np.stack(derivatives, axis=1)
 
 
 def _by_response(amplitude: NDArray[np.floating], assembly: Assembly) -> NDArray[np.floating]:
@@ -170,32 +183,40 @@ def _noise_variance(logarithms: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.asarray(uniform_filter1d(differences**2, _NEIGHBOURS, axis=-1, mode="mirror") + _LEAST_VARIANCE)
 
 
-def _features(
-    residuals: NDArray[np.float64],
-    jacobian: NDArray[np.float32],
+def _over_bands(values: NDArray[np.floating], bands: int) -> NDArray[np.floating]:
+    """Return the means of values (n, n_responses, n_lines, ...) over bands of as many lines each, or one more."""
+    starts = np.arange(bands) * values.shape[2] // bands
+    lines = np.diff(starts, append=values.shape[2]).astype(values.dtype)
+    means: NDArray[np.floating] = np.add.reduceat(values, starts, axis=2)
+    means /= lines.reshape(-1, *[1] * (values.ndim - 3))
+    return means
+
+
+def _corrections(
+    residuals: NDArray[np.floating],
+    jacobian: NDArray[np.floating],
     variance: NDArray[np.floating],
-    cautions: NDArray[np.float64],
+    averaged: float,
     means: NDArray[np.float64],
-    at: NDArray[np.float64],
     factors: NDArray[np.float64],
-) -> NDArray[np.float32]:
-    """Return the features of FRFs, each linearised at its row of `at`; answers have means and factors' covariances."""
-    along = jacobian @ factors.astype(np.float32)
+) -> list[NDArray[np.float64]]:
+    """Return what each caution tells from averages of so many lines; answers have means and factors' covariances."""
+    count, parameters = means.shape
+    residuals, variance = residuals.reshape(count, -1), variance.reshape(count, -1)
+    along = jacobian.reshape(count, -1, parameters) @ factors.astype(np.float32)
     spread = np.einsum("nlt,nlt->nl", along, along)
     features: list[NDArray[np.float64]] = []
-    for caution in cautions:
-        weight = (1.0 / np.sqrt(variance + caution * spread)).astype(np.float32)
+    for caution in _CAUTIONS:
+        weight = (1.0 / np.sqrt(variance + caution / averaged * spread)).astype(np.float32)
         scaled = np.clip(residuals * weight, -_MOST_DEVIATIONS, _MOST_DEVIATIONS).astype(np.float32)
         weighted = along * weight[..., np.newaxis]
         transposed = np.swapaxes(weighted, 1, 2)
-        spreading = factors @ np.linalg.inv(np.eye(means.shape[1]) + transposed @ weighted)
+        spreading = factors @ np.linalg.inv(np.eye(parameters) + transposed @ weighted)
         step = (spreading @ (transposed @ scaled[..., np.newaxis]))[..., 0]
         left = 0.5 * np.log(np.maximum(np.sum(spreading * factors, axis=2), _LEAST_VARIANCE))
         size = np.log(np.mean(scaled**2, axis=1, keepdims=True) + _LEAST_VARIANCE)
         features += [means + step, step, left, size]
-    spreads = 0.5 * np.log(np.sum(factors**2, axis=2))
-    noise = np.log(np.mean(variance, axis=1, keepdims=True))
-    return np.concatenate([*features, means, at - means, spreads, noise], axis=1).astype(np.float32)
+    return features
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,8 +243,9 @@ def correction_states(corrections: Sequence[Correction]) -> State:
     """Return the arrays and plain values of corrections as one state."""
     state: dict[str, Any] = {}
     for number, correction in enumerate(corrections):
+        linearisation = correction.linearisation
         parts: dict[str, Mapping[str, Any]] = {
-            "lines": {"step": correction.linearisation.step},
+            "lines": {"step": linearisation.step, "bands": np.array(linearisation.bands, dtype=int)},
             "scaling": correction.feature_scaling.state(),
             "regressor": correction.regressor.state(),
         }
@@ -241,16 +263,14 @@ def restore_corrections(
     ValueError
         As of `ZScore.restore`.
     """
-    parts: dict[str, dict[str, dict[str, Any]]] = {}
+    parts: defaultdict[str, defaultdict[str, dict[str, Any]]] = defaultdict(lambda: defaultdict(dict))
     for key, value in state.items():
         number, part, name = key.split(".", 2)
-        parts.setdefault(number, {"lines": {"step": 1}, "scaling": {}, "regressor": {}})[part][name] = value
-    ordered = (parts[number] for number in sorted(parts, key=int))
-    return tuple(
-        Correction(
-            Linearisation(assembly, targets, int(part["lines"]["step"])),
-            ZScore.restore(part["scaling"]),
-            recipe.restore(part["regressor"]),
-        )
-        for part in ordered
-    )
+        parts[number][part][name] = value
+
+    def restored(part: Mapping[str, Mapping[str, Any]]) -> Correction:
+        step, bands = part["lines"].get("step", 1), part["lines"].get("bands", ())
+        linearisation = Linearisation(assembly, targets, int(step), tuple(map(int, bands)))
+        return Correction(linearisation, ZScore.restore(part["scaling"]), recipe.restore(part["regressor"]))
+
+    return tuple(restored(parts[number]) for number in sorted(parts, key=int))
