@@ -76,7 +76,8 @@ def run_all(run, folder, code):
 def each_fit_once():
     """Let a fit of the same assembly to the same measurement be made once: eight commands differ in what they say.
 
-    It is made with a single batch of searches, and its causes are not looked for, which takes longer than all else.
+    It is made with a single batch of searches and one number of draws, and its causes are not looked for, which takes
+    longer than all else.
     """
     made = {}
 
@@ -85,7 +86,8 @@ def each_fit_once():
         def remembered(measured, trained=None, **options):
             assert trained is None
             values = tuple((frf.label, frf.values.tobytes()) for frf in measured.frfs)
-            settings = tuple(item for item in options.items() if item[0] != "progress" and item[1] is not None)
+            said = {name: value for name, value in options.items() if name not in ("progress", "samples")}
+            settings = tuple(item for item in said.items() if item[1] is not None)
             key = (fit.__name__, measured.described.description.text, values, settings)
             if key not in made:
                 made[key] = fit(measured, **options)

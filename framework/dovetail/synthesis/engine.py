@@ -44,6 +44,8 @@ class Settings:
     """Samples that are worth a call of the kernel."""
     gathered_samples: int = 512
     """Samples whose joint matrices are made at once."""
+    threaded_multiplications: float = 3e5
+    """Complex multiplications, about half a millisecond of them, that are worth starting threads."""
     spectral_bytes: float = 16e6
     """Memory in which a thread evaluates joints that depend on frequency."""
 
@@ -306,6 +308,9 @@ class Engine:
 
     def _block_size(self, plan: Plan, count: int, *, derivatives: bool) -> int:
         """Return how many samples a thread takes at once: enough for the cache, and some for every thread."""
+        multiplications = count * len(self.system.frequency) * plan.program.multiplications
+        if not plan.spectral.joints and multiplications < SETTINGS.threaded_multiplications:
+            return count
         size = min(SETTINGS.most_samples, max(SETTINGS.fewest_samples, -(-count // self.threads)))
         if plan.spectral.joints:
             size = min(size, int(SETTINGS.spectral_bytes / plan.spectral.bytes_per_sample(derivatives=derivatives)))
