@@ -27,7 +27,7 @@ LONG = (
     "calibrate {sdof} --cases 4",
     "compare {assemblies}/campaign/cases/torques.yaml --methods refined",
     "robustness {sdof}",
-    "study {assemblies}/../docs/study/bt40_er32_small.yaml -o {out}/study",
+    "study {assemblies}/../docs/study/bt40_er32.yaml -o {out}/study",
     "check-plugin mlp",
 )
 """Commands that take longer than two seconds on a slow machine."""
