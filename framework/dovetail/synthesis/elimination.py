@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,7 @@ class Program:
         """Number of non-zeros of the lower triangle with its fill."""
         return len(self.rows)
 
-    @property
+    @cached_property
     def multiplications(self) -> int:
         """Complex multiplications per frequency, divisions by the pivots included."""
         return len(self.update) + len(self.column) + self.pivots + 1

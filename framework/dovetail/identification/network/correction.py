@@ -263,14 +263,16 @@ def restore_corrections(
     ValueError
         As of `ZScore.restore`.
     """
-    parts: defaultdict[str, defaultdict[str, dict[str, Any]]] = defaultdict(lambda: defaultdict(dict))
+    stored: defaultdict[str, defaultdict[str, dict[str, Any]]] = defaultdict(lambda: defaultdict(dict))
     for key, value in state.items():
         number, part, name = key.split(".", 2)
-        parts[number][part][name] = value
+        stored[number][part][name] = value
+    return tuple(_restored(stored[number], assembly, targets, recipe) for number in sorted(stored, key=int))
 
-    def restored(part: Mapping[str, Mapping[str, Any]]) -> Correction:
-        step, bands = part["lines"].get("step", 1), part["lines"].get("bands", ())
-        linearisation = Linearisation(assembly, targets, int(step), tuple(map(int, bands)))
-        return Correction(linearisation, ZScore.restore(part["scaling"]), recipe.restore(part["regressor"]))
 
-    return tuple(restored(parts[number]) for number in sorted(parts, key=int))
+def _restored(
+    stored: Mapping[str, Mapping[str, Any]], assembly: Assembly, targets: TargetScaling, recipe: Regressor
+) -> Correction:
+    step, bands = stored["lines"].get("step", 1), stored["lines"].get("bands", ())
+    linearisation = Linearisation(assembly, targets, int(step), tuple(map(int, bands)))
+    return Correction(linearisation, ZScore.restore(stored["scaling"]), recipe.restore(stored["regressor"]))
