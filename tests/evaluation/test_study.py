@@ -14,7 +14,10 @@ import pytest
 
 import dovetail
 from dovetail.atomic_files import held, is_held
+from dovetail.errors import DovetailError
+from dovetail.evaluation.study import _Worker
 from dovetail.evaluation.study_ledger import Ledger, Proposal
+from dovetail.registry import components
 
 SWEEPS: dict[str, Any] = {"reducer.n_components": [2, 4, 8], "regressor.options.alpha": [1e-4, 10.0]}
 RIDGE = {"model": "sklearn", "estimator": "KernelRidge", "options": {"alpha": 0.1, "kernel": "rbf"}}
@@ -70,6 +73,30 @@ def test_a_finished_study_is_read_back_and_tries_nothing(swept, sdof):
     )
     assert again.to_dict() == done.to_dict()
     assert set(stages) == {"settings", "trials"}
+
+
+def test_the_test_is_not_forgotten_where_another_process_ended_the_last_trial_before_it(sdof, tmp_path, monkeypatch):
+    """It was still running when this process asked for a trial, and has ended when it looks who else is at work."""
+    claim, waited = Ledger.claim, []
+
+    def claim_too_early(ledger, propose):
+        trials = ledger.trials()
+        if len(trials) == 2 and trials[1].ended and not waited:
+            waited.append(len(trials))
+            return None
+        return claim(ledger, propose)
+
+    monkeypatch.setattr(Ledger, "claim", claim_too_early)
+    done = dovetail.study(dovetail.load(described(sdof, sweeps={"reducer.n_components": [2]})), tmp_path)
+    assert waited == [2]
+    assert done.test.state == "done"
+
+
+def test_a_worker_that_does_not_see_the_folder_says_so_and_begins_no_study_of_its_own(sdof, tmp_path):
+    assembly = dovetail.load(described(sdof, sweeps={"reducer.n_components": [2]}))
+    with pytest.raises(DovetailError, match="does not find the study there"):
+        _Worker(assembly, tmp_path / "elsewhere", components(()))(0)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_another_study_is_refused_in_the_same_folder(swept, sdof):

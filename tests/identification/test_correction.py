@@ -200,6 +200,15 @@ def test_a_model_that_was_stored_before_lines_were_left_out_uses_all(model):
     assert [(one.step, one.bands) for one in restored] == [(1, ()), (1, ())]
 
 
+@pytest.mark.parametrize(("step", "bands"), [(4, (64, 16)), (2, ())])
+def test_which_lines_and_bands_a_correction_looks_at_is_stored(model, step, bands):
+    targets, recipe = model.network.target_scaling, model.network.recipes[1]
+    linearisation = Linearisation(model.assembly, targets, step, bands)
+    states = correction_states([replace(model.network.corrections[0], linearisation=linearisation)])
+    (restored,) = restore_corrections(states, model.assembly, targets, recipe)
+    assert (restored.linearisation.step, restored.linearisation.bands) == (step, bands)
+
+
 def test_a_stored_model_without_its_corrections_is_refused(model, tmp_path):
     folder = model.save(tmp_path / "model")
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
@@ -236,11 +245,14 @@ def test_a_third_of_the_time_is_for_the_first_regressor():
     assert 1.0 < seconds["correction 1 of 1"] < 5.5
 
 
-def test_several_responses_have_their_lines_beside_each_other():
+@pytest.mark.parametrize(("spacing", "step"), [(1, 1), (0.25, 4)])
+def test_several_responses_have_their_lines_beside_each_other(spacing, step):
     whole = json.loads(block().description.text)
+    whole["frequency"]["step"] = spacing
     response = whole.pop("response")
     whole["responses"] = [response, {**response, "name": "again", "quantity": "receptance"}]
     linearisation = linearised(dovetail.load(whole))
+    assert linearisation.step == step
     truth = np.array([[0.3, -0.4]])
     first = truth + np.array([[0.0005, -0.05]])
     bold, _ = corrected(linearisation, truth, first, NEAR)

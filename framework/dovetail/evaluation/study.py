@@ -7,8 +7,9 @@ used once, by the best settings.
 from __future__ import annotations
 
 import os
+import socket
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -21,7 +22,7 @@ import numpy as np
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.atomic_files import held
 from dovetail.dataset import Dataset, generate
-from dovetail.errors import DatasetError, DovetailError, FileError
+from dovetail.errors import DatasetError, DovetailError, Fault, FileError
 from dovetail.evaluation.study_ledger import Ledger, Trial
 from dovetail.evaluation.study_plan import StudyPlan, Sweep
 from dovetail.identification.network.training import train_and_evaluate
@@ -124,7 +125,7 @@ def study(
         The folder holds another study; a search needs Optuna, which is not installed; or no trial succeeded.
     """
     with progress_reporter(progress) as report:
-        loaded, at, registry = as_assembly(assembly), Path(folder).resolve(), components(plugins)
+        loaded, at, registry = as_assembly(assembly), Path(folder).absolute(), components(plugins)
         work = _Work(loaded, at, registry, report)
         if scheduler is None:
             with work.ledger.at_work():
@@ -145,6 +146,10 @@ class _Worker:
 
     @cached_property
     def _work(self) -> _Work:
+        if not Ledger.is_in(self.folder):
+            remedy = "Give a folder that is on every machine of the cluster, by the same path."
+            problem = f"a worker on {socket.gethostname()} does not find the study there."
+            raise DovetailError(Fault(str(self.folder), problem, "a folder that all workers share", remedy))
         work = _Work(self.assembly, self.folder, self.registry, silent)
         work.load_libraries(silent)
         return work
@@ -164,7 +169,7 @@ class _Work:
 
     def run(self, progress: Progress) -> None:
         """Work on trials until all have ended."""
-        if not all(trial.ended for trial in self.ledger.trials()) or not self.ledger.trials():
+        if not _is_over(self.ledger.trials()):
             self.load_libraries(progress)
         while not self.take_turn(progress):
             pass
@@ -173,9 +178,10 @@ class _Work:
         """Yield the numbers of turns, for others to take, until all trials have ended."""
         for turn in count():
             trials = self.ledger.trials()
-            progress("trials", sum(trial.ended for trial in trials), max(self._most, len(trials)))
-            if any(trial.kind == "test" and trial.ended for trial in trials):
+            if _is_over(trials):
+                progress("trials", len(trials), len(trials))
                 return
+            progress("trials", sum(trial.ended for trial in trials), max(self._most, len(trials)))
             yield turn
 
     def take_turn(self, progress: Progress) -> bool:
@@ -186,7 +192,7 @@ class _Work:
         if trial is not None:
             progress("trials", ended, max(self._most, len(trials)), f"{trial.number}: {words(trial)}")
             self._try(trial, progress)
-        elif ended == len(trials):
+        elif _is_over(trials):
             progress("trials", ended, ended)
             return True
         else:
@@ -261,6 +267,11 @@ class _Work:
         test = next(trial for trial in trials if trial.kind == "test")
         sections = plan.complete_sections(best.changes)
         return Study(plan.assembly, tuple(trials), tuple(plan.sweeps), best, test, sections, dict(plan.described))
+
+
+def _is_over(trials: Sequence[Trial]) -> bool:
+    """Return whether the test, which is proposed when all other trials have ended, has ended too."""
+    return any(trial.kind == "test" and trial.ended for trial in trials)
 
 
 def words(trial: Trial) -> str:

@@ -111,6 +111,11 @@ class Ledger:
         with self._open():
             pass
 
+    @staticmethod
+    def is_in(folder: Path) -> bool:
+        """Return whether there is a ledger in a folder."""
+        return (folder / _FILE).exists()
+
     @contextmanager
     def at_work(self) -> Iterator[None]:
         """Hold the lock that tells others that this process is alive; remove what killed ones have left of theirs."""

@@ -229,7 +229,8 @@ def _ends(tried: SearchRange | tuple[Any, ...]) -> tuple[Any, ...]:
 def _key(assembly: Assembly) -> str:
     """Return a text that is the same for the same settings, whether they are stated or defaults."""
     settings = assembly.description.identification
-    return repr((settings.reducer, settings.regressor, settings.augmentation))
+    further = () if settings.correction is None else (settings.correction,)
+    return repr((settings.reducer, settings.regressor, settings.augmentation, *further))
 
 
 def _value_at(settings: Any, place: str) -> Any:

@@ -8,7 +8,6 @@ several degrees of caution, and a second regressor learns from thousands of them
 
 from __future__ import annotations
 
-import os
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,7 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, uniform_filter1d
-from scipy.signal import argrelmax, savgol_coeffs, savgol_filter
 from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly
@@ -28,6 +26,7 @@ from dovetail.identification.fitting.random_error import FOURTH_DIFFERENCE
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 from dovetail.identification.posterior.likelihood import normal_density, normal_from_unit, unit_from_normal
 from dovetail.interfaces import FittedRegressor, Regressor, State, TargetDistribution
+from dovetail.parallel import cores
 
 __all__ = ["Correction", "Linearisation", "correction_states", "restore_corrections"]
 
@@ -52,8 +51,8 @@ follows three of four peaks so closely."""
 _TRIALS = 100
 """FRFs on which that is tried."""
 _BANDS = (64, 16)
-"""Equal parts of the frequency axis over which residuals are averaged, besides those line by line: an average follows
-the parameters more nearly along a straight line than a flank that a resonance leaves."""
+"""Parts of the axis, of as many lines each, over which residuals are averaged, besides those line by line: an average
+follows the parameters more nearly along a straight line than a flank that a resonance leaves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +77,8 @@ class Linearisation:
     @staticmethod
     def of(assembly: Assembly, targets: TargetScaling) -> Linearisation:
         """Return one that keeps as few lines as the assembly's resonances allow."""
+        from scipy.signal import argrelmax  # slow to load, and processes that train nothing do without
+
         fraction = np.random.default_rng(0).random((_TRIALS, len(assembly.parameters)))
         logarithms = _by_response(assembly.accelerance_amplitude(assembly.from_unit(fraction)), assembly)
         peaks, lines = argrelmax(logarithms, axis=-1), logarithms.shape[-1]
@@ -117,8 +118,9 @@ class Linearisation:
 
         if len(blocks) == 1:
             return of_block(blocks[0])
-        with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
-            return np.concatenate(list(pool.map(of_block, blocks)))
+        with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(cores()) as pool:
+            first = of_block(blocks[0])  # which compiles what the others need
+            return np.concatenate([first, *pool.map(of_block, blocks[1:])])
 
     def _of_block(self, amplitude: NDArray[np.floating], samples: NDArray[np.float64]) -> NDArray[np.float32]:
         means, factors = _gaussians(samples)
@@ -129,9 +131,9 @@ class Linearisation:
         variance = _noise_variance(logarithms)[..., :: self.step] * _variance_of_averages(self.step)
         features = _corrections(residuals, jacobian, variance, self.step, means, factors)
         for bands in self.bands:
-            lines = residuals.shape[2] / bands
-            residual, slopes, random = (_over_bands(values, bands) for values in (residuals, jacobian, variance))
-            features += _corrections(residual, slopes, random / lines, self.step * lines, means, factors)
+            per_band = residuals.shape[2] / bands
+            residual, slopes, scatter = (_over_bands(values, bands) for values in (residuals, jacobian, variance))
+            features += _corrections(residual, slopes, scatter / per_band, self.step * per_band, means, factors)
         spreads = 0.5 * np.log(np.sum(factors**2, axis=2))
         noise = np.log(np.mean(variance, axis=(1, 2)))[:, np.newaxis]
         return np.concatenate([*features, means, at - means, spreads, noise], axis=1).astype(np.float32)
@@ -160,11 +162,15 @@ def _by_response(amplitude: NDArray[np.floating], assembly: Assembly) -> NDArray
 
 def _averaged(logarithms: NDArray[np.floating], step: int) -> NDArray[np.floating]:
     """Return each line (last axis) as a parabola has it that is fitted to `step` lines on either side."""
+    from scipy.signal import savgol_filter
+
     return logarithms if step == 1 else np.asarray(savgol_filter(logarithms, 2 * step + 1, polyorder=2, axis=-1))
 
 
 def _variance_of_averages(step: int) -> float:
     """Return the variance that white noise keeps in them."""
+    from scipy.signal import savgol_coeffs
+
     return 1.0 if step == 1 else float(np.sum(savgol_coeffs(2 * step + 1, polyorder=2) ** 2))
 
 
