@@ -203,6 +203,16 @@ def test_a_batch_is_identified_by_a_cluster(sdof, tmp_path, scheduler, workers, 
     assert list(there.failures) == ["none.uff"]
 
 
+def test_a_worker_that_has_left_is_no_reason_to_begin_nothing():
+    """As one that was killed a moment ago, of which the scheduler does not know yet."""
+    from distributed.comm import CommClosedError
+
+    left = {"tcp://gone:1": CommClosedError("Address removed.")}
+    parallel._require_same_versions({**left, "tcp://here:2": parallel._versions()})
+    with pytest.raises(DovetailError, match=r"tcp://here:2 cannot load Dovetail"):
+        parallel._require_same_versions({**left, "tcp://here:2": ImportError("no module")})
+
+
 def test_a_study_by_a_cluster_tries_each_setting_once_whoever_is_killed(sdof, tmp_path, scheduler, workers):
     """A worker is killed when two trials have ended; what the others have is what this process finds alone."""
     regressor = {"model": "sklearn", "estimator": "KernelRidge", "options": {"alpha": 0.1, "kernel": "rbf"}}
