@@ -38,12 +38,12 @@ def load(name: str) -> dovetail.Assembly:
 
 
 def one_of_each(suits: Callable[[str], object] = bool) -> Iterable[object]:
-    """The assemblies that suit; of those that differ in the tool alone, all but the first are slow tests."""
+    """The assemblies that suit; of those that differ in the tool or the training alone, all but the first are slow."""
     seen = set[str]()
     for name in filter(suits, shipped()):
-        without_tool = re.sub(r"t[1-3]\.yaml$", "", name)
-        yield pytest.param(name, marks=[pytest.mark.slow] if without_tool in seen else [])
-        seen.add(without_tool)
+        kind = re.sub(r"(t[0-3]|_quick)?\.yaml$", "", name)
+        yield pytest.param(name, marks=[pytest.mark.slow] if kind in seen else [])
+        seen.add(kind)
 
 
 class WholeAssembly:
