@@ -102,10 +102,8 @@ def test_averages_over_bands_lead_back_from_where_single_lines_mislead(linearisa
 
 def test_bands_are_averages_of_as_many_lines_or_one_more():
     values = np.random.default_rng(7).random((2, 3, 25, 4))
-    expected = np.stack(
-        [part.mean(axis=2) for part in (values[:, :, :8], values[:, :, 8:16], values[:, :, 16:])], axis=2
-    )
-    np.testing.assert_allclose(_over_bands(values, 3), expected)
+    expected = [part.mean(axis=2) for part in np.split(values, [8, 16], axis=2)]
+    np.testing.assert_allclose(_over_bands(values, 3), np.stack(expected, axis=2))
 
 
 def test_with_noise_the_step_errs_as_the_fisher_information_has_it(linearisation):

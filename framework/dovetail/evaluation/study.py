@@ -154,7 +154,7 @@ class _Worker:
         work.load_libraries(silent)
         return work
 
-    def __call__(self, turn: int) -> None:  # noqa: ARG002 - all turns are alike
+    def __call__(self, _turn: int) -> None:
         with self._work.ledger.at_work():
             self._work.take_turn(silent)
 

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -25,6 +24,7 @@ from dovetail.identification.fitting.random_error import MeasuredNoise
 from dovetail.identification.network.network import Pair, Reduction
 from dovetail.identification.network.preprocessing import log10p1
 from dovetail.measurement import read_frf
+from dovetail.parallel import cores
 
 __all__ = [
     "TRAINING_TOLERANCE",
@@ -286,7 +286,7 @@ class NoisyFeatures:
             noisy = np.concatenate([augmentation(response, generator) for augmentation, response in pairs], axis=1)
             write(noisy, out=features[block * _ROWS : block * _ROWS + len(noisy)])
 
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
+        with ThreadPoolExecutor(cores()) as pool:
             for future in [pool.submit(fill, block, clean) for block, clean in enumerate(self._clean_blocks(theta))]:
                 future.result()
         return features, theta

@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, uniform_filter1d
 from threadpoolctl import threadpool_limits
@@ -77,11 +78,9 @@ class Linearisation:
     @staticmethod
     def of(assembly: Assembly, targets: TargetScaling) -> Linearisation:
         """Return one that keeps as few lines as the assembly's resonances allow."""
-        from scipy.signal import argrelmax  # slow to load, and processes that train nothing do without
-
         fraction = np.random.default_rng(0).random((_TRIALS, len(assembly.parameters)))
         logarithms = _by_response(assembly.accelerance_amplitude(assembly.from_unit(fraction)), assembly)
-        peaks, lines = argrelmax(logarithms, axis=-1), logarithms.shape[-1]
+        peaks, lines = scipy.signal.argrelmax(logarithms, axis=-1), logarithms.shape[-1]
 
         def follows(step: int) -> bool:
             bent = np.abs(_averaged(logarithms, step) - logarithms)[peaks]
@@ -162,16 +161,14 @@ def _by_response(amplitude: NDArray[np.floating], assembly: Assembly) -> NDArray
 
 def _averaged(logarithms: NDArray[np.floating], step: int) -> NDArray[np.floating]:
     """Return each line (last axis) as a parabola has it that is fitted to `step` lines on either side."""
-    from scipy.signal import savgol_filter
-
-    return logarithms if step == 1 else np.asarray(savgol_filter(logarithms, 2 * step + 1, polyorder=2, axis=-1))
+    if step == 1:
+        return logarithms
+    return np.asarray(scipy.signal.savgol_filter(logarithms, 2 * step + 1, polyorder=2, axis=-1))
 
 
 def _variance_of_averages(step: int) -> float:
     """Return the variance that white noise keeps in them."""
-    from scipy.signal import savgol_coeffs
-
-    return 1.0 if step == 1 else float(np.sum(savgol_coeffs(2 * step + 1, polyorder=2) ** 2))
+    return 1.0 if step == 1 else float(np.sum(scipy.signal.savgol_coeffs(2 * step + 1, polyorder=2) ** 2))
 
 
 def _gaussians(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
