@@ -146,6 +146,18 @@ def test_what_the_lines_tell_that_are_left_out_is_not_lost(step):
     assert np.all(errors[1] < 1.15 * errors[0])
 
 
+@pytest.mark.parametrize(("spacing", "step"), [(1, 1), (0.25, 4)])
+def test_residuals_that_are_noise_alone_are_as_large_as_it(spacing, step):
+    """Their mean square over the variance is 1, or up to a third more where smoothed neighbours share lines."""
+    linearisation, truth, rng = on_lines(spacing), np.tile([[0.2, 0.1]], (100, 1)), np.random.default_rng(8)
+    assert (linearisation.step, linearisation.bands) == (step, (64, 16))
+    amplitude = linearisation.assembly.accelerance_amplitude(linearisation.targets.inverse(ndtr(truth)))
+    amplitude = amplitude * (1.0 + 0.05 * rng.standard_normal(amplitude.shape))
+    features = linearisation(amplitude, answers(truth, 1e-5))
+    squares = np.exp(features[:, [(4 * kind + 1) * PER_CAUTION - 1 for kind in range(3)]])
+    assert np.all((squares.mean(axis=0) > 0.85) & (squares.mean(axis=0) < 1.4))
+
+
 def test_each_frf_has_the_same_features_alone_and_among_others(linearisation):
     rng = np.random.default_rng(2)
     first = rng.standard_normal((150, 2))
@@ -247,8 +259,12 @@ def test_a_third_of_the_time_is_for_the_first_regressor():
 def test_several_responses_have_their_lines_beside_each_other(spacing, step):
     whole = json.loads(block().description.text)
     whole["frequency"]["step"] = spacing
+    whole["substructures"]["rider"] = {"model": "lumped", "masses": [{"mass": 0.1}]}
+    connected = {"a": {"to": "rider", "at": 0}, "b": {"to": "mass", "at": 0}}
+    known = {"k": {"value": 3e6}, "c": {"value": 50.0}}
+    whole["joints"]["strap"] = {**whole["joints"]["mount"], "connect": connected, "parameters": known}
     response = whole.pop("response")
-    whole["responses"] = [response, {**response, "name": "again", "quantity": "receptance"}]
+    whole["responses"] = [response, {**response, "at": "rider", "name": "rider", "quantity": "receptance"}]
     linearisation = linearised(dovetail.load(whole))
     assert linearisation.step == step
     truth = np.array([[0.3, -0.4]])
