@@ -14,6 +14,7 @@ import dovetail
 from dovetail.identification.adequacy.adequacy import Cause
 from dovetail.identification.adequacy.causes import _named, find_causes
 from dovetail.identification.adequacy.perturbations import list_perturbations
+from dovetail.identification.adequacy.trials import power_given_out
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.multistart import fit_at
 from dovetail.identification.fitting.observations import Observations
@@ -336,7 +337,7 @@ def test_the_search_for_causes_tells_its_progress(sdof):
 def named(*improvements, excess=10.0, lines=500):
     """The causes that are named, of candidates with these names and decreases of the misfit."""
     found = [(size, Cause(name, "", (0.5, 0.9), 2.0)) for name, size in improvements]
-    return [cause.name for cause in _named(found, excess, lines)]
+    return [cause.name for cause in _named(found, excess, lines, is_active=False)]
 
 
 @pytest.mark.parametrize(
@@ -378,3 +379,55 @@ def test_a_cause_is_a_sentence_with_its_figures():
         "With the sign reversed the coherence rises from 0.504 to 0.991 and residuals become 12 times smaller."
     )
     assert replace(cause, coherence=(0.5, 0.5)).sentence == "With the sign reversed residuals become 12 times smaller."
+    rises = "With the sign reversed the coherence rises from 0.504 to 0.991."
+    assert replace(cause, residual_factor=1.04).sentence == rises
+    unlike = replace(cause, coherence=(0.5, 0.5), residual_factor=1.0)
+    assert unlike.sentence == "With the sign reversed the structure gives out no power."
+
+
+# -- power that the structure gives out where it is driven ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("quantity", ["receptance", "mobility", "accelerance"])
+def test_a_passive_structure_gives_out_power_only_if_sign_or_phase_are_wrong(quantity):
+    """The power is the real part of a mobility, which the conjugate has too."""
+    model = chain(MASSES, ["upper"])
+    genuine = noisy(model, model.frf(TRUTH), 0.02, 1).to(quantity)
+
+    def given_out(values):
+        return power_given_out(model, [replace(genuine, values=values)], genuine.variance)
+
+    assert given_out(genuine.values) == 0.0
+    assert given_out(-genuine.values) > 0.95
+    assert (given_out(genuine.values.conj()) > 0.95) == (quantity != "mobility")
+
+
+def test_power_is_not_told_from_transfer_frfs_amplitudes_and_noise():
+    model = chain(MASSES)
+    drive_point, transfer = (noisy(alone, -alone.frf(TRUTH), 0.02, 1) for alone in model.each_response)
+    variance = np.concatenate([drive_point.variance, transfer.variance])
+    assert power_given_out(model, [drive_point, transfer], variance) > 0.95
+    lines = len(transfer.frequency)
+    assert power_given_out(model.at(1), [transfer], variance[lines:]) == 0.0
+    amplitude = replace(drive_point, values=drive_point.amplitude.astype(complex), has_phase=False)
+    assert power_given_out(model.at(0), [amplitude], variance[:lines]) == 0.0
+    assert power_given_out(model.at(0), [drive_point], np.full(lines, 1e4 * drive_point.amplitude.max() ** 2)) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_conjugated_phase_is_named_of_a_structure_that_the_model_does_not_fit(seed):
+    """Six resonances, of which the model has two: it fits hardly better, or worse, with the phase as it should be."""
+    model, rng = chain(MASSES, ["upper"]), np.random.default_rng(seed)
+    natural, damping, residues = rng.uniform([40, 0.003, 0.2], [380, 0.02, 1.0], (6, 3)).T
+    ratio = model.frequency[:, np.newaxis] / natural
+    genuine = -np.sum(residues * ratio**2 / (1.0 - ratio**2 + 2j * damping * ratio), axis=1)
+
+    def told(values):
+        result = dovetail.identify(model, noisy(model, values, 0.005, seed), "refined", cause_seconds=200.0)
+        reasons = [reason for reason in result.adequacy.reasons if "gives out" in reason]
+        return [cause.name for cause in result.adequacy.causes], len(reasons)
+
+    assert told(genuine.conj()) == (["conjugate"], 1)
+    names, reasons = told(genuine)
+    assert not {"sign", "conjugate"} & set(names)
+    assert reasons == 0

@@ -69,9 +69,12 @@ class Cause:
     @property
     def sentence(self) -> str:
         """The cause with its figures."""
-        before, after = self.coherence
-        rises = f"the coherence rises from {before:.3f} to {after:.3f} and " if after - before >= 5e-4 else ""
-        return f"With {self.words} {rises}residuals become {self.residual_factor:.2g} times smaller."
+        (before, after), improvements = self.coherence, list[str]()
+        if after - before >= 5e-4:
+            improvements.append(f"the coherence rises from {before:.3f} to {after:.3f}")
+        if self.residual_factor >= 1.05:
+            improvements.append(f"residuals become {self.residual_factor:.2g} times smaller")
+        return f"With {self.words} {' and '.join(improvements) or 'the structure gives out no power'}."
 
 
 @dataclass(frozen=True)

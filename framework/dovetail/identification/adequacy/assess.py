@@ -13,6 +13,7 @@ from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import Adequacy, word_for
 from dovetail.identification.adequacy.causes import CAUSE_SECONDS, find_causes
 from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
+from dovetail.identification.adequacy.trials import MOST_GIVEN_OUT, power_given_out
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.fit import bounds_reached
 from dovetail.identification.fitting.least_squares import without
@@ -98,7 +99,7 @@ def assess(
         size,
         model_error,
         causes=causes,
-        reasons=tuple(_reasons(target, fit, estimated, model_error)),
+        reasons=tuple(_reasons(assembly, target, fit, estimated, model_error)),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
@@ -114,8 +115,16 @@ def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> floa
     return float(np.median(np.abs(np.log(measured[clear] / np.abs(values[clear]))))) if clear.any() else 0.0
 
 
-def _reasons(target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None) -> Iterator[str]:
+def _reasons(
+    assembly: Assembly, target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None
+) -> Iterator[str]:
     """Yield what else there is to say of a fit that is not to the noise."""
+    given_out = power_given_out(assembly, target.frfs, fit.variance)
+    if given_out > MOST_GIVEN_OUT:
+        yield (
+            f"As measured, the structure gives out {100.0 * given_out:.0f} % of the power where it is driven, which no "
+            "passive structure does: a sign or a phase is wrong."
+        )
     needed = estimated.size.natural_frequency
     if allowed is not None and needed > _SETTINGS.exceeds * allowed:
         yield (

@@ -26,8 +26,7 @@ from dovetail.identification.adequacy.trials import Trials, values_of
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
-from dovetail.interfaces import Parameter, Progress, silent
-from dovetail.units import format_quantity
+from dovetail.interfaces import Progress, silent
 
 __all__ = ["CAUSE_SECONDS", "find_causes"]
 
@@ -76,8 +75,6 @@ class Settings:
     """Quantities of parts that are fitted: those that the residuals point to."""
     overhangs: tuple[float, ...] = (-0.1, 0.1)
     """Logarithms of ratios from which an overhang is fitted."""
-    range_factor: float = 10.0
-    """By which the range of a parameter on a logarithmic scale is extended at either end; others by their width."""
 
 
 _SETTINGS = Settings()
@@ -126,8 +123,9 @@ def find_causes(
     -----
     The misfit is the mean of log(1 + |residual|^2 / variance) over few lines, among them those around each resonance.
     A cause in the measurement is named if the misfit falls by 0.3 with it, one in the model if it falls by 0.6, or
-    either by 0.4 of what separates it from noise; a quantity of a part if it takes away 0.7 of that. Each must
-    take away at least half as much as the best one.
+    either by 0.4 of what separates it from noise; a quantity of a part if it takes away 0.7 of that. If the measured
+    structure gives out power, only what may end that is tried, and the better of sign and phase is named in any case.
+    Each must take away half as much as the best one.
     """
     if not seconds:
         return ()
@@ -137,7 +135,7 @@ def find_causes(
     improvements: list[tuple[float, Cause]] = []
 
     def explained() -> bool:
-        enough = [improvement for improvement, cause in improvements if improvement >= _needed(cause.name, excess)]
+        enough = [size for size, cause in improvements if size >= _needed(cause.name, excess, trials.is_active)]
         return _is_noise(before.misfit - max(enough, default=-np.inf))
 
     for name, words, trial in _candidates(trials, progress, explained):
@@ -146,18 +144,18 @@ def find_causes(
         _LOG.debug("cause tried: %s; residuals smaller by a factor of %.3g", words or name, factor)
         coherence, theta = (before.coherence, trial.coherence), tuple(trial.theta.tolist())
         improvements.append((improvement, Cause(name, words, coherence, factor, theta)))
-    progress("causes", _STAGES, _STAGES)
-    return _named(improvements, excess, trials.lines)
+    progress("causes", len(_STAGES), len(_STAGES))
+    return _named(improvements, excess, trials.lines, trials.is_active)
 
 
-def _named(found: list[tuple[float, Cause]], excess: float, lines: int) -> tuple[Cause, ...]:
+def _named(found: list[tuple[float, Cause]], excess: float, lines: int, is_active: bool) -> tuple[Cause, ...]:
     """Return the causes that improve the fit enough on some lines, each kind once, the best first."""
-    enough = [(improvement, cause) for improvement, cause in found if improvement >= _needed(cause.name, excess)]
-    best = max((improvement for improvement, _ in enough), default=0.0)
+    enough = [(size, cause) for size, cause in found if size >= _needed(cause.name, excess, is_active)]
+    best = max((size for size, _ in enough), default=0.0)
     enough.sort(key=lambda item: -min(item[0], best - _SETTINGS.tie / lines))
     named: dict[str, Cause] = {}
     for improvement, cause in enough:
-        if improvement >= _SETTINGS.beside_best * best:
+        if improvement >= best - _SETTINGS.beside_best * abs(best):
             named.setdefault(cause.name, cause)
     return tuple(list(named.values())[: _SETTINGS.most])
 
@@ -166,38 +164,28 @@ def _is_noise(misfit: float) -> bool:
     return misfit < _SETTINGS.noise + _SETTINGS.explained
 
 
-def _needed(name: str, excess: float) -> float:
+def _needed(name: str, excess: float, is_active: bool) -> float:
     """Return the decrease of the misfit from which a cause is named."""
+    if is_active and name in _PHASES:
+        return -np.inf
     if name == "part":
         return max(_SETTINGS.least, _SETTINGS.of_part * excess)
     improvement = _SETTINGS.of_measurement if name in _OF_MEASUREMENT else _SETTINGS.of_model
     return max(_SETTINGS.least, _SETTINGS.least_share * excess, min(improvement, _SETTINGS.share * excess))
 
 
+_PHASES = {"sign", "conjugate"}
 _OF_MEASUREMENT = {"sign", "order", "conjugate", "gain", "unit", "quantity", "delay", "window"}
-_STAGES = 12
 _FINISHED = 3
 """Stages that are finished in any case: a gain and a mass may have the same effect, and are then both named."""
 
 
 def _candidates(trials: Trials, progress: Progress, explained: Callable[[], bool]) -> Iterator[Candidate]:
     """Yield the changes that could be the cause, the quickest to try first, until one explains the misfit."""
-    stages: list[tuple[str, Callable[[Trials], Iterator[Candidate]]]] = [
-        ("sign and phase", _phases),
-        ("order of measurements", model_causes.try_exchanges),
-        ("gain, units and mass", _gains_and_masses),
-        ("quantity", _quantities),
-        ("delay", _delays),
-        ("levels", model_causes.try_levels),
-        ("window", model_causes.try_window),
-        ("ranges", _ranges),
-        ("resonances", model_causes.try_missing_resonances),
-        ("response point", _points),
-        ("overhang", _overhangs),
-        ("parts", _parts),
-    ]
-    for number, (note, stage) in enumerate(stages):
-        progress("causes", number, _STAGES, note)
+    for number, (note, stage, turns_phase) in enumerate(_STAGES):
+        if trials.is_active and not turns_phase:
+            continue
+        progress("causes", number, len(_STAGES), note)
         for candidate in stage(trials):
             yield candidate
             if trials.late or (number >= _FINISHED and explained()):
@@ -304,39 +292,6 @@ def _delays(trials: Trials) -> Iterator[Candidate]:
         yield "delay", words, trials.fit(trials.assembly, corrected(amount), [theta])
 
 
-def _ranges(trials: Trials) -> Iterator[Candidate]:
-    """Try parameters that ended at an end of their range outside of it."""
-    assembly, fraction = trials.assembly, trials.assembly.to_unit(trials.unchanged.theta)
-    for index, (parameter, (joint, name)) in enumerate(
-        zip(assembly.parameters, assembly.description.identified_parameters, strict=True)
-    ):
-        if 0.0 < fraction[index] < 1.0:
-            continue
-        lower, upper = _widened(parameter, at_upper=fraction[index] >= 1.0)
-        try:
-            trial = trials.fit(
-                _with_range(assembly, joint, name, lower, upper), trials.target.frfs, [trials.unchanged.theta]
-            )
-        except DovetailError:
-            continue
-        value = float(trial.theta[index])
-        if not parameter.lower <= value <= parameter.upper:
-            yield "range", f"{parameter.name} at {format_quantity(value, parameter.unit)}, outside its range", trial
-
-
-def _widened(parameter: Parameter, *, at_upper: bool) -> tuple[float, float]:
-    """Return a range that is extended at one end."""
-    lower, upper, factor = parameter.lower, parameter.upper, _SETTINGS.range_factor
-    if at_upper:
-        return lower, upper * factor if parameter.scale == "log" else upper + (upper - lower)
-    return lower / factor if parameter.scale == "log" else max(lower - (upper - lower), min(lower, 0.0)), upper
-
-
-def _with_range(assembly: Assembly, joint: str, name: str, lower: float, upper: float) -> Assembly:
-    there = Assembly(assembly.description.with_range(joint, name, lower, upper))
-    return there.on(*(each.frequency for each in assembly.each_response))
-
-
 def _overhangs(trials: Trials) -> Iterator[Candidate]:
     for perturbation in trials.perturbations:
         if perturbation.kind == "overhang":
@@ -385,6 +340,8 @@ def _points(trials: Trials) -> Iterator[Candidate]:
     amplitude = np.abs(values_of(trials.target.frfs))
     likely = np.stack([trials.best, trials.shape])
     for other, words, start in nearest_points(trials.assembly, amplitude, likely, _SETTINGS.points):
+        if trials.is_active and other.description.response.is_drive_point:
+            continue
         yield "point", words, trials.fit(other, trials.target.frfs, [trials.search(other, trials.shape, start)])
 
 
@@ -395,3 +352,20 @@ def _times(frfs: Sequence[Frf], factor: Callable[[NDArray[np.float64]], Any]) ->
 
 def _has_phase(trials: Trials) -> bool:
     return all(frf.has_phase for frf in trials.target.frfs)
+
+
+_STAGES: tuple[tuple[str, Callable[[Trials], Iterator[Candidate]], bool], ...] = (
+    ("sign and phase", _phases, True),
+    ("order of measurements", model_causes.try_exchanges, True),
+    ("gain, units and mass", _gains_and_masses, False),
+    ("quantity", _quantities, True),
+    ("delay", _delays, True),
+    ("levels", model_causes.try_levels, False),
+    ("window", model_causes.try_window, False),
+    ("ranges", model_causes.try_ranges, False),
+    ("resonances", model_causes.try_missing_resonances, False),
+    ("response point", _points, True),
+    ("overhang", _overhangs, False),
+    ("parts", _parts, False),
+)
+"""What is tried, and whether it turns the phase of an FRF."""

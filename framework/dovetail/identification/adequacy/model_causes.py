@@ -1,4 +1,4 @@
-"""Causes in the model: points, responses exchanged, levels of the force, a resonance that it lacks, a window."""
+"""Causes in the model: points, responses exchanged, levels of the force, a lacking resonance, a window, ranges."""
 
 from __future__ import annotations
 
@@ -12,14 +12,24 @@ from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.description import Place
+from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.identification.adequacy.trials import Trial, Trials, values_of
 from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.posterior.model_error import Resonances, fit_resonances
-from dovetail.interfaces import DIRECTIONS
+from dovetail.interfaces import DIRECTIONS, Parameter
 from dovetail.synthesis import Point
+from dovetail.units import format_quantity
 
-__all__ = ["Candidate", "nearest_points", "try_exchanges", "try_levels", "try_missing_resonances", "try_window"]
+__all__ = [
+    "Candidate",
+    "nearest_points",
+    "try_exchanges",
+    "try_levels",
+    "try_missing_resonances",
+    "try_ranges",
+    "try_window",
+]
 
 
 @dataclass(frozen=True)
@@ -54,6 +64,8 @@ class Settings:
     """Times that the step between such values is halved."""
     promising: float = 0.05
     """Decrease of the misfit with the best of the first values from which more are tried between them."""
+    range_factor: float = 10.0
+    """By which the range of a parameter on a logarithmic scale is extended at either end; others by their width."""
 
 
 _SETTINGS = Settings()
@@ -252,6 +264,39 @@ def _added_resonance(
     bounds = np.stack([ends, np.log(_SETTINGS.dampings)], axis=1)
     found = least_squares(residuals, start, bounds=(bounds[0], bounds[1]), loss="soft_l1").x
     return np.asarray(added(found)[0] * shape(found, frequency))
+
+
+def try_ranges(trials: Trials) -> Iterator[Candidate]:
+    """Try parameters that ended at an end of their range outside of it."""
+    assembly, fraction = trials.assembly, trials.assembly.to_unit(trials.unchanged.theta)
+    for index, (parameter, (joint, name)) in enumerate(
+        zip(assembly.parameters, assembly.description.identified_parameters, strict=True)
+    ):
+        if 0.0 < fraction[index] < 1.0:
+            continue
+        lower, upper = _widened(parameter, at_upper=fraction[index] >= 1.0)
+        try:
+            trial = trials.fit(
+                _with_range(assembly, joint, name, lower, upper), trials.target.frfs, [trials.unchanged.theta]
+            )
+        except DovetailError:
+            continue
+        value = float(trial.theta[index])
+        if not parameter.lower <= value <= parameter.upper:
+            yield "range", f"{parameter.name} at {format_quantity(value, parameter.unit)}, outside its range", trial
+
+
+def _widened(parameter: Parameter, *, at_upper: bool) -> tuple[float, float]:
+    """Return a range that is extended at one end."""
+    lower, upper, factor = parameter.lower, parameter.upper, _SETTINGS.range_factor
+    if at_upper:
+        return lower, upper * factor if parameter.scale == "log" else upper + (upper - lower)
+    return lower / factor if parameter.scale == "log" else max(lower - (upper - lower), min(lower, 0.0)), upper
+
+
+def _with_range(assembly: Assembly, joint: str, name: str, lower: float, upper: float) -> Assembly:
+    there = Assembly(assembly.description.with_range(joint, name, lower, upper))
+    return there.on(*(each.frequency for each in assembly.each_response))
 
 
 def try_window(trials: Trials) -> Iterator[Candidate]:

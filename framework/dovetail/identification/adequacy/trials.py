@@ -13,7 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.frf import Frf, coherence_spectrum
+from dovetail.frf import Frf, coherence_spectrum, conversion
 from dovetail.identification.adequacy.perturbations import Perturbation, PerturbedResiduals, list_perturbations
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import SumOfSquares, minimise
@@ -22,7 +22,7 @@ from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, R
 from dovetail.identification.fitting.search_lines import search_lines
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals
 
-__all__ = ["LogRatio", "Trial", "Trials", "values_of"]
+__all__ = ["MOST_GIVEN_OUT", "LogRatio", "Trial", "Trials", "power_given_out", "values_of"]
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,14 @@ class Settings:
     """Relative error that every line is allowed, so that none dominates."""
     free: float = 100.0
     """Standard deviation of an unknown gain, or power of the frequency, in logarithms: as good as free."""
+    clear: float = 5.0
+    """Standard deviations of its random error by which a power is clear of it."""
 
 
 _SETTINGS = Settings()
+
+MOST_GIVEN_OUT = 0.9
+"""Part of the power at drive points above which a sign or a phase is wrong for certain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +114,11 @@ class Trials:
     def late(self) -> bool:
         """Whether the time is over."""
         return time.monotonic() > self.deadline
+
+    @cached_property
+    def is_active(self) -> bool:
+        """Whether the measurement is that of a structure that gives out power, as no passive one does."""
+        return power_given_out(self.assembly, self.target.frfs, self._variance(self.target)) > MOST_GIVEN_OUT
 
     @cached_property
     def perturbations(self) -> tuple[Perturbation, ...]:
@@ -292,6 +302,38 @@ class Trials:
         if not all(frf.has_phase for frf in target.frfs):
             values, measured = np.abs(values).astype(complex), np.abs(measured).astype(complex)
         return Trial(theta, misfit, float(coherence_spectrum(measured, values).mean()))
+
+
+def power_given_out(assembly: Assembly, frfs: Sequence[Frf], variance: NDArray[np.float64]) -> float:
+    """Return which part of the power at drive points the structure gives out; a passive one only takes it up.
+
+    Per force at its own point, a structure takes up a power in proportion to the real part of the mobility. Reversed
+    signs of any FRF show there, and conjugated phases of receptances and accelerances.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    frfs : sequence of Frf
+        One for each response.
+    variance : (n_lines,) array
+        Of all their values.
+
+    Returns
+    -------
+    float
+        Of the real parts that are clear of random error those below zero, over all, in magnitude; 0 if none is clear,
+        without drive points, and without phases.
+    """
+    ends = np.cumsum([len(frf.frequency) for frf in frfs])[:-1]
+    given_out = total = 0.0
+    for frf, response, errors in zip(frfs, assembly.description.responses, np.split(variance, ends), strict=True):
+        if response.is_drive_point and frf.has_phase:
+            to_mobility = np.abs(conversion(frf.frequency, frf.quantity, "mobility"))
+            power = frf.to("mobility").values.real
+            power = power[np.abs(power) > _SETTINGS.clear * to_mobility * np.sqrt(0.5 * errors)]
+            given_out -= float(power[power < 0.0].sum())
+            total += float(np.abs(power).sum())
+    return given_out / total if total else 0.0
 
 
 def values_of(frfs: Sequence[Frf]) -> NDArray[np.complex128]:
