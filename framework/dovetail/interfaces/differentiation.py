@@ -47,7 +47,7 @@ class Settings:
     rounding : float
         Largest difference, relative to the entry, that counts as rounding.
     block_bytes : float
-        Memory of the matrices that are evaluated at once. They stay in the processor's cache.
+        Memory of the matrices that are evaluated at once: few calls, and they stay in the processor's cache.
     """
 
     step: float = 1e-3
@@ -58,7 +58,7 @@ class Settings:
     better: float = 0.1
     probes: int = 4
     rounding: float = 1e-12
-    block_bytes: float = 1e6
+    block_bytes: float = 4e6
 
 
 SETTINGS = Settings()
