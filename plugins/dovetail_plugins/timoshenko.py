@@ -17,6 +17,10 @@ from dovetail import ComponentConfig, InUnit, StructuralMatrices
 __all__ = ["CrossSection", "Material", "chain", "circle", "element_matrices", "rectangle", "shear_coefficient"]
 
 
+_NUMBERS = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
+"""Of the entries of a symmetric matrix in its upper rows."""
+
+
 class Material(ComponentConfig):
     """An isotropic linear material with structural damping.
 
@@ -157,11 +161,10 @@ def chain(elements: StructuralMatrices) -> StructuralMatrices:
 
 def _symmetric(upper: list[list[NDArray[np.float64] | float]], shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Fill a symmetric (..., 4, 4) array from its upper rows."""
-    full = np.empty((*shape, 4, 4))
-    for row, entries in enumerate(upper):
-        for offset, entry in enumerate(entries):
-            full[..., row, row + offset] = full[..., row + offset, row] = entry
-    return full
+    entries = np.empty((*shape, 10))
+    for number, entry in enumerate(entry for row in upper for entry in row):
+        entries[..., number] = entry
+    return entries[..., _NUMBERS]
 
 
 def _stiffness_shape(phi: NDArray[np.float64], length: NDArray[np.float64]) -> NDArray[np.float64]:

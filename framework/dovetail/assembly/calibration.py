@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +31,7 @@ __all__ = [
     "CHAIN",
     "SHARED",
     "SIGN",
-    "chain_derivatives",
-    "chain_factor",
+    "Chain",
     "entries_at_response",
     "graph_of",
     "read_calibration",
@@ -187,10 +187,8 @@ def with_signs(description: Description, signs: Mapping[str, float]) -> Descript
     return replace(description, calibrations=calibrations)
 
 
-def chain_factor(
-    frequency: NDArray[np.float64], quantity: Quantity, entry: ParameterEntry, theta: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    """Return what a chain makes of an FRF: gain times delay, (n, n_freq).
+class Chain:
+    """What a measurement chain makes of an FRF, and the derivatives of that by its parameters.
 
     Under a window of decay rate s a velocity is i omega + s times the displacement, and so is the next derivative.
 
@@ -205,43 +203,41 @@ def chain_factor(
     theta : (n, n_chain) array
         Its parameters, in SI.
     """
-    chain = _Chain(frequency, quantity, entry, theta)
-    return np.asarray(chain.gain * chain.turned * chain.ratio**chain.power)
-
-
-def chain_derivatives(
-    frequency: NDArray[np.float64], quantity: Quantity, entry: ParameterEntry, theta: NDArray[np.float64], column: str
-) -> NDArray[np.complex128]:
-    """Return the derivative of `chain_factor` by one of the response's parameters, (n, n_freq)."""
-    chain = _Chain(frequency, quantity, entry, theta)
-    by_parameter = {
-        "gain": chain.turned * chain.ratio**chain.power,
-        "delay": -1j * chain.omega * chain.gain * chain.turned * chain.ratio**chain.power,
-        "window": chain.gain * chain.turned * chain.power * chain.ratio ** (chain.power - 1) / (1j * chain.omega),
-    }
-    return np.asarray(by_parameter.get(column, np.zeros((len(theta), len(frequency)))), dtype=np.complex128)
-
-
-class _Chain:
-    """The factors of a chain, each (n, 1) or (n, n_freq)."""
 
     def __init__(
         self, frequency: NDArray[np.float64], quantity: Quantity, entry: ParameterEntry, theta: NDArray[np.float64]
     ) -> None:
         sign = entry.fixed.get("sign", 1.0)
-        self.omega = 2.0 * np.pi * frequency
-        self.power = QUANTITIES.index(quantity)
-        self.gain = _column(entry, "gain", theta, 1.0)
-        self.turned = (1.0 if np.isnan(sign) else sign) * np.exp(-1j * self.omega * _column(entry, "delay", theta, 0.0))
-        self.ratio = 1.0 + _column(entry, "window", theta, 0.0) / (1j * self.omega)
+        self._names = [parameter.name for parameter in entry.parameters]
+        self._omega = 2.0 * np.pi * frequency
+        self._power = QUANTITIES.index(quantity)
+        self._gain = self._column("gain", theta, 1.0)
+        delay = self._column("delay", theta, 0.0)
+        self._turned = (1.0 if np.isnan(sign) else sign) * np.exp(-1j * self._omega * delay)
+        self._ratio = 1.0 + self._column("window", theta, 0.0) / (1j * self._omega)
 
+    def _column(self, name: str, theta: NDArray[np.float64], otherwise: float) -> NDArray[np.float64]:
+        """Return one of the parameters, (n, 1)."""
+        if name not in self._names:
+            return np.full((len(theta), 1), otherwise)
+        return theta[:, [self._names.index(name)]]
 
-def _column(entry: ParameterEntry, name: str, theta: NDArray[np.float64], otherwise: float) -> NDArray[np.float64]:
-    """Return a parameter of a chain (n, 1)."""
-    names = [parameter.name for parameter in entry.parameters]
-    if name not in names:
-        return np.full((len(theta), 1), otherwise)
-    return theta[:, [names.index(name)]]
+    @cached_property
+    def factor(self) -> NDArray[np.complex128]:
+        """Gain times delay, (n, n_freq)."""
+        return np.asarray(self._gain * self._turned * self._ratio**self._power)
+
+    def derivative(self, column: int) -> NDArray[np.complex128]:
+        """Return the derivative of the factor by the parameter in a column of theta, (n, n_freq)."""
+        name = self._names[column]
+        if name == "gain":
+            return np.asarray(self._turned * self._ratio**self._power)
+        if name == "delay":
+            return np.asarray(-1j * self._omega * self._gain * self._turned * self._ratio**self._power)
+        if name == "window":
+            before = self._gain * self._turned * self._power * self._ratio ** (self._power - 1)
+            return np.asarray(before / (1j * self._omega))
+        return np.zeros_like(self.factor)
 
 
 def entries_at_response(description: Description) -> dict[str, JointEntry]:

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.calibration import chain_derivatives, chain_factor
+from dovetail.assembly.calibration import Chain
 from dovetail.assembly.description import ParameterEntry, Response, follow
 from dovetail.errors import Fault, ParameterError, UnitError, did_you_mean, listing
 from dovetail.frf import conversion
@@ -241,29 +241,30 @@ class ResponseFrfs:
         self._chains = [index for index, response in enumerate(responses) if response.name in calibrations]
         self._calibrations = calibrations
         self._responses = responses
-        self._conversions = np.stack([conversion(engine.frequency, "receptance", r.quantity) for r in responses])
+        to_quantity = [conversion(engine.frequency, "receptance", response.quantity) for response in responses]
+        self._to_quantity = engine.prepared(np.stack(to_quantity))
+        self._to_accelerance = engine.prepared(conversion(engine.frequency, "receptance", "accelerance"))
 
     def frfs(self, batch: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return FRFs (n, n_responses, n_freq) of parameter vectors (n, n_params)."""
         by_owner = self._space.by_owner(batch)
-        values = _for_each(batch, self.engine.frfs(by_owner, self._conversions))
+        values = _for_each(batch, self.engine.frfs(by_owner, self._to_quantity))
         for index in self._chains:
-            values[:, index] *= self._factor(index, by_owner)
+            values[:, index] *= self._chain(index, by_owner).factor
         return values
 
     def amplitudes(self, batch: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return amplitudes of the accelerances (n, n_responses, n_freq) in single precision."""
-        by_owner, frequency = self._space.by_owner(batch), self.engine.frequency
-        to_accelerance = np.tile(conversion(frequency, "receptance", "accelerance"), (len(self._responses), 1))
-        values = _for_each(batch, self.engine.amplitudes(by_owner, to_accelerance))
+        by_owner = self._space.by_owner(batch)
+        values = _for_each(batch, self.engine.amplitudes(by_owner, self._to_accelerance))
         for index in self._chains:
-            values[:, index] *= np.abs(self._factor(index, by_owner))
+            values[:, index] *= np.abs(self._chain(index, by_owner).factor)
         return values
 
     def jacobian(self, batch: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_responses, n_freq) and their derivatives, with a last axis n_params."""
         by_owner = self._space.by_owner(batch)
-        values, derivatives = self.engine.frfs_jacobian(by_owner, self._conversions)
+        values, derivatives = self.engine.frfs_jacobian(by_owner, self._to_quantity)
         values, jacobian = _for_each(batch, values), _for_each(batch, derivatives)
         if not self._space.is_plain:
             jacobian = self._by_parameter(jacobian)
@@ -271,11 +272,11 @@ class ResponseFrfs:
             values[:, index] = self._calibrate(index, values[:, index], jacobian[:, index], by_owner)
         return values, jacobian
 
-    def _factor(self, index: int, by_owner: Mapping[str, NDArray[np.float64]]) -> NDArray[np.complex128]:
-        """Return what the chain of a response makes of its FRFs, (n, n_freq)."""
+    def _chain(self, index: int, by_owner: Mapping[str, NDArray[np.float64]]) -> Chain:
+        """Return the measurement chain of a response."""
         response = self._responses[index]
-        chain = self._calibrations[response.name]
-        return chain_factor(self.engine.frequency, response.quantity, chain, by_owner[response.name])
+        entry = self._calibrations[response.name]
+        return Chain(self.engine.frequency, response.quantity, entry, by_owner[response.name])
 
     def _by_parameter(self, derivatives: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return derivatives by the identified parameters, from those by all columns that the engine varies."""
@@ -295,16 +296,12 @@ class ResponseFrfs:
         by_owner: Mapping[str, NDArray[np.float64]],
     ) -> NDArray[np.complex128]:
         """Return the FRFs (n, n_freq) of a response as its chain shows them; change their derivatives in place."""
-        quantity, name, frequency = self._responses[index].quantity, self._responses[index].name, self.engine.frequency
-        chain, factor = self._calibrations[name], self._factor(index, by_owner)
-        jacobian *= factor[..., np.newaxis]
-        of_chain = [
-            values * chain_derivatives(frequency, quantity, chain, by_owner[name], chain.parameters[column].name)
-            for column in self._space.varying_columns(name)
-        ]
+        chain, name = self._chain(index, by_owner), self._responses[index].name
+        jacobian *= chain.factor[..., np.newaxis]
+        of_chain = [values * chain.derivative(column) for column in self._space.varying_columns(name)]
         if of_chain:
             self._space.add_derivatives(name, np.stack(of_chain, axis=-1), jacobian)
-        return np.asarray(values * factor)
+        return np.asarray(values * chain.factor)
 
 
 def _for_each(batch: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:

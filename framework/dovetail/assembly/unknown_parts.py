@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +98,7 @@ class UnknownPart(JointModel):
         """The options, in the order of the description."""
         return self._parameters
 
-    @property
+    @cached_property
     def ports(self) -> tuple[Port, ...]:
         """All nodes."""
         return (Port("nodes", len(self.part.nodes)),)

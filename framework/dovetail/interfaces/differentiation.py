@@ -47,7 +47,7 @@ class Settings:
     rounding : float
         Largest difference, relative to the entry, that counts as rounding.
     block_bytes : float
-        Memory of the matrices that are evaluated at once. They stay in the processor's cache.
+        Memory of the matrices that are evaluated at once: few calls, and they stay in the processor's cache.
     """
 
     step: float = 1e-3
@@ -58,7 +58,7 @@ class Settings:
     better: float = 0.1
     probes: int = 4
     rounding: float = 1e-12
-    block_bytes: float = 1e6
+    block_bytes: float = 4e6
 
 
 SETTINGS = Settings()
@@ -164,23 +164,14 @@ class _Entries:
 
     Parameters
     ----------
-    numbers : four int arrays
-        Of the entries of each matrix, row by row.
+    numbers : (n_entries,) int array
+        Of the entries, row by row, those of M, then those of K, C and D.
     slopes : (n_linear, n_entries) array
         Of the matrices by the parameters in which they are linear.
     """
 
-    numbers: tuple[NDArray[np.intp], ...]
+    numbers: NDArray[np.intp]
     slopes: NDArray[np.float64]
-
-    @property
-    def count(self) -> int:
-        return sum(map(len, self.numbers))
-
-    @property
-    def ends(self) -> NDArray[np.intp]:
-        """Where the entries of M, K and C end."""
-        return np.cumsum([len(numbers) for numbers in self.numbers])[:-1]
 
 
 class Differentiation:
@@ -202,7 +193,7 @@ class Differentiation:
 
     def __init__(self, matrices: Matrices, size: int, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> None:
         self._matrices, self._size, self._lower, self._upper = matrices, size, lower, upper
-        self._filled = np.zeros((4, size**2), dtype=np.bool_)
+        self._filled = np.zeros(4 * size**2, dtype=np.bool_)
         slopes = {column: self._constant_slope(column) for column in range(len(lower))}
         self._slopes = {column: slope for column, slope in slopes.items() if slope is not None}
         self._nonlinear = [column for column, slope in slopes.items() if slope is None]
@@ -244,9 +235,9 @@ class Differentiation:
             rows = np.tile(low + fractions * width, (3, 1))
             rows[0, column], rows[2, column] = low[column], self._upper[column]
             distance = (rows[:, column] - low[column])[:, np.newaxis, np.newaxis]
-            values = np.stack(self._each_matrix(rows))
-            self._filled |= (values != 0).any(axis=1)
-            values = values.reshape(4, 3, self._size, self._size)
+            every = self._all_entries(rows)
+            self._filled |= (every != 0).any(axis=0)
+            values = every.reshape(3, 4, self._size, self._size).swapaxes(0, 1)
             slope = (values[:, 2:] - values[:, :1]) / width[column] if slope is None else slope
             errors = np.abs(values - values[:, :1] - distance * slope)
             if (errors > SETTINGS.rounding * np.abs(values).max(axis=1, keepdims=True)).any():
@@ -279,7 +270,7 @@ class Differentiation:
         self, theta: NDArray[np.float64], columns: Sequence[int], entries: _Entries
     ) -> dict[int, NDArray[np.float64]]:
         """Return the derivatives (n, n_entries) by some parameters, by differences."""
-        derivatives = np.zeros((len(columns), len(theta), entries.count))
+        derivatives = np.zeros((len(columns), len(theta), len(entries.numbers)))
         for block in self._blocks(len(theta), _NODES.shape[1] * len(columns)) if columns else ():
             derivatives[:, block] = differences(
                 lambda vectors: self._values(vectors, entries), theta[block], columns, self._lower, self._upper
@@ -292,11 +283,9 @@ class Differentiation:
         """Return matrices (n, d, d) with values (n, n_entries) at the entries and zeros elsewhere."""
         spread = {}
         for column, values in derivatives.items():
-            full = np.zeros((4, len(values), self._size**2))
-            parts = np.split(values, entries.ends, axis=1)
-            for matrix, numbers, part in zip(full, entries.numbers, parts, strict=True):
-                matrix[:, numbers] = part
-            spread[column] = StructuralMatrices(*full.reshape(4, len(values), self._size, self._size))
+            full = np.zeros((len(values), len(self._filled)))
+            full[:, entries.numbers] = values
+            spread[column] = StructuralMatrices(*full.reshape(-1, 4, self._size, self._size).swapaxes(0, 1))
         return spread
 
     def _blocks(self, count: int, evaluations: int) -> Iterator[slice]:
@@ -306,18 +295,18 @@ class Differentiation:
 
     def _values(self, theta: NDArray[np.float64], entries: _Entries) -> NDArray[np.float64]:
         """Return some entries of M, K, C and D, (n, n_entries); take note where others are filled too."""
-        every = self._each_matrix(theta)
-        chosen = [matrix[:, numbers] for matrix, numbers in zip(every, entries.numbers, strict=True)]
-        if sum(map(np.count_nonzero, chosen)) < sum(map(np.count_nonzero, every)):
-            self._filled |= np.array([(matrix != 0).any(axis=0) for matrix in every])
+        every = self._all_entries(theta)
+        chosen: NDArray[np.float64] = every[:, entries.numbers]
+        if np.count_nonzero(chosen != 0) < np.count_nonzero(every != 0):
+            self._filled |= (every != 0).any(axis=0)
             self._entries = self._entries_of(self._filled)
-        return np.concatenate(chosen, axis=1)
+        return chosen
 
-    def _each_matrix(self, theta: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return M, K, C and D, (n, d^2) each."""
+    def _all_entries(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return M, K, C and D row by row, (n, 4 d^2)."""
         matrices = self._matrices(theta)
-        return [matrix.reshape(len(matrix), -1) for matrix in (matrices.M, matrices.K, matrices.C, matrices.D)]
+        return np.concatenate([getattr(matrices, name).reshape(len(theta), -1) for name in "MKCD"], axis=1)
 
     def _entries_of(self, filled: NDArray[np.bool_]) -> _Entries:
-        slopes = np.array([slope.reshape(4, -1)[filled] for slope in self._slopes.values()])
-        return _Entries(tuple(np.flatnonzero(of_matrix) for of_matrix in filled), slopes)
+        slopes = np.array([slope.reshape(-1)[filled] for slope in self._slopes.values()])
+        return _Entries(np.flatnonzero(filled), slopes)

@@ -189,7 +189,7 @@ class JointModel(Component):
         """Number of DOFs that belong to the joint alone, after those of its ports."""
         return 0
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number d of local DOFs."""
         return self.internal_dofs + len(DIRECTIONS) * sum(port.nodes for port in self.ports)

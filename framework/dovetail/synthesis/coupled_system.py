@@ -19,7 +19,6 @@ from dovetail.synthesis.joint_evaluation import (
     Theta,
     UnplannedEntries,
     depends_on_frequency,
-    filled_by_matrix,
     filled_entries,
     joint_matrices,
     joint_stiffness,
@@ -213,7 +212,7 @@ class CoupledSystem:
         filled, sparsity, model = filled_entries(Z), self.sparsity[name], self.graph.connections[name].model
         if (filled & ~sparsity.filled).any():
             constant = not depends_on_frequency(model)
-            matrices = filled_by_matrix(joint_matrices(name, model, theta))[0] if constant else filled[np.newaxis]
+            matrices = joint_matrices(name, model, theta).filled[0] if constant else filled[np.newaxis]
             raise UnplannedEntries({name: sparsity.with_matrices(matrices)})
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.parallel import cores
-from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty, as_vectors
+from dovetail.synthesis.codegen.compiler import MachineKernel, aligned_empty
 from dovetail.synthesis.codegen.vector_ir import WIDTH
 from dovetail.synthesis.coupled_system import CoupledSystem, Point, condense
 from dovetail.synthesis.elimination import Program
@@ -29,7 +29,7 @@ from dovetail.synthesis.joint_evaluation import (
     probe_matrices,
     sample_count,
 )
-from dovetail.synthesis.plan import Plan
+from dovetail.synthesis.plan import Factors, FactorsLike, Plan
 
 __all__ = ["Engine", "Settings"]
 
@@ -142,28 +142,37 @@ class Engine:
         )
         self._has_probed_derivatives = True
 
-    def frfs(self, theta: Theta, factors: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
+    def prepared(self, factors: FactorsLike = None) -> Factors:
+        """Return factors as the methods of this engine take them without further work, for many calls.
+
+        Parameters
+        ----------
+        factors : as in `frfs`
+        """
+        return Factors.of(factors, len(self.pairs), self._lines)
+
+    def frfs(self, theta: Theta, factors: FactorsLike = None) -> NDArray[np.complex128]:
         """FRFs of all pairs for each parameter vector.
 
         Parameters
         ----------
         theta : mapping of str to (n, n_params) array
             All parameters of each joint, by the joint's name.
-        factors : (n_pairs, n_freq) or (n_freq,) complex array, optional
-            Factor of each pair from the receptance to the wanted quantity; one by default.
+        factors : (n_pairs, n_freq) or (n_freq,) complex array or Factors, optional
+            Factor of each pair from the receptance to the wanted quantity; one by default. See `prepared`.
 
         Returns
         -------
         (n, n_pairs, n_freq) complex array
         """
-        padded = self._padded(factors)
-        result = aligned_empty((sample_count(theta), *padded.shape), np.complex128)
-        samples = self._run_kernel(lambda plan: plan.receptance_kernel, theta, padded, result)
+        prepared = self.prepared(factors)
+        result = aligned_empty((sample_count(theta), *prepared.values.shape), np.complex128)
+        samples = self._run_kernel(lambda plan: plan.receptance_kernel, theta, prepared, result)
         for single, sample, lines in self._failed_lines(theta, result, samples):
-            result[sample][:, lines] = self.plan.pivoted.frfs(single, lines) * padded[:, lines]
+            result[sample][:, lines] = self.plan.pivoted.frfs(single, lines) * prepared.values[:, lines]
         return result[..., : self._lines]
 
-    def amplitudes(self, theta: Theta, factors: NDArray[np.complex128]) -> NDArray[np.float32]:
+    def amplitudes(self, theta: Theta, factors: FactorsLike) -> NDArray[np.float32]:
         """Magnitudes of the FRFs of all pairs, in single precision.
 
         Parameters
@@ -174,15 +183,15 @@ class Engine:
         -------
         (n, n_pairs, n_freq) float32 array
         """
-        padded = np.abs(self._padded(factors))
-        result = aligned_empty((sample_count(theta), *padded.shape), np.float32)
-        samples = self._run_kernel(lambda plan: plan.amplitude_kernel, theta, padded, result)
+        prepared = self.prepared(factors).magnitudes
+        result = aligned_empty((sample_count(theta), *prepared.values.shape), np.float32)
+        samples = self._run_kernel(lambda plan: plan.amplitude_kernel, theta, prepared, result)
         for single, sample, lines in self._failed_lines(theta, result, samples):
-            result[sample][:, lines] = np.abs(self.plan.pivoted.frfs(single, lines)) * padded[:, lines]
+            result[sample][:, lines] = np.abs(self.plan.pivoted.frfs(single, lines)) * prepared.values.real[:, lines]
         return result[..., : self._lines]
 
     def frfs_jacobian(
-        self, theta: Theta, factors: NDArray[np.complex128] | None = None
+        self, theta: Theta, factors: FactorsLike = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """FRFs of all pairs and their derivatives, by the adjoint: dH_oi/dp = -x_o^T (dZ/dp) x_i, x_p = Z^-1 e_p.
 
@@ -197,43 +206,36 @@ class Engine:
             Joint by joint, per unit of the parameter.
         """
         self._probe_derivatives()
-        count, padded = sample_count(theta), self._padded(factors)
-        result = aligned_empty((count, *padded.shape), np.complex128)
-        jacobian = aligned_empty((count, len(padded), self.plan.inputs.parameters, padded.shape[1]), np.complex128)
-        samples = self._run_kernel(lambda plan: plan.jacobian_kernel, theta, padded, result, jacobian)
+        prepared = self.prepared(factors)
+        result = aligned_empty((sample_count(theta), *prepared.values.shape), np.complex128)
+        jacobian = aligned_empty((*result.shape[:2], self.plan.inputs.parameters, result.shape[2]), np.complex128)
+        samples = self._run_kernel(lambda plan: plan.jacobian_kernel, theta, prepared, result, jacobian)
         for single, sample, lines in self._failed_lines(theta, result, samples):
-            result[sample][:, lines] = self.plan.pivoted.frfs(single, lines) * padded[:, lines]
+            result[sample][:, lines] = self.plan.pivoted.frfs(single, lines) * prepared.values[:, lines]
             derivatives = self.plan.pivoted.derivatives(single, lines)
-            jacobian[sample][..., lines] = derivatives * padded[:, np.newaxis, lines]
+            jacobian[sample][..., lines] = derivatives * prepared.values[:, np.newaxis, lines]
         return result[..., : self._lines], np.swapaxes(jacobian, 2, 3)[:, :, : self._lines]
 
-    def drive_point(self, theta: Theta, factor: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
+    def drive_point(self, theta: Theta, factor: FactorsLike = None) -> NDArray[np.complex128]:
         """FRF of the first pair, (n, n_freq), as `frfs` of all pairs."""
         return self.frfs(theta, factor)[:, 0]
 
-    def amplitude(self, theta: Theta, factor: NDArray[np.complex128]) -> NDArray[np.float32]:
+    def amplitude(self, theta: Theta, factor: FactorsLike) -> NDArray[np.float32]:
         """Magnitude of the FRF of the first pair, (n, n_freq), as `amplitudes` of all pairs."""
         return self.amplitudes(theta, factor)[:, 0]
 
     def jacobian(
-        self, theta: Theta, factor: NDArray[np.complex128] | None = None
+        self, theta: Theta, factor: FactorsLike = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """FRF of the first pair, (n, n_freq), and its derivatives, (n, n_freq, n_jacobian), as `frfs_jacobian`."""
         frfs, jacobian = self.frfs_jacobian(theta, factor)
         return frfs[:, 0], jacobian[:, 0]
 
-    def _padded(self, factors: NDArray[np.complex128] | None) -> NDArray[np.complex128]:
-        """Return a factor for each pair and line that the kernel computes."""
-        given = np.broadcast_to(1.0 if factors is None else factors, (len(self.pairs), self._lines))
-        return np.concatenate(
-            [given, np.repeat(given[:, -1:], len(self.system.frequency) - self._lines, axis=1)], axis=1
-        )
-
     def _run_kernel(
         self,
         kernel_of: Callable[[Plan], MachineKernel],
         theta: Theta,
-        factors: NDArray[Any],
+        factors: Factors,
         result: NDArray[Any],
         jacobian: NDArray[np.complex128] | None = None,
     ) -> NDArray[np.intp]:
@@ -253,21 +255,19 @@ class Engine:
         plan: Plan,
         kernel_of: Callable[[Plan], MachineKernel],
         theta: Theta,
-        factors: NDArray[Any],
+        factors: Factors,
         result: NDArray[Any],
         jacobian: NDArray[np.complex128] | None,
     ) -> NDArray[np.intp]:
         """Fill `result`, a block of samples in each thread, after one plan."""
         count, derivatives = len(result), jacobian is not None
         flags = np.zeros(count, dtype=np.uint8)
-        halves = np.stack([factors.real, factors.imag], axis=1).reshape(-1, factors.shape[1])
-        factor_vectors = as_vectors(halves, WIDTH)
         outputs = (result, np.empty((count, 0)) if jacobian is None else jacobian, flags)
 
         def run_block(first: int, theta: Theta, terms: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
             block = slice(first, first + len(terms))
             spectral, spectral_weights = _gather_spectral(plan, theta, len(terms), derivatives=derivatives)
-            inputs = (plan.omega, factor_vectors, plan.static, terms, spectral, weights, spectral_weights)
+            inputs = (plan.omega, factors.vectors, plan.static, terms, spectral, weights, spectral_weights)
             kernel_of(plan)(len(plan.omega), len(terms), result.shape[-1], (*inputs, *(a[block] for a in outputs)))
 
         self._run_in_blocks(plan, kernel_of, theta, count, run_block, derivatives=derivatives)

@@ -18,6 +18,7 @@ from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Graph
 from dovetail.synthesis.joint_evaluation import Theta, sample_count
+from dovetail.synthesis.plan import FactorsLike
 
 __all__ = ["InterpolatedEngine", "RationalInterpolant", "chebyshev_lines"]
 
@@ -109,23 +110,23 @@ class InterpolatedEngine(Engine):
 
         return ThreadpoolController()
 
-    def frfs(self, theta: Theta, factors: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
+    def frfs(self, theta: Theta, factors: FactorsLike = None) -> NDArray[np.complex128]:
         """FRFs of all pairs for each parameter vector, as `Engine.frfs`."""
         return self._interpolate(theta, factors, np.complex128, super().frfs)
 
-    def amplitudes(self, theta: Theta, factors: NDArray[np.complex128]) -> NDArray[np.float32]:
+    def amplitudes(self, theta: Theta, factors: FactorsLike) -> NDArray[np.float32]:
         """Magnitudes of the FRFs of all pairs, as `Engine.amplitudes`."""
         return self._interpolate(theta, factors, np.float32, super().amplitudes)
 
     def _interpolate(
-        self, theta: Theta, factors: Any, dtype: type[np.generic], exactly: Callable[[Theta, Any], NDArray[Any]]
+        self, theta: Theta, factors: FactorsLike, dtype: type[np.generic], exactly: Callable[..., NDArray[Any]]
     ) -> NDArray[Any]:
         """Return interpolated FRFs, and exact ones of the vectors with one whose error exceeds the tolerance."""
         if sample_count(theta) < SETTINGS.fewest_samples or self.interpolant is None:
             return exactly(theta, factors)
         interpolant, size = self.interpolant, SETTINGS.samples_at_once
         self._exact_engine.threads = self.threads
-        exact = self._exact_engine.frfs(theta, None if factors is None else factors[..., interpolant.lines])
+        exact = self._exact_engine.frfs(theta, self.prepared(factors).values[:, interpolant.lines])
         shape = exact.shape[:2]
         exact = exact.reshape(-1, exact.shape[-1])
         result = np.empty((len(exact), len(self.frequency)), dtype=dtype)

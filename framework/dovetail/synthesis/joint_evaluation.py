@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,11 @@ from dovetail.synthesis.graph import Graph
 
 __all__ = [
     "JointSparsity",
+    "MatrixRows",
     "Sparsity",
     "Theta",
     "UnplannedEntries",
     "depends_on_frequency",
-    "filled_by_matrix",
     "filled_entries",
     "joint_jacobian",
     "joint_matrices",
@@ -39,13 +39,69 @@ _ASYMMETRY = 1e-9
 """Difference of an entry from its mirror image that counts as rounding, relative to both and to their diagonal."""
 
 
+class MatrixRows:
+    """K, D, C and M of one or several sets, each a row for every sample, or one row that all samples share.
+
+    Parameters
+    ----------
+    sets : sequence of StructuralMatrices
+        Of (n, d, d) arrays; one or more.
+
+    Attributes
+    ----------
+    sets : sequence of StructuralMatrices
+    values : (n_rows, d, d) array
+    """
+
+    def __init__(self, sets: Sequence[StructuralMatrices]) -> None:
+        self.sets = sets
+        arrays = [_without_repetition(getattr(matrices, name)) for matrices in sets for name in MATRICES]
+        self.values: NDArray[np.float64] = np.concatenate(arrays)
+        self._lengths = np.array([len(array) for array in arrays])
+
+    @property
+    def filled(self) -> NDArray[np.bool_]:
+        """Entries that any sample fills, (n_sets, 4, d, d)."""
+        filled: NDArray[np.bool_] = self.values != 0
+        if len(filled) > len(self._lengths):
+            filled = np.array([rows.any(axis=0) for rows in np.split(filled, np.cumsum(self._lengths)[:-1])])
+        return filled.reshape(len(self.sets), len(MATRICES), *filled.shape[1:])
+
+    def at(self, matrices: NDArray[np.intp], entries: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return some entries of all samples.
+
+        Parameters
+        ----------
+        matrices : (n_entries,) array of int
+            The matrix of each entry: four times its set, and its place among K, D, C and M.
+        entries : (n_entries,) array of int
+            Row by row in a matrix.
+
+        Returns
+        -------
+        (n_entries, n) array
+            (n_entries, 1) where all samples share all matrices.
+        """
+        lengths, flat = self._lengths, self.values.reshape(len(self.values), -1)
+        if (lengths == lengths[0]).all():
+            return np.asarray(flat.reshape(len(lengths), lengths[0], -1)[matrices, :, entries])
+        first, varies = (np.cumsum(lengths) - lengths)[matrices], lengths[matrices] > 1
+        rows = first[:, np.newaxis] + varies[:, np.newaxis] * np.arange(lengths.max())
+        return np.asarray(flat[rows, entries[:, np.newaxis]])
+
+
+def _without_repetition(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a matrix (n, d, d), or (1, d, d) where all samples share one."""
+    return values if len(values) < 2 or values.strides[0] else values[:1]
+
+
 def sample_count(theta: Theta) -> int:
     """Return the number n of parameter vectors; one for an assembly without joints."""
     return len(next(iter(theta.values()))) if theta else 1
 
 
-def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> StructuralMatrices:
-    """Return a joint's matrices for parameter vectors (n, n_params).
+def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> MatrixRows:
+    """Return a joint's matrices for parameter vectors (n, n_params), a single set.
 
     Raises
     ------
@@ -54,15 +110,15 @@ def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
     """
     label = _label(name, model)
     with plugin_errors(model, label):
-        matrices = model.matrices(theta)
-        _check_matrices(label, model, [matrices], len(theta))
-        for matrix in MATRICES:
-            _check_symmetry(label, f"a matrix {matrix}", getattr(matrices, matrix))
-    return matrices
+        rows = _checked_rows(label, model, [model.matrices(theta)], len(theta))
+        if not np.array_equal(rows.values, np.swapaxes(rows.values, -1, -2)):
+            for matrix in MATRICES:
+                _check_symmetry(label, f"a matrix {matrix}", getattr(rows.sets[0], matrix))
+    return rows
 
 
-def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
-    """Return the derivatives of a joint's matrices by each of its parameters, for (n, n_params) vectors.
+def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> MatrixRows:
+    """Return the derivatives of a joint's matrices for (n, n_params) vectors, a set for each parameter.
 
     Raises
     ------
@@ -75,8 +131,7 @@ def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
         if len(derivatives) != len(model.parameters):
             problem = f"{label} returns {len(derivatives)} derivatives of its matrices"
             raise PluginError(f"{problem}, not one for each of its {len(model.parameters)} parameters.")
-        _check_matrices(label, model, derivatives, len(theta))
-    return derivatives
+        return _checked_rows(label, model, derivatives, len(theta))
 
 
 def joint_stiffness(
@@ -137,18 +192,19 @@ def _label(name: str, model: JointModel) -> str:
     return f"joint '{name}' ({model.name})"
 
 
-def _check_matrices(label: str, model: JointModel, sets: Sequence[StructuralMatrices], count: int) -> None:
+def _checked_rows(label: str, model: JointModel, sets: Sequence[StructuralMatrices], count: int) -> MatrixRows:
+    """Return sets of matrices that have the right shape and are finite."""
     wanted = (count, model.size, model.size)
     for matrices in sets:
         if not isinstance(matrices, StructuralMatrices):
             raise PluginError(f"{label} returns {type(matrices).__name__}, not StructuralMatrices.")
         if matrices.K.shape != wanted:
             raise PluginError(f"{label} returns matrices of shape {matrices.K.shape}, not {wanted}.")
-    arrays = _without_repetition(sets)
-    if not arrays or np.isfinite(np.concatenate(arrays)).all():
-        return
-    at_fault = next(index for index, values in enumerate(arrays) if not np.isfinite(values).all())
-    raise PluginError(f"{label} returns a matrix {MATRICES[at_fault % len(MATRICES)]} that is not finite.")
+    rows = MatrixRows(sets)
+    if not np.isfinite(rows.values).all():
+        at_fault = next(name for each in sets for name in MATRICES if not np.isfinite(getattr(each, name)).all())
+        raise PluginError(f"{label} returns a matrix {at_fault} that is not finite.")
+    return rows
 
 
 def _check_symmetry(label: str, noun: str, values: NDArray[Any]) -> None:
@@ -184,25 +240,25 @@ class JointSparsity:
     @property
     def filled(self) -> NDArray[np.bool_]:
         """Entries of the joint's dynamic stiffness or of a derivative, (d, d)."""
-        filled: NDArray[np.bool_] = np.asarray(np.concatenate([self.matrices, *self.derivatives]).any(axis=0))
-        return filled
+        return np.asarray(np.concatenate([self.matrices, *self.derivatives]).any(axis=0))
 
     def covers(self, other: JointSparsity) -> bool:
         """Return whether all entries of the other are entries of this one."""
-        return bool((self.matrices >= other.matrices).all() and (self.derivatives >= other.derivatives).all())
+        pairs = ((other.matrices, self.matrices), (other.derivatives, self.derivatives))
+        return not any((theirs > own).any() for theirs, own in pairs if theirs is not own)
 
     def __or__(self, other: JointSparsity) -> JointSparsity:
         return JointSparsity(self.matrices | other.matrices, self.derivatives | other.derivatives)
 
     def with_matrices(self, matrices: NDArray[np.bool_]) -> JointSparsity:
         """Return the same with other entries of the matrices."""
-        return replace(self, matrices=matrices)
+        return JointSparsity(matrices, self.derivatives)
 
     def with_derivatives(self, columns: Sequence[int], entries: NDArray[np.bool_]) -> JointSparsity:
         """Return the same with other entries (n_columns, n_matrices, d, d) of the derivatives by some parameters."""
         derivatives = self.derivatives.copy()
         derivatives[list(columns)] = entries
-        return replace(self, derivatives=derivatives)
+        return JointSparsity(self.matrices, derivatives)
 
 
 Sparsity = Mapping[str, JointSparsity]
@@ -229,23 +285,6 @@ def filled_entries(values: NDArray[np.generic]) -> NDArray[np.bool_]:
     return filled
 
 
-def filled_by_matrix(*sets: StructuralMatrices) -> NDArray[np.bool_]:
-    """Return the entries of K, D, C and M, sets of (n, d, d) arrays, that any sample fills, (n_sets, 4, d, d)."""
-    arrays = _without_repetition(sets)
-    filled: NDArray[np.bool_]
-    if max(map(len, arrays)) == 1:
-        filled = np.concatenate(arrays) != 0
-    else:
-        filled = np.array([(values != 0).any(axis=0) for values in arrays])
-    return filled.reshape(len(sets), len(MATRICES), *filled.shape[1:])
-
-
-def _without_repetition(sets: Sequence[StructuralMatrices]) -> list[NDArray[np.float64]]:
-    """Return the matrices of each set, (n, d, d), or (1, d, d) where all samples share one."""
-    arrays = [getattr(matrices, matrix) for matrices in sets for matrix in MATRICES]
-    return [values if len(values) < 2 or values.strides[0] else values[:1] for values in arrays]
-
-
 def probe_matrices(graph: Graph, frequency: NDArray[np.float64], theta: Theta) -> dict[str, JointSparsity]:
     """Return what some parameter vectors fill, without derivatives.
 
@@ -264,7 +303,7 @@ def probe_matrices(graph: Graph, frequency: NDArray[np.float64], theta: Theta) -
                 stiffness = joint_stiffness(name, model, _few_lines(frequency), theta[name])
                 matrices = filled_entries(stiffness)[np.newaxis]
             else:
-                matrices = filled_by_matrix(joint_matrices(name, model, theta[name]))[0]
+                matrices = joint_matrices(name, model, theta[name]).filled[0]
         none = np.zeros((len(model.parameters), *matrices.shape), dtype=np.bool_)
         sparsity[name] = JointSparsity(matrices, none)
     return sparsity
@@ -287,7 +326,7 @@ def probe_derivatives(
             spectral = [filled_entries(dZ) for dZ in joint_stiffness_jacobian(name, model, lines, theta[name])]
             entries = np.stack(spectral)[:, np.newaxis]
         else:
-            entries = filled_by_matrix(*joint_jacobian(name, model, theta[name]))
+            entries = joint_jacobian(name, model, theta[name]).filled
         wanted = np.isin(np.arange(len(entries)), columns[name])
         derivatives[name] = entries & wanted[:, np.newaxis, np.newaxis, np.newaxis]
     return derivatives

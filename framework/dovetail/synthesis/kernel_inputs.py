@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,10 +15,10 @@ from dovetail.synthesis.coupled_system import CoupledSystem
 from dovetail.synthesis.elimination import Program
 from dovetail.synthesis.joint_evaluation import (
     JointSparsity,
+    MatrixRows,
     Theta,
     UnplannedEntries,
     depends_on_frequency,
-    filled_by_matrix,
     filled_entries,
     joint_jacobian,
     joint_matrices,
@@ -29,29 +29,38 @@ from dovetail.synthesis.joint_evaluation import (
 __all__ = ["KernelInputs", "SpectralInputs"]
 
 
+_Set = tuple[tuple[int, ...], int, NDArray[np.bool_]]
+"""What stands before slot and matrix in the keys of a set of matrices, its number, and its entries (4, d, d)."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """The entries of a joint's matrix and the columns to which they belong.
+    """Entries of a joint's matrices and the columns to which they belong.
 
     Parameters
     ----------
-    entries : array of (int, int)
-        Local rows and columns, (n_entries, 2).
+    matrices, entries : arrays of int
+        As `MatrixRows.at` takes them.
     columns : array of int
+    factors : array
+        Of the entries in the columns.
     repeated : bool
         Whether a column occurs twice, where local DOFs are merged.
     """
 
+    matrices: NDArray[np.intp]
     entries: NDArray[np.intp]
     columns: NDArray[np.intp]
+    factors: NDArray[np.float64]
     repeated: bool
 
-    def add(self, total: NDArray[np.float64], matrices: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
-        values = matrices[:, self.entries[:, 0], self.entries[:, 1]] * weights
+    def add(self, total: NDArray[np.float64], rows: MatrixRows) -> None:
+        """Add the entries to sums (n_columns, n)."""
+        values = rows.at(self.matrices, self.entries) * self.factors[:, np.newaxis]
         if self.repeated:
-            np.add.at(total.T, self.columns, values.T)
+            np.add.at(total, self.columns, values)
         else:
-            total[:, self.columns] += values
+            total[self.columns] += values
 
 
 class KernelInputs:
@@ -140,42 +149,38 @@ class KernelInputs:
         entries = self._entries(indices, filled[np.ix_(local, local)])
         return [((int(local[row]), int(local[column])), slot) for row, column, slot in entries]
 
-    def _columns(self, name: str, filled: NDArray[np.bool_], column_of: dict[int, int]) -> _Columns:
-        pairs = self.local_slots(name, filled)
-        columns = np.array([column_of[slot] for _, slot in pairs], dtype=np.intp)
-        entries = np.array([entry for entry, _ in pairs], dtype=np.intp).reshape(-1, 2)
-        return _Columns(entries, columns, len(set(columns.tolist())) < len(columns))
+    def _columns(
+        self, name: str, sets: Sequence[_Set], keys: Sequence[tuple[int | str, ...]], factors: NDArray[np.float64]
+    ) -> _Columns:
+        """Return where entries of a joint's sets of matrices belong, by the keys of all columns.
+
+        A key is (*before, slot, matrix). The factors are those of each slot.
+        """
+        column_of = {key: column for column, key in enumerate(keys)}
+        chosen = [
+            (len(MATRICES) * number + place, len(filled[place]) * row + column, column_of[*before, slot, matrix], slot)
+            for before, number, filled in sets
+            for place, matrix in enumerate(MATRICES)
+            for (row, column), slot in self.local_slots(name, filled[place])
+        ]
+        matrices, entries, columns, slots = np.array(chosen, dtype=np.intp).reshape(-1, 4).T
+        return _Columns(matrices, entries, columns, factors[slots], len(set(columns.tolist())) < len(columns))
 
     @cached_property
-    def _term_columns(self) -> list[tuple[str, str, _Columns, NDArray[np.float64]]]:
-        """Joint, matrix, columns and factors of one."""
-        by_matrix: dict[str, dict[int, int]] = {matrix: {} for matrix in MATRICES}
-        for column, (slot, matrix) in enumerate(self.terms):
-            by_matrix[matrix][slot] = column
-        term_columns = []
-        for name in self._names:
-            for matrix, filled in zip(MATRICES, self._system.sparsity[name].matrices, strict=True):
-                columns = self._columns(name, filled, by_matrix[matrix])
-                if len(columns.columns):
-                    term_columns.append((name, matrix, columns, np.ones(len(columns.columns))))
-        return term_columns
+    def _term_columns(self) -> dict[str, _Columns]:
+        """Where the entries of each joint's matrices belong."""
+        sparsity, ones = self._system.sparsity, np.ones(self._program.slots)
+        return {name: self._columns(name, [((), 0, sparsity[name].matrices)], self.terms, ones) for name in self._names}
 
     @cached_property
-    def _weight_columns(self) -> list[tuple[str, int, str, _Columns, NDArray[np.float64]]]:
-        """Joint, column of theta, matrix, columns and factors of -x^T dZ x, whose lower triangle is summed."""
-        by_key: dict[tuple[int, str], dict[int, int]] = {}
-        for position, (parameter, slot, matrix) in enumerate(self.derivatives):
-            by_key.setdefault((parameter, matrix), {})[slot] = position
-        off_diagonal = self._program.rows != self._program.columns
-        slots = np.array([slot for _, slot, _ in self.derivatives], dtype=np.intp)
-        weight_columns = []
+    def _weight_columns(self) -> dict[str, _Columns]:
+        """Where those of its derivatives belong, with the factors of -x^T dZ x, whose lower triangle is summed."""
+        factors = np.where(self._program.rows != self._program.columns, -2.0, -1.0)
+        sets: dict[str, list[_Set]] = {}
         for parameter, name, column in self._differentiated:
-            for matrix, filled in zip(MATRICES, self._system.sparsity[name].derivatives[column], strict=True):
-                columns = self._columns(name, filled, by_key.get((parameter, matrix), {}))
-                if len(columns.columns):
-                    factors = np.where(off_diagonal[slots[columns.columns]], -2.0, -1.0)
-                    weight_columns.append((name, column, matrix, columns, factors))
-        return weight_columns
+            filled = self._system.sparsity[name].derivatives[column]
+            sets.setdefault(name, []).append(((parameter,), column, filled))
+        return {name: self._columns(name, of_joint, self.derivatives, factors) for name, of_joint in sets.items()}
 
     def gather(self, theta: Theta, count: int) -> NDArray[np.float64]:
         """Return the sum over the joints for each term, (n, n_terms).
@@ -185,16 +190,13 @@ class KernelInputs:
         UnplannedEntries
             A joint fills entries of a matrix that have no term.
         """
-        connections = self._system.graph.connections
+        connections, sparsity = self._system.graph.connections, self._system.sparsity
         matrices = {name: joint_matrices(name, connections[name].model, theta[name]) for name in self._names}
-        filled = {
-            name: self._system.sparsity[name].with_matrices(filled_by_matrix(matrices[name])[0]) for name in self._names
-        }
-        require(self._system, filled)
-        total = np.zeros((count, len(self.terms)))
-        for name, matrix, columns, ones in self._term_columns:
-            columns.add(total, getattr(matrices[name], matrix), ones)
-        return total
+        require(self._system, {name: sparsity[name].with_matrices(rows.filled[0]) for name, rows in matrices.items()})
+        total = np.zeros((len(self.terms), count))
+        for name, columns in self._term_columns.items():
+            columns.add(total, matrices[name])
+        return np.ascontiguousarray(total.T)
 
     def gather_weights(self, theta: Theta, count: int) -> NDArray[np.float64]:
         """Return the derivatives of the terms by the parameters, (n, n_derivatives), signed for -x^T dZ x.
@@ -205,16 +207,15 @@ class KernelInputs:
             A joint fills entries of a derivative that have no column.
         """
         connections, jacobians, filled = self._system.graph.connections, {}, {}
-        for name in dict.fromkeys(name for _, name, _ in self._differentiated):
+        for name in self._weight_columns:
             jacobians[name] = joint_jacobian(name, connections[name].model, theta[name])
             columns = self._jacobian_columns[name]
-            entries = filled_by_matrix(*(jacobians[name][column] for column in columns))
-            filled[name] = self._system.sparsity[name].with_derivatives(columns, entries)
+            filled[name] = self._system.sparsity[name].with_derivatives(columns, jacobians[name].filled[columns])
         require(self._system, filled)
-        total = np.zeros((count, len(self.derivatives)))
-        for name, column, matrix, entry_columns, factors in self._weight_columns:
-            entry_columns.add(total, getattr(jacobians[name][column], matrix), factors)
-        return total
+        total = np.zeros((len(self.derivatives), count))
+        for name, weight_columns in self._weight_columns.items():
+            weight_columns.add(total, jacobians[name])
+        return np.ascontiguousarray(total.T)
 
 
 def require(system: CoupledSystem, filled: Mapping[str, JointSparsity]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from dovetail.synthesis.joint_evaluation import Sparsity
 from dovetail.synthesis.kernel_inputs import KernelInputs, SpectralInputs
 from dovetail.synthesis.pivoting import PivotedSolver
 
-__all__ = ["Plan", "Settings"]
+__all__ = ["Factors", "FactorsLike", "Plan", "Settings"]
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,42 @@ class Settings:
 
 
 SETTINGS = Settings()
+
+
+FactorsLike: TypeAlias = "NDArray[np.complex128] | Factors | None"
+"""A factor for each pair and line, (n_pairs, n_freq), for each line, (n_freq,), or one everywhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """A factor for each pair and each line that a kernel computes.
+
+    Parameters
+    ----------
+    values : (n_pairs, n_lines) array
+        The lines are a whole number of vectors.
+    """
+
+    values: NDArray[np.complex128]
+
+    @staticmethod
+    def of(given: FactorsLike, pairs: int, lines: int) -> Factors:
+        """Return those of each pair and line; the last line's go on until the last vector is full."""
+        if isinstance(given, Factors):
+            return given
+        every = np.broadcast_to(np.asarray(1.0 if given is None else given, dtype=np.complex128), (pairs, lines))
+        return Factors(np.concatenate([every, np.repeat(every[:, -1:], -lines % WIDTH, axis=1)], axis=1))
+
+    @cached_property
+    def magnitudes(self) -> Factors:
+        """Their magnitudes, as those of amplitudes."""
+        return Factors(np.abs(self.values).astype(np.complex128))
+
+    @cached_property
+    def vectors(self) -> NDArray[np.float64]:
+        """(n_vectors, 2 n_pairs, width) array of the real and the imaginary part of each pair's."""
+        halves = np.stack([self.values.real, self.values.imag], axis=1)
+        return as_vectors(halves.reshape(-1, self.values.shape[1]), WIDTH)
 
 
 class Plan:

@@ -52,7 +52,7 @@ def assembly_matrices(
             raise DovetailError(f"joint '{name}' depends on frequency, so the assembly has no matrices.")
         if theta is None:
             continue
-        batch = joint_matrices(name, connection.model, theta[name][None, :])
+        batch = joint_matrices(name, connection.model, theta[name][None, :]).sets[0]
         single = StructuralMatrices(batch.M[0], batch.K[0], batch.C[0], batch.D[0])
         components.append((single, graph.joint_dofs(name)))
     whole = SparseMatrices(*(_sum(name, components, count) for name in ("M", "K", "C", "D")))

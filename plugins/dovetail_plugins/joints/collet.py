@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -80,10 +81,15 @@ class Collet(JointModel):
         """DOFs of the collet's own nodes."""
         return 2 * (_SEGMENTS * int(self.config.elements_per_segment) + 1)
 
-    @property
+    @cached_property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
-        """Tool node i meets collet node i, holder node i collet node i + 2."""
-        return self._facing("tool") + self._facing("holder")
+        """Tool node i meets collet node i, holder node i collet node i + 2; x and rz in turn."""
+        return tuple(
+            (2 * (port * _CONTACTS + index) + axis, self._collet_dof(port * (_CONTACTS - 1) + index) + axis)
+            for port in range(2)
+            for index in range(_CONTACTS)
+            for axis in (0, 1)
+        )
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
         """Object also to a hole as wide as the collet, anywhere in the ranges of the two diameters."""
@@ -103,9 +109,10 @@ class Collet(JointModel):
         self._add_beam(joint, Dc, dc)
         for node, mass in ((0, mn1), (1, mn2)):
             joint.M[:, self._collet_dof(node), self._collet_dof(node)] += mass
-        for port, kt, kr, ct, cr in (("tool", kt_tc, kr_tc, ct_tc, cr_tc), ("holder", kt_hc, kr_hc, ct_hc, cr_hc)):
-            joint.add_contact_layer(self._facing(port)[0::2], kt, ct)
-            joint.add_contact_layer(self._facing(port)[1::2], kr, cr)
+        tool, holder = self.contact_dofs[: 2 * _CONTACTS], self.contact_dofs[2 * _CONTACTS :]
+        for facing, kt, kr, ct, cr in ((tool, kt_tc, kr_tc, ct_tc, cr_tc), (holder, kt_hc, kr_hc, ct_hc, cr_hc)):
+            joint.add_contact_layer(facing[0::2], kt, ct)
+            joint.add_contact_layer(facing[1::2], kr, cr)
         return joint
 
     def _add_beam(self, joint: StructuralMatrices, outer: NDArray[np.float64], inner: NDArray[np.float64]) -> None:
@@ -121,12 +128,3 @@ class Collet(JointModel):
     def _collet_dof(self, node: int) -> int:
         """Local DOF of x of collet node c1 (0) to c5 (4)."""
         return 4 * _CONTACTS + 2 * node * int(self.config.elements_per_segment)
-
-    def _facing(self, port: str) -> tuple[tuple[int, int], ...]:
-        """Pairs (DOF of the port, DOF of the collet), x and rz in turn."""
-        first_dof, first_node = (0, 0) if port == "tool" else (2 * _CONTACTS, _CONTACTS - 1)
-        return tuple(
-            (first_dof + 2 * index + axis, self._collet_dof(first_node + index) + axis)
-            for index in range(_CONTACTS)
-            for axis in (0, 1)
-        )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -122,6 +124,11 @@ class UMAP(dovetail.Reducer):
         min_dist: float = Field(default=0.1, ge=0.0, le=1.0)
         metric: Metric = "correlation"
         n_epochs: int | None = Field(default=None, ge=1)
+
+    @classmethod
+    def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
+        """Return a layout of few passes."""
+        return ({"n_epochs": 50},)
 
     def fit(self, features: NDArray[np.float32], *, seed: int) -> FittedUMAP:
         """Fit to training features (n_samples, n_features).

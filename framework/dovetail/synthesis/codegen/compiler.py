@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
@@ -48,7 +49,7 @@ class MachineKernel:
         if not all(array.flags.c_contiguous for array in arrays):
             raise ValueError("the kernel takes contiguous arrays only.")
         scratch = aligned_empty((self.scratch,), np.float64)
-        self._function(vectors, samples, lines, *(array.ctypes.data for array in (*arrays, scratch)))
+        self._function(vectors, samples, lines, *[array.ctypes.data for array in (*arrays, scratch)])
 
 
 @lru_cache(maxsize=32)
@@ -76,7 +77,7 @@ def as_vectors(rows: NDArray[np.float64], width: int) -> NDArray[np.float64]:
 
 def aligned_empty(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:
     """Return an array that begins on a boundary of 64 bytes, as the kernel stores whole cache lines."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    size = math.prod(shape) * np.dtype(dtype).itemsize
     raw = np.empty(size + _CACHE_LINE, dtype=np.uint8)
     first = -raw.ctypes.data % _CACHE_LINE
     return raw[first : first + size].view(dtype).reshape(shape)
