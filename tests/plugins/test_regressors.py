@@ -12,8 +12,11 @@ import torch
 from numpy.typing import NDArray
 from pydantic import ValidationError
 from safetensors.numpy import save_file
+from scipy.special import ndtr
 
 import dovetail
+from dovetail_plugins.regressors import gated_layers
+from dovetail_plugins.regressors.gated_layers import GatedNetwork
 from dovetail_plugins.regressors.mlp import MLP, _gaussians
 
 SMALL = {"hidden": (24, 12), "batch_size": 32, "learning_rate": 1e-2, "dropout": 0.0}
@@ -239,6 +242,13 @@ def test_l2_regularisation_makes_the_weights_smaller(training):
     assert np.linalg.norm(held.state()["weight0"]) < 0.5 * np.linalg.norm(free.state()["weight0"])
 
 
+def test_adamw_shrinks_the_weights_by_itself(training):
+    """In the loss a factor so small does nothing that is seen beside the gradients."""
+    options = {"max_epochs": 30, "learning_rate": 3e-3, "weight_decay": 2.0, "optimizer": "adamw"}
+    held, free = (recipe(**options | change).fit(*training, seed=0) for change in ({}, {"weight_decay": 0.0}))
+    assert np.linalg.norm(held.state()["weight0"]) < 0.8 * np.linalg.norm(free.state()["weight0"])
+
+
 def test_dropout_changes_training_and_not_prediction(training, rows):
     dropped = recipe(max_epochs=3, dropout=0.5).fit(*training, seed=0)
     assert not np.allclose(
@@ -315,6 +325,9 @@ def test_an_unknown_activation_is_refused(fitted):
         {"hidden": (512, 0)},
         {"dropout": 1.0},
         {"weight_decay": -1e-3},
+        {"optimizer": "sgd"},
+        {"squared_error": -1.0},
+        {"precision": "double"},
         {"learning_rate": 0.0},
         {"batch_size": 0},
         {"max_epochs": 0},
@@ -360,3 +373,33 @@ def test_a_steep_factor_is_inverted():
     output[:, 12 + rows] = -9.0
     _, inverse = _gaussians(output)
     np.testing.assert_allclose(factor @ inverse, np.eye(12)[np.newaxis], atol=1e-6)
+
+
+def test_with_the_squared_error_what_is_known_least_is_learnt_sooner():
+    """Eleven targets that are told exactly outweigh in the likelihood one that is told within its noise."""
+    generator = np.random.default_rng(0)
+    features = generator.standard_normal((2000, 12)).astype(np.float32)
+    quantiles = features + np.where(np.arange(12) == 0, 1.0, 0.0) * generator.standard_normal(features.shape)
+    options = {"uncertainty": "gaussian", "activation": "gated", "max_epochs": 8, "patience": 8, "dropout": 0.0}
+
+    def error(factor: float) -> float:
+        told = recipe(**options, squared_error=factor).fit(features, ndtr(quantiles), seed=0).predict(features)
+        return float(np.mean((told[:, 0] - ndtr(features[:, 0] / np.sqrt(2.0))) ** 2))
+
+    assert error(10.0) < 0.8 * error(0.0)
+
+
+def test_mixed_precision_rounds_the_blocks_of_a_training_alone(training, monkeypatch):
+    """The processor's speed decides whether it does; what it learns is the same but for rounding."""
+    network = GatedNetwork(4, (16, 16), 3, 0.0, mixed=True)
+    inputs = torch.from_numpy(training[0])
+    rounded = network(inputs)
+    exact = network.eval()(inputs)
+    assert rounded.dtype == torch.float32
+    assert 0.0 < float((rounded - exact).detach().abs().max()) < 0.05
+    answers = []
+    for is_faster in (True, False):
+        monkeypatch.setattr(gated_layers, "is_faster_in_bfloat16", lambda is_faster=is_faster: is_faster)
+        mlp = recipe(activation="gated", max_epochs=20, learning_rate=3e-3, precision="mixed")
+        answers.append(mlp.fit(*training, seed=0).predict(training[0]))
+    assert 0.0 < np.std(answers[0] - answers[1]) < 0.1 * np.std(answers[1])

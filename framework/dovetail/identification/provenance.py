@@ -40,7 +40,7 @@ __all__ = [
 _PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "torch")
 
 
-_FIRST_SHARE, _LEAST_SHARE = 0.35, 0.1
+_FIRST_SHARE, _LEAST_SHARE = 0.45, 0.1
 """Of the regressors' time, which the first one takes if others correct it, and which each of these takes at least."""
 
 

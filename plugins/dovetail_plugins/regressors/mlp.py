@@ -153,11 +153,20 @@ class MLP(NetworkRegressor):
         activation : {"relu", "silu", "gated"}
             Of the hidden units: rectified linear; x / (1 + exp(-x)), which learns a smooth map from fewer samples; or
             residual blocks, in which one half of the units gates the other, the first width being that of the stream.
+        squared_error : float
+            Factor of the squared error of a Gaussian's mean, in normal quantiles, beside the negative log-likelihood.
+            Both are least for the same mean. But the likelihood's gradients are as large as the precision, so that
+            alone it follows what is known most sharply and learns the other parameters late.
+        precision : {"single", "mixed"}
+            Of the products in gated blocks while the network is trained: with "mixed" in bfloat16, if the processor is
+            faster so (AVX512-BF16, AMX), which nearly halves the time of a step.
         """
 
         hidden: Annotated[tuple[PositiveInt, ...], Field(min_length=1, max_length=8)] = (512, 256)
         uncertainty: Literal["none", "gaussian"] = "none"
         activation: Activation = "relu"
+        squared_error: Annotated[float, Field(ge=0.0)] = 0.0
+        precision: Literal["single", "mixed"] = "single"
 
     config: Config
 
@@ -196,9 +205,10 @@ class MLP(NetworkRegressor):
         if self.is_distribution:
             outputs += n_targets * (n_targets + 1) // 2
         if config.activation == "gated":
-            from dovetail_plugins.regressors.gated_layers import GatedNetwork
+            from dovetail_plugins.regressors.gated_layers import GatedNetwork, is_faster_in_bfloat16
 
-            return GatedNetwork(n_features, config.hidden, outputs, config.dropout)
+            mixed = config.precision == "mixed" and is_faster_in_bfloat16()
+            return GatedNetwork(n_features, config.hidden, outputs, config.dropout, mixed)
         layers: list[nn.Module] = []
         for width in config.hidden:
             unit = nn.ReLU() if config.activation == "relu" else nn.SiLU()
@@ -207,11 +217,18 @@ class MLP(NetworkRegressor):
         return nn.Sequential(*layers, nn.Linear(n_features, outputs))
 
     def loss(self, network: torch.nn.Module, inputs: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
-        """Return the mean squared error, or the mean negative log-likelihood."""
+        """Return the mean squared error, or the mean negative log-likelihood with its share of it."""
         import torch
 
-        loss_of = _negative_log_likelihood if self.is_distribution else torch.nn.functional.mse_loss
-        return loss_of(network(inputs), targets)
+        output = network(inputs)
+        if not self.is_distribution:
+            return torch.nn.functional.mse_loss(output, targets)
+        quantiles = normal_quantiles(targets)
+        loss = _negative_log_likelihood(output, quantiles)
+        if self.config.squared_error:
+            squares = (quantiles - output[:, : targets.shape[1]]).square()
+            loss = loss + self.config.squared_error * squares.sum(dim=1).mean()
+        return loss
 
     def fitted(self, network: Any) -> FittedMLP:
         """Return weights and biases of a trained network, for its forward pass."""
@@ -226,12 +243,11 @@ class MLP(NetworkRegressor):
         return FittedMLP(weights, biases, self.config.activation, self.is_distribution)
 
 
-def _negative_log_likelihood(output: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
-    """Return the mean negative log-likelihood of the normal quantiles of targets (n, t), but for a constant."""
+def _negative_log_likelihood(output: torch.Tensor, quantiles: torch.Tensor) -> torch.Tensor:
+    """Return the mean negative log-likelihood of normal quantiles (n, t), but for a constant."""
     import torch
 
-    count = targets.shape[1]
-    quantiles = normal_quantiles(targets)
+    count = quantiles.shape[1]
     rows, columns = torch.tril_indices(count, count)
     factor = output.new_zeros(len(output), count, count)
     factor[:, rows, columns] = output[:, count:]

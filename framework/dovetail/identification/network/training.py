@@ -301,7 +301,7 @@ def _fit_correction(
 
     seconds = timer.share_of_the_rest(rounds - before)
     with timer.stage(name), plugin_errors(recipe, component_label(recipe)):
-        standardised = np.concatenate(features)
+        standardised, features = np.concatenate(features), []  # each takes 800 MB where there are 400,000
         scaling = ZScore.fit(standardised)
         standardised = scaling.transform(standardised, out=standardised)
         context = replace(context, seconds=seconds)
