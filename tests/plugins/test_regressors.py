@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 from pydantic import ValidationError
 from safetensors.numpy import save_file
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 import dovetail
 from dovetail_plugins.regressors import gated_layers
@@ -247,6 +247,38 @@ def test_adamw_shrinks_the_weights_by_itself(training):
     options = {"max_epochs": 30, "learning_rate": 3e-3, "weight_decay": 2.0, "optimizer": "adamw"}
     held, free = (recipe(**options | change).fit(*training, seed=0) for change in ({}, {"weight_decay": 0.0}))
     assert np.linalg.norm(held.state()["weight0"]) < 0.8 * np.linalg.norm(free.state()["weight0"])
+
+
+@pytest.mark.parametrize("tails", ["long", "none"])
+def test_intervals_of_90_percent_hold_90_percent_whatever_the_tails_of_the_errors(tails):
+    """The likeliest Gaussian holds 92 and 93 %, since it follows the variance. A normal error's interval stays."""
+
+    def draw(count, seed):
+        generator = np.random.default_rng(seed)
+        features = generator.standard_normal((count, 2)).astype(np.float32)
+        errors = generator.standard_t(3, count) if tails == "long" else generator.uniform(-1.7, 1.7, count)
+        quantiles = 0.5 * features + 0.2 * np.stack([errors, generator.standard_normal(count)], axis=1)
+        return features, ndtr(quantiles)
+
+    options = {"hidden": (8,), "max_epochs": 30, "batch_size": 256, "validation_fraction": 0.5}
+    fitted = recipe(**options, uncertainty="gaussian").fit(*draw(20_000, 1), seed=0)
+    features, targets = draw(5000, 2)
+    samples = fitted.predict_distribution(features).samples
+    low, high = np.quantile(samples, [0.05, 0.95], axis=1)
+    np.testing.assert_allclose(((low <= targets) & (targets <= high)).mean(axis=0), 0.9, atol=0.013)
+
+
+def test_a_calibration_keeps_means_and_correlations_and_needs_samples_enough(training):
+    mlp = recipe(max_epochs=3, uncertainty="gaussian")
+    features, targets = training[0], np.clip(training[1] / 2.0 + 0.5, 0.0, 1.0)
+    fitted = mlp.fit(features, targets, seed=0)
+    wider = fitted.calibrated(features, ndtri(np.clip(targets, 1e-3, 1.0 - 1e-3)))
+    plain, calibrated = (ndtri(each.predict_distribution(features[:1]).samples[0]) for each in (fitted, wider))
+    np.testing.assert_allclose(calibrated.mean(axis=0), plain.mean(axis=0), atol=0.02)
+    np.testing.assert_allclose(np.corrcoef(calibrated.T), np.corrcoef(plain.T), atol=1e-6)
+    assert not np.allclose(calibrated.std(axis=0), plain.std(axis=0), rtol=0.02)
+    held_back = (torch.from_numpy(features[:100]), torch.from_numpy(targets[:100]))
+    assert mlp.calibrated(fitted, held_back) is fitted
 
 
 def test_dropout_changes_training_and_not_prediction(training, rows):

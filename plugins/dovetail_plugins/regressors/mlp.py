@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
-from scipy.special import expit, ndtr
+from scipy.special import expit, ndtr, ndtri
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_array
@@ -36,6 +36,12 @@ _LARGEST_LOGARITHM = 10.0
 _DRAWS = 500
 _NORM_EPSILON = 1e-5
 _BLOCK = 4096
+_HELD = 0.9
+"""Part of the samples held back that a calibrated interval of this probability holds."""
+_FEWEST_HELD_BACK = 300
+"""Of which this part is known to 2 %."""
+_MOST_FACTOR = 5.0
+"""By which a standard deviation is corrected at most."""
 
 
 class FittedMLP(dovetail.FittedRegressor):
@@ -86,6 +92,32 @@ class FittedMLP(dovetail.FittedRegressor):
         draws = dovetail.spread_normal(_DRAWS, mean.shape[1]) @ inverse
         draws += mean[:, np.newaxis]
         return dovetail.TargetDistribution(ndtr(draws, out=draws))
+
+    def calibrated(self, features: NDArray[np.float32], quantiles: NDArray[np.float64]) -> FittedMLP:
+        """Return the same with Gaussians as wide as samples that were held back need them.
+
+        A Gaussian of the highest likelihood has intervals too wide where errors have long tails, and too narrow where
+        it follows its training samples. Each target's standard deviation gets a factor, so that its 90 % intervals
+        hold 90 % of the samples; correlations stay. The factors become part of the last layer.
+
+        Parameters
+        ----------
+        features : (n_samples, n_features) array
+        quantiles : (n_samples, n_targets) array
+            Normal quantiles of the targets.
+        """
+        mean, inverse = _gaussians(self._output(features))
+        errors = np.abs(quantiles - mean) / np.sqrt(np.sum(inverse**2, axis=1))
+        factors = np.quantile(errors, _HELD, axis=0) / ndtri(0.5 + 0.5 * _HELD)
+        factors = np.clip(factors, 1.0 / _MOST_FACTOR, _MOST_FACTOR)
+        rows, columns = np.tril_indices(mean.shape[1])
+        weight, bias = self._weights[-1].copy(), self._biases[-1].copy()
+        below, diagonal = (mean.shape[1] + np.flatnonzero(is_kind) for is_kind in (rows > columns, rows == columns))
+        weight[:, below] /= factors[rows[rows > columns]]
+        bias[below] /= factors[rows[rows > columns]]
+        bias[diagonal] -= np.log(factors)
+        weights, biases = [*self._weights[:-1], weight], [*self._biases[:-1], bias]
+        return FittedMLP(weights, biases, self._activation, is_gaussian=True)
 
     def _output(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         rows = checked_rows(features, _OWNER, width=self._weights[0].shape[0])
@@ -241,6 +273,14 @@ class MLP(NetworkRegressor):
         weights = [weight.detach().numpy().T.copy() for weight, _ in layers]
         biases = [bias.detach().numpy().copy() for _, bias in layers]
         return FittedMLP(weights, biases, self.config.activation, self.is_distribution)
+
+    def calibrated(self, fitted: dovetail.FittedRegressor, held_back: tuple[torch.Tensor, torch.Tensor]) -> FittedMLP:
+        """Return a fitted network whose Gaussians are as wide as the samples of its validation loss need them."""
+        assert isinstance(fitted, FittedMLP)
+        features, targets = held_back
+        if not self.is_distribution or len(features) < _FEWEST_HELD_BACK:
+            return fitted
+        return fitted.calibrated(features.numpy(), normal_quantiles(targets.double()).numpy())
 
 
 def _negative_log_likelihood(output: torch.Tensor, quantiles: torch.Tensor) -> torch.Tensor:

@@ -101,6 +101,14 @@ class NetworkRegressor(dovetail.Regressor):
     def fitted(self, network: torch.nn.Module) -> dovetail.FittedRegressor:
         """Return what a trained network is used as."""
 
+    def calibrated(
+        self,
+        fitted: dovetail.FittedRegressor,
+        held_back: Tensors,  # noqa: ARG002
+    ) -> dovetail.FittedRegressor:
+        """Return a fitted regressor corrected by the samples of its validation loss; as it is by default."""
+        return fitted
+
     def fit(
         self,
         features: NDArray[np.float32],
@@ -147,7 +155,8 @@ class NetworkRegressor(dovetail.Regressor):
         context: dovetail.FeatureContext | None,
     ) -> dovetail.FittedRegressor:
         with _own_torch(seed):
-            return self.fitted(self._train(epoch, progress, None if context is None else context.seconds))
+            network, held_back = self._train(epoch, progress, None if context is None else context.seconds)
+            return self.calibrated(self.fitted(network), held_back)
 
     def _tensors(self, features: NDArray[np.float32], targets: NDArray[np.float64]) -> Tensors:
         import torch
@@ -165,8 +174,8 @@ class NetworkRegressor(dovetail.Regressor):
 
     def _train(
         self, samples: Callable[[int], Tensors], progress: dovetail.Progress, seconds: float | None
-    ) -> torch.nn.Module:
-        """Return the network of the lowest validation loss.
+    ) -> tuple[torch.nn.Module, Tensors]:
+        """Return the network of the lowest validation loss, and the samples of that.
 
         Within a time the learning rate falls like half a cosine, so that the end of it is a minimum.
         """
@@ -217,7 +226,7 @@ class NetworkRegressor(dovetail.Regressor):
             if is_over or (may_end and epoch - best_epoch >= config.patience):
                 break
         network.load_state_dict(best)
-        return network.cpu()
+        return network.cpu(), (validation_inputs.cpu(), validation_outputs.cpu())
 
     def _diverged(self, epoch: int) -> dovetail.Fault:
         problem = f"the validation loss is no longer finite after epoch {epoch}."
