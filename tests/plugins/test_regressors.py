@@ -251,7 +251,7 @@ def test_adamw_shrinks_the_weights_by_itself(training):
 
 @pytest.mark.parametrize("tails", ["long", "none"])
 def test_intervals_of_90_percent_hold_90_percent_whatever_the_tails_of_the_errors(tails):
-    """The likeliest Gaussian holds 92 and 93 %, since it follows the variance. A normal error's interval stays."""
+    """The likeliest Gaussian holds 92 and 96 %, since it follows the variance. A normal error's interval stays."""
 
     def draw(count, seed):
         generator = np.random.default_rng(seed)
