@@ -55,9 +55,9 @@ def test_the_script_writes_the_same_bytes_again(name, times, campaign, tmp_path)
         command = [sys.executable, campaign / "make_campaign.py", "--only", name, "--to", tmp_path / folder]
         subprocess.run(command, check=True, timeout=120)
     assert len({(folder / f"{name}.uff").read_bytes() for folder in tmp_path.iterdir()}) == 1
-    # Another processor may round a sample of the record the other way, which changes an FRF by a millionth.
+    # Another processor may round a sample of the record the other way, which changes an FRF by a millionth of its peak.
     shipped, made = (dovetail.read_frf(f / f"{name}.uff") for f in (campaign / "measurements", tmp_path / "one"))
-    np.testing.assert_allclose(made.values, shipped.values, rtol=1e-4)
+    np.testing.assert_allclose(made.values, shipped.values, rtol=0.0, atol=1e-6 * shipped.amplitude.max())
     assert made.note == shipped.note
 
 

@@ -281,5 +281,5 @@ def test_a_resonance_that_several_responses_show_is_named_once(monkeypatch):
     monkeypatch.setitem(_reasons.__globals__, "missed_resonances", lambda *_: seen)
     fit = SimpleNamespace(variance=None, starts=20, agreeing=12)
     estimated = SimpleNamespace(size=ModelError(0.1), values=None)
-    first, _ = _reasons(None, fit, estimated, None)
+    first, _ = _reasons(None, fit, estimated, None, 0.0)
     assert first == "The measurement has resonances that the model lacks: 869, 1200 Hz."

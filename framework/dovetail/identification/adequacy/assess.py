@@ -94,12 +94,13 @@ def assess(
     size = replace(estimated.size, magnitude=max(estimated.size.magnitude, _typical_ratio(target, estimated.values)))
     with logged(__name__, "causes of the misfit"):
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
+    given_out = power_given_out(assembly, target.frfs, fit.variance)
     adequacy = Adequacy(
         word_for(size),
         size,
         model_error,
         causes=causes,
-        reasons=tuple(_reasons(assembly, target, fit, estimated, model_error)),
+        reasons=tuple(_reasons(target, fit, estimated, model_error, given_out)),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
@@ -116,10 +117,9 @@ def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> floa
 
 
 def _reasons(
-    assembly: Assembly, target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None
+    target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None, given_out: float
 ) -> Iterator[str]:
-    """Yield what else there is to say of a fit that is not to the noise."""
-    given_out = power_given_out(assembly, target.frfs, fit.variance)
+    """Yield what else there is to say of a fit that is not to the noise, and of what is measured."""
     if given_out > MOST_GIVEN_OUT:
         yield (
             f"As measured, the structure gives out {100.0 * given_out:.0f} % of the power where it is driven, which no "
