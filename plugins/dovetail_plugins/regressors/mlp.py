@@ -38,10 +38,11 @@ _NORM_EPSILON = 1e-5
 _BLOCK = 4096
 _HELD = 0.9
 """Part of the samples held back that a calibrated interval of this probability holds."""
-_FEWEST_HELD_BACK = 300
-"""Of which this part is known to 2 %."""
+_GROUPS, _FEWEST_HELD_BACK = 8, 300
+"""Groups of such samples at most, and samples in each, of which this part is known to 2 %."""
 _MOST_FACTOR = 5.0
 """By which a standard deviation is corrected at most."""
+_LEVELS, _FACTORS = "levels", "factors"
 
 
 class FittedMLP(dovetail.FittedRegressor):
@@ -56,6 +57,8 @@ class FittedMLP(dovetail.FittedRegressor):
     is_gaussian : bool
         Whether the output is a Gaussian of the normal quantiles of the targets: means, then the lower triangle of the
         precision's Cholesky factor, row by row, with logarithms on its diagonal.
+    calibration : two (n_levels, n_targets) arrays, optional
+        Logarithms of standard deviations, and factors by which these are corrected there.
 
     Notes
     -----
@@ -69,26 +72,27 @@ class FittedMLP(dovetail.FittedRegressor):
         biases: list[NDArray[Any]],
         activation: Activation = "relu",
         is_gaussian: bool = False,
+        calibration: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     ) -> None:
         self._activation: Activation = activation
         self._is_gaussian = is_gaussian
+        self._calibration = calibration
         self._weights = [np.ascontiguousarray(weight, dtype=np.float64) for weight in weights]
         self._biases = [np.asarray(bias, dtype=np.float64) for bias in biases]
 
     def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         """Predict targets (n_samples, n_targets) from features (n_samples, n_features)."""
-        output = self._output(features)
         if not self._is_gaussian:
-            return output
-        mean, inverse = _gaussians(output)
-        variance = np.sum(inverse**2, axis=1)  # the mean of a normal quantile's probability has a closed form
+            return self._output(features)
+        mean, inverse = self._gaussians(features)
+        variance = _deviations(inverse) ** 2  # the mean of a normal quantile's probability has a closed form
         return np.asarray(ndtr(mean / np.sqrt(1.0 + variance)))
 
     def predict_distribution(self, features: NDArray[np.float32]) -> dovetail.TargetDistribution | None:
         """Return draws of the targets of each row, or None without `uncertainty`."""
         if not self._is_gaussian:
             return None
-        mean, inverse = _gaussians(self._output(features))
+        mean, inverse = self._gaussians(features)
         draws = dovetail.spread_normal(_DRAWS, mean.shape[1]) @ inverse
         draws += mean[:, np.newaxis]
         return dovetail.TargetDistribution(ndtr(draws, out=draws))
@@ -97,27 +101,33 @@ class FittedMLP(dovetail.FittedRegressor):
         """Return the same with Gaussians as wide as samples that were held back need them.
 
         A Gaussian of the highest likelihood has intervals too wide where errors have long tails, and too narrow where
-        it follows its training samples. Each target's standard deviation gets a factor, so that its 90 % intervals
-        hold 90 % of the samples; correlations stay. The factors become part of the last layer.
+        it follows its training samples. Each target's standard deviation gets a factor that depends on it, so that
+        the 90 % intervals hold 90 % of the samples among those with small deviations and with large ones, as little
+        and much noise have them. Correlations stay.
 
         Parameters
         ----------
         features : (n_samples, n_features) array
+            300 or more.
         quantiles : (n_samples, n_targets) array
             Normal quantiles of the targets.
         """
         mean, inverse = _gaussians(self._output(features))
-        errors = np.abs(quantiles - mean) / np.sqrt(np.sum(inverse**2, axis=1))
-        factors = np.quantile(errors, _HELD, axis=0) / ndtri(0.5 + 0.5 * _HELD)
-        factors = np.clip(factors, 1.0 / _MOST_FACTOR, _MOST_FACTOR)
-        rows, columns = np.tril_indices(mean.shape[1])
-        weight, bias = self._weights[-1].copy(), self._biases[-1].copy()
-        below, diagonal = (mean.shape[1] + np.flatnonzero(is_kind) for is_kind in (rows > columns, rows == columns))
-        weight[:, below] /= factors[rows[rows > columns]]
-        bias[below] /= factors[rows[rows > columns]]
-        bias[diagonal] -= np.log(factors)
-        weights, biases = [*self._weights[:-1], weight], [*self._biases[:-1], bias]
-        return FittedMLP(weights, biases, self._activation, is_gaussian=True)
+        deviation = _deviations(inverse)
+        errors = np.abs(quantiles - mean) / deviation
+        groups = np.array_split(np.argsort(deviation, axis=0), min(_GROUPS, len(features) // _FEWEST_HELD_BACK))
+        levels = [np.median(np.log(np.take_along_axis(deviation, rows, axis=0)), axis=0) for rows in groups]
+        reaches = [np.quantile(np.take_along_axis(errors, rows, axis=0), _HELD, axis=0) for rows in groups]
+        factors = np.clip(np.array(reaches) / ndtri(0.5 + 0.5 * _HELD), 1.0 / _MOST_FACTOR, _MOST_FACTOR)
+        return FittedMLP(self._weights, self._biases, self._activation, True, (np.array(levels), factors))
+
+    def _gaussians(self, features: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return means (n, t) of normal quantiles, and calibrated factors (n, t, t) of their covariances."""
+        mean, inverse = _gaussians(self._output(features))
+        if self._calibration is not None:
+            pairs = zip(np.log(_deviations(inverse)).T, *(values.T for values in self._calibration), strict=True)
+            inverse *= np.stack([np.interp(*each) for each in pairs], axis=1)[:, np.newaxis]
+        return mean, inverse
 
     def _output(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         rows = checked_rows(features, _OWNER, width=self._weights[0].shape[0])
@@ -131,7 +141,10 @@ class FittedMLP(dovetail.FittedRegressor):
         weights = {f"weight{i}": weight.astype(np.float32) for i, weight in enumerate(self._weights)}
         biases = {f"bias{i}": bias.astype(np.float32) for i, bias in enumerate(self._biases)}
         activation = {} if self._activation == "relu" else {_ACTIVATION: self._activation}
-        return {**weights, **biases, **activation, **({_GAUSSIAN: True} if self._is_gaussian else {})}
+        gaussian: dict[str, Any] = {_GAUSSIAN: True} if self._is_gaussian else {}
+        if self._calibration is not None:
+            gaussian[_LEVELS], gaussian[_FACTORS] = self._calibration
+        return {**weights, **biases, **activation, **gaussian}
 
     def _forward(self, rows: NDArray[Any]) -> NDArray[np.float64]:
         activation = rows.astype(np.float64)
@@ -215,14 +228,19 @@ class MLP(NetworkRegressor):
             problem = f"its state holds the activation {state[_ACTIVATION]!r}."
             raise dovetail.DovetailError(dovetail.Fault(_OWNER, problem, ", ".join(get_args(Activation))))
         weights: list[NDArray[Any]] = []
-        layers = {name.removeprefix("weight").removeprefix("bias") for name in state} - {_GAUSSIAN, _ACTIVATION}
+        layers = {name.removeprefix("weight").removeprefix("bias") for name in state}
+        layers -= {_GAUSSIAN, _ACTIVATION, _LEVELS, _FACTORS}
         for i in range(len(layers)):
             ends_block = activation == "gated" and i > 0 and i % 2 == 0
             rows = weights[-1].shape[1] // (2 if ends_block else 1) if weights else None
             columns = weights[0].shape[1] if ends_block else None
             weights.append(state_array(state, f"weight{i}", _OWNER, (rows, columns)))
         biases = [state_array(state, f"bias{i}", _OWNER, (weight.shape[1],)) for i, weight in enumerate(weights)]
-        return FittedMLP(weights, biases, activation, bool(state.get(_GAUSSIAN, False)))
+        calibration = None
+        if _LEVELS in state:
+            levels = state_array(state, _LEVELS, _OWNER, (None, _target_count(len(biases[-1]))))
+            calibration = levels, state_array(state, _FACTORS, _OWNER, levels.shape)
+        return FittedMLP(weights, biases, activation, bool(state.get(_GAUSSIAN, False)), calibration)
 
     @property
     def is_distribution(self) -> bool:
@@ -303,9 +321,19 @@ def _normalised(stream: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(centred / np.sqrt(np.mean(centred**2, axis=1, keepdims=True) + _NORM_EPSILON))
 
 
+def _target_count(outputs: int) -> int:
+    """Return the number of targets of a Gaussian that has so many means and entries of a Cholesky factor."""
+    return round((math.sqrt(9.0 + 8.0 * outputs) - 3.0) / 2.0)
+
+
+def _deviations(inverse: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the standard deviations (n, t) of the covariances whose factors (n, t, t) these are."""
+    return np.asarray(np.sqrt(np.sum(inverse**2, axis=1)))
+
+
 def _gaussians(output: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return means (n, t) of normal quantiles, and the inverse (n, t, t) of the precision's Cholesky factor."""
-    count = round((math.sqrt(9.0 + 8.0 * output.shape[1]) - 3.0) / 2.0)
+    count = _target_count(output.shape[1])
     factor = np.zeros((len(output), count, count))
     factor[:, *np.tril_indices(count)] = output[:, count:]
     diagonal = np.arange(count)
