@@ -90,10 +90,17 @@ class Trials:
         Of the same measurement.
     deadline : float
         `time.monotonic()` after which every fit ends where it is, at most a step later.
+
+    Attributes
+    ----------
+    is_active : bool
+        Whether the measurement, on all of its lines, is that of a structure that gives out power, as no passive one
+        does.
     """
 
     def __init__(self, assembly: Assembly, measured: Sequence[Frf], fit: Fit, deadline: float = np.inf) -> None:
         target = Observations.of(assembly, measured)
+        self.is_active = power_given_out(assembly, target.frfs, fit.variance) > MOST_GIVEN_OUT
         lines = search_lines(target, fit.variance)
         lines = lines[fit.used[lines]]
         self.best = fit.theta
@@ -114,11 +121,6 @@ class Trials:
     def late(self) -> bool:
         """Whether the time is over."""
         return time.monotonic() > self.deadline
-
-    @cached_property
-    def is_active(self) -> bool:
-        """Whether the measurement is that of a structure that gives out power, as no passive one does."""
-        return power_given_out(self.assembly, self.target.frfs, self._variance(self.target)) > MOST_GIVEN_OUT
 
     @cached_property
     def perturbations(self) -> tuple[Perturbation, ...]:
