@@ -248,11 +248,25 @@ def test_a_regressor_of_values_alone_is_not_corrected():
         dovetail.train(assembly)
 
 
-def test_a_third_of_the_time_is_for_the_first_regressor():
+def test_nearly_half_of_the_time_is_for_the_first_regressor():
     regressor = {**REGRESSOR, "max_epochs": 100_000, "patience": 100_000}
     seconds = dovetail.train(block(correction={"samples": 200}, regressor=regressor), minutes=0.1).evaluation.seconds
     assert seconds["regressor"] == pytest.approx(2.1, abs=1.5)
     assert 1.0 < seconds["correction 1 of 1"] < 5.5
+
+
+def test_a_correction_gets_as_many_frfs_as_there_is_time_for():
+    made = []
+
+    def listen(stage, done, total, note=""):
+        if stage == "FRFs of correction 1 of 1":
+            made.append(done)
+
+    trained = dovetail.train(
+        block(correction={"samples": 10_000_000}, regressor=REGRESSOR), minutes=0.1, progress=listen
+    )
+    assert 0 < made[-1] < 10_000_000
+    assert sum(trained.evaluation.seconds.values()) < 20.0
 
 
 @pytest.mark.parametrize(("spacing", "step"), [(1, 1), (0.25, 4)])

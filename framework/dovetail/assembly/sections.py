@@ -286,7 +286,7 @@ class CorrectionSection(_Section):
     Attributes
     ----------
     samples : int
-        FRFs for each, of its own: `fresh` must be set.
+        FRFs for each, of its own: `fresh` must be set. Fewer, if a time is set in which no more can be made.
     rounds : int
         How many there are, one after the other.
     """

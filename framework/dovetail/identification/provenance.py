@@ -9,7 +9,7 @@ import hashlib
 import inspect
 import platform
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import cache
@@ -42,6 +42,8 @@ _PACKAGES = ("dovetail-frf", "numpy", "scipy", "scikit-learn", "umap-learn", "to
 
 _FIRST_SHARE, _LEAST_SHARE = 0.45, 0.1
 """Of the regressors' time, which the first one takes if others correct it, and which each of these takes at least."""
+_FRF_SHARE = 0.75
+"""Of a correction's time, which its FRFs take at most."""
 
 
 @dataclass(frozen=True)
@@ -218,11 +220,20 @@ class StageTimer:
         return None if self.limit is None else _FIRST_SHARE * self.limit
 
     def share_of_the_rest(self, rounds: int) -> float | None:
-        """Return the seconds for the next of so many corrections whose FRFs are there."""
+        """Return the seconds for the next of so many corrections."""
         if self.limit is None:
             return None
         used = [seconds for name, seconds in self.seconds.items() if name == "regressor" or "correction" in name]
         return max((self.limit - sum(used)) / rounds, _LEAST_SHARE * self.limit)
+
+    def while_there_is_time(self, blocks: Iterable[slice], rounds: int) -> Iterator[slice]:
+        """Yield the blocks of FRFs for the next of so many corrections, the first and those for which there is time."""
+        limit, start = self.share_of_the_rest(rounds), time.perf_counter()
+        for done, block in enumerate(blocks):
+            expected = (time.perf_counter() - start) * (done + 1) / max(done, 1)
+            if limit is not None and done and expected > _FRF_SHARE * limit:
+                return
+            yield block
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

@@ -287,7 +287,7 @@ def _fit_correction(
     linearisation, name = Linearisation.of(assembly, network.target_scaling), f"correction {before + 1} of {rounds}"
     features, targets = [], []
     with timer.stage(f"FRFs of {name}"):
-        for block, rows in enumerate(blocks(count)):
+        for block, rows in enumerate(timer.while_there_is_time(blocks(count), rounds - before)):
             epoch = (before + 1) * _CORRECTION_EPOCH + block
             amplitude, theta = noisy.amplitudes(epoch, rows.stop - rows.start)
             told = network.tell(amplitude)
