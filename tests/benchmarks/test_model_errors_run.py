@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from model_errors import drawn, judged, row
+from model_errors import drawn, foreign, judged, row
 from wrong_structures import Poles, altered, pole_errors, wrong_structure
 
 
@@ -30,3 +32,14 @@ def test_a_case_has_a_row():
     assert abs(case.known / 2e-3 - 1.0) < 0.12
     assert case.resonances >= 2
     assert row("all", [case]).startswith("| all | 1 |")
+
+
+def test_joints_damped_by_another_law_are_judged_by_damping():
+    case = replace(judged((10, "young", 2e-3), 1, "refined"), kind="law", known_damping=0.2, left_damping=0.1)
+    assert replace(case, told=1e9, told_damping=0.06).between
+    assert not replace(case, told=case.known, told_damping=0.04).between
+
+
+@pytest.mark.parametrize("number", [1, 6])
+def test_another_structure_does_not_fit(number):
+    assert foreign(number, seed=88) == "does not fit"

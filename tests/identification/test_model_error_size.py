@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,13 +12,14 @@ from noisy_measurements import noisy
 import dovetail
 from dovetail.errors import ParameterError
 from dovetail.identification.adequacy.adequacy import word_for
-from dovetail.identification.adequacy.model_error_size import estimate_model_error
+from dovetail.identification.adequacy.model_error_size import _most_plausible, estimate_model_error
 from dovetail.identification.adequacy.perturbations import list_perturbations
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.multistart import fit_at
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.posterior import ModelError
+from dovetail.identification.posterior.frequency_average import unshaped_deviation
 from dovetail.identification.posterior.model_error import fit_resonances
 from dovetail.identification.resonance_peaks import resonance_peaks
 
@@ -136,6 +138,26 @@ def test_where_damping_alone_is_wrong_natural_frequencies_are_not_said_to_be(cha
     told, *_ = told_of_moved_resonance(chain, TRUTH, 1, 1.0, damping=1.3)
     assert told.natural_frequency < 1e-4
     assert 0.5 * 0.13 < told.damping < 4.0 * 0.13
+
+
+def test_few_resonances_whose_damping_alone_is_off_tell_all_of_it(chain):
+    """Errors of damping that natural frequencies do not share are not taken for improbable."""
+    told, *_ = told_of_moved_resonance(chain, TRUTH, 1, 1.0, damping=1.5)
+    assert told.damping == pytest.approx(0.5 / np.sqrt(5.0), rel=0.15)
+
+
+def test_other_errors_are_as_large_in_an_antiresonance_that_the_model_has_too_deep(chain):
+    exact = chain.frf(TRUTH)
+    deep, target = exact.copy(), Observations.of(chain, dovetail.Frf(chain.frequency, exact, "accelerance"))
+    deep[np.argmin(np.abs(deep))] *= 0.01
+    assert np.allclose(unshaped_deviation(target, deep, ModelError(1e-4, other=0.1)), 0.1 * np.abs(exact))
+
+
+def test_of_the_errors_that_explain_a_misfit_plausible_ones_are_told():
+    narrow, wide = ModelError(5e-4, magnitude=1.05, other=0.03), ModelError(0.03, damping=0.3, magnitude=0.1)
+    assert _most_plausible([(5e-4, narrow), (0.032, wide)]) == wide
+    assert _most_plausible([(5e-4, narrow), (0.032, replace(wide, damping=2.5))]) == narrow
+    assert _most_plausible([(5e-4, replace(narrow, magnitude=0.1)), (0.032, wide)]).magnitude == 0.1
 
 
 @pytest.mark.parametrize(("mass", "size", "noise"), [(2, 1.1, 1e-2), (3, 0.995, 1e-3), (2, 1.02, 1e-3)])

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from dovetail.identification.adequacy.adequacy import word_for
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior, linearise_frf
@@ -48,7 +49,7 @@ class Settings:
     widest: float = 0.15
     consistent: float = 2.0
     """Times this error, or part of it, that an estimate may tell; one that tells more needs wider averages."""
-    unexplained: float = 0.1
+    unexplained: float = 0.05
     """Other errors up to which averages are wide enough."""
     settled: float = 0.1
     """Relative change of all sizes at which they have settled."""
@@ -56,7 +57,8 @@ class Settings:
     em_settled: float = 0.02
     """Relative change of all sizes in a step of EM at which it ends."""
     pseudo_count: float = 2.0
-    """Errors of the typical size that the prior adds to those of a kind: a few resonances tell little."""
+    """Errors of the typical size that the prior adds to those of a kind, if these are smaller: a few resonances tell
+    little, but what they tell is not taken for improbable."""
     least: float = 1e-4
     """Errors below which they do not matter."""
     least_frequency: float = 1e-6
@@ -223,9 +225,13 @@ def _estimates(
 
 
 def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError:
-    """Return the estimate from the narrowest averages that leaves no more unexplained than wider ones."""
+    """Return the estimate from the narrowest averages that leaves no more unexplained than wider ones.
+
+    One with which the model fits, if there is any.
+    """
     told = list(estimates)
     plausible = [size for width, size in told if size.natural_frequency <= _SETTINGS.consistent * width]
+    plausible = [size for size in plausible if word_for(size) != "does not fit"] or plausible
     if not plausible:
         return told[-1][1]
     limit = max(_SETTINGS.unexplained, _SETTINGS.consistent * min(size.other for size in plausible))
@@ -259,7 +265,8 @@ class _Linearised:
         if not needs_average(size):
             return self._problem.residual(values, size)
         lines, averages = self._averages
-        return lines, with_deviation(averages, self._problem.target.split(unshaped_deviation(values, size)))
+        target = self._problem.target
+        return lines, with_deviation(averages, target.split(unshaped_deviation(target, values, size)))
 
     @cached_property
     def _averages(self) -> tuple[NDArray[np.intp], Residual]:
@@ -308,7 +315,8 @@ class _Linearised:
         for kind in KINDS[1:]:
             squares = getattr(size, kind) ** 2 * float(second[kind].sum())
             prior = _SETTINGS.pseudo_count * getattr(typical, kind) ** 2
-            mean = (squares + prior) / (len(second[kind]) + _SETTINGS.pseudo_count)
+            count = len(second[kind])
+            mean = max(squares / max(count, 1), (squares + prior) / (count + _SETTINGS.pseudo_count))
             sizes[kind] = min(float(np.sqrt(mean)), _SETTINGS.most)
         return replace(size, natural_frequency=typical.natural_frequency, **sizes)
 

@@ -88,7 +88,7 @@ def weigh(
         Of single lines (`Weighted`, or those of several responses), or averaged over neighbouring ones, of the FRFs on
         these lines.
     """
-    deviation = unshaped_deviation(values, size)
+    deviation = unshaped_deviation(target, values, size)
     if not needs_average(size):
         return np.arange(len(values)), target.weighted(variance + deviation**2, used)
     poles = fit_resonances([frf.frequency for frf in target.frfs], target.split(values)).poles
@@ -115,9 +115,13 @@ def with_deviation(averages: Residual, deviations: Sequence[NDArray[np.float64]]
     return StackedResiduals(tuple(one.with_deviation(deviation) for one, deviation in pairs), averages.counts)
 
 
-def unshaped_deviation(values: NDArray[np.complex128], size: ModelError) -> NDArray[np.float64]:
-    """Return the standard deviation (n_lines,) of the errors of a model that have no shape."""
-    return np.asarray(size.other * np.abs(values))
+def unshaped_deviation(target: Observations, values: NDArray[np.complex128], size: ModelError) -> NDArray[np.float64]:
+    """Return the standard deviation (n_lines,) of the errors of a model that have no shape.
+
+    They are relative to the larger amplitude: in its antiresonances a model may be a thousandth of what is measured.
+    """
+    measured = np.concatenate([frf.amplitude for frf in target.frfs])
+    return np.asarray(size.other * np.maximum(np.abs(values), measured))
 
 
 def _needed_lines(frequency: NDArray[np.float64], poles: NDArray[np.complex128], width: float) -> NDArray[np.intp]:

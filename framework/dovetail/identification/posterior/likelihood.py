@@ -127,7 +127,7 @@ def build_likelihood(
     shapes = np.concatenate(list(error_shapes(axes, target.split(values), model_error).values()))
     lines, residual = weigh(model, target, fit.variance, fit.used, values, model_error)
     errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
-    variance = fit.variance + unshaped_deviation(values, model_error) ** 2
+    variance = fit.variance + unshaped_deviation(target, values, model_error) ** 2
     by_line = None if needs_average(model_error) else target.weighted(variance, fit.used)
     return Likelihood(target, variance, model.at(lines), residual, by_line, errors)
 
