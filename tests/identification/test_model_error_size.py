@@ -140,12 +140,6 @@ def test_where_damping_alone_is_wrong_natural_frequencies_are_not_said_to_be(cha
     assert 0.5 * 0.13 < told.damping < 4.0 * 0.13
 
 
-def test_few_resonances_whose_damping_alone_is_off_tell_all_of_it(chain):
-    """Errors of damping that natural frequencies do not share are not taken for improbable."""
-    told, *_ = told_of_moved_resonance(chain, TRUTH, 1, 1.0, damping=1.5)
-    assert told.damping == pytest.approx(0.5 / np.sqrt(5.0), rel=0.15)
-
-
 def test_other_errors_are_as_large_in_an_antiresonance_that_the_model_has_too_deep(chain):
     exact = chain.frf(TRUTH)
     deep, target = exact.copy(), Observations.of(chain, dovetail.Frf(chain.frequency, exact, "accelerance"))

@@ -57,8 +57,7 @@ class Settings:
     em_settled: float = 0.02
     """Relative change of all sizes in a step of EM at which it ends."""
     pseudo_count: float = 2.0
-    """Errors of the typical size that the prior adds to those of a kind, if these are smaller: a few resonances tell
-    little, but what they tell is not taken for improbable."""
+    """Errors of the typical size that the prior adds to those of a kind: a few resonances tell little."""
     least: float = 1e-4
     """Errors below which they do not matter."""
     least_frequency: float = 1e-6
@@ -315,8 +314,7 @@ class _Linearised:
         for kind in KINDS[1:]:
             squares = getattr(size, kind) ** 2 * float(second[kind].sum())
             prior = _SETTINGS.pseudo_count * getattr(typical, kind) ** 2
-            count = len(second[kind])
-            mean = max(squares / max(count, 1), (squares + prior) / (count + _SETTINGS.pseudo_count))
+            mean = (squares + prior) / (len(second[kind]) + _SETTINGS.pseudo_count)
             sizes[kind] = min(float(np.sqrt(mean)), _SETTINGS.most)
         return replace(size, natural_frequency=typical.natural_frequency, **sizes)
 
