@@ -77,3 +77,12 @@ def test_the_columns_of_the_beam_are_reciprocal_and_move_with_the_first_sensor()
     elsewhere = gallery.beam_column(1, 55)
     moved = elsewhere.frfs(elsewhere.vector(values))
     assert np.abs(moved[0] / there[0] - 1).max() > 0.1
+
+
+def test_the_hammers_only_resonance_tells_its_stiffness():
+    """Errors of a model that has one resonance are told small enough that its interval means something."""
+    table = gallery.PAGES["hammer"](Path())["hammer_parts"]
+    row = next(line for line in table.splitlines() if line.startswith("| k |"))
+    value, interval = (cell.strip() for cell in row.split("|")[2:4])
+    low, high = map(float, interval.split(" to "))
+    assert low < float(value) < high < 1.5 * low
