@@ -111,7 +111,7 @@ def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> floa
 
     Errors of magnitude are relative to the fitted FRF: they grow no further than 1 if that is much too large.
     """
-    measured = np.concatenate([frf.amplitude for frf in target.frfs])
+    measured = target.amplitude
     clear = (measured > 0.0) & (values != 0.0)
     return float(np.median(np.abs(np.log(measured[clear] / np.abs(values[clear]))))) if clear.any() else 0.0
 

@@ -96,6 +96,11 @@ class Observations:
         """(n_lines,) Hz."""
         return np.concatenate([frf.frequency for frf in self.frfs])
 
+    @cached_property
+    def amplitude(self) -> NDArray[np.float64]:
+        """(n_lines,) measured."""
+        return np.concatenate([frf.amplitude for frf in self.frfs])
+
     def at(self, lines: NDArray[np.intp]) -> Observations:
         """Return the values at some lines (increasing numbers); a response without any of them is left out."""
         pairs = zip(self.frfs, split_by_response(lines, self.counts), strict=True)

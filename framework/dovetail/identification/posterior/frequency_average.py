@@ -120,8 +120,7 @@ def unshaped_deviation(target: Observations, values: NDArray[np.complex128], siz
 
     They are relative to the larger amplitude: in its antiresonances a model may be a thousandth of what is measured.
     """
-    measured = np.concatenate([frf.amplitude for frf in target.frfs])
-    return np.asarray(size.other * np.maximum(np.abs(values), measured))
+    return np.asarray(size.other * np.maximum(np.abs(values), target.amplitude))
 
 
 def _needed_lines(frequency: NDArray[np.float64], poles: NDArray[np.complex128], width: float) -> NDArray[np.intp]:
