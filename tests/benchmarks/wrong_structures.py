@@ -17,7 +17,8 @@ import dovetail
 from dovetail.errors import DovetailError
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.identification.adequacy.overhang import find_overhangs
-from dovetail.identification.adequacy.perturbations import list_perturbations, list_quantities
+from dovetail.identification.adequacy.perturbations import list_perturbations
+from dovetail.identification.part_quantities import list_quantities
 from dovetail.identification.posterior.model_error import fit_resonances
 
 __all__ = ["ALTERATIONS", "KINDS", "SCALED", "Poles", "altered", "pole_errors", "wrong_structure"]

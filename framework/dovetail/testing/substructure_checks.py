@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.identification.adequacy.perturbations import list_quantities
+from dovetail.identification.part_quantities import list_quantities
 from dovetail.interfaces import DIRECTIONS, Node, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.testing.answers import PARTS
 from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, relative_difference

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final, Literal, TypeAlias, get_args
 
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError, typical_model_error
@@ -111,10 +111,18 @@ class Adequacy:
 
     @property
     def error_in_intervals(self) -> ModelError:
-        """What intervals allow for: the user's errors, or twice those that are shown, and typical ones at least."""
+        """What intervals allow for: the user's errors, or twice those that are shown, and typical ones at least.
+
+        Where a model errs, any of its parts may be what is off.
+        """
+        if self.allowed is None and self.size is None:
+            return TYPICAL
         if self.allowed is not None:
-            return typical_model_error(self.allowed)
-        return TYPICAL if self.size is None else self.size.times(_SETTINGS.in_intervals).at_least(TYPICAL)
+            error = typical_model_error(self.allowed)
+        else:
+            assert self.size is not None
+            error = self.size.times(_SETTINGS.in_intervals).at_least(TYPICAL)
+        return replace(error, parts=error.natural_frequency)
 
     @property
     def meaning(self) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, TypeAlias, get_args
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.parameters import Theta
@@ -18,14 +17,13 @@ from dovetail.frf import conversion
 from dovetail.identification.adequacy.overhang import Overhang, find_overhangs
 from dovetail.identification.fitting.least_squares import Linearisation
 from dovetail.identification.fitting.residuals import FrfResiduals, Residual
-from dovetail.interfaces import SubstructureModel
-from dovetail.units import InUnit, format_quantity
+from dovetail.identification.part_quantities import MOST_DOFS, Apply, ConfigQuantity, known_quantities, with_part
+from dovetail.units import format_quantity
 
 __all__ = [
     "Perturbation",
     "PerturbedResiduals",
     "list_perturbations",
-    "list_quantities",
 ]
 
 
@@ -37,15 +35,12 @@ class Settings:
     """Logarithm of the ratio by which it is tried whether the model permits another size."""
     difference: float = 1e-5
     """Part of an amount's range by which residuals are differentiated by it."""
-    most_dofs: int = 2000
-    """DOFs of a substructure above which condensing it anew takes too long."""
     least_overhang: float = 0.05
     """Part of the length between the joint and the response, or the end, that remains at least."""
 
 
 _SETTINGS = Settings()
 
-Apply: TypeAlias = Callable[[float], Assembly]
 Describe: TypeAlias = Callable[[float], str]
 
 
@@ -111,7 +106,7 @@ def _describe_mass(responses: int, mass: float) -> str:
 
 
 def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
-    for overhang in find_overhangs(assembly.description, _SETTINGS.most_dofs // 2):
+    for overhang in find_overhangs(assembly.description, MOST_DOFS // 2):
         name = f"overhang at {1e3 * overhang.end:.4g} mm"
         apply = partial(_with_overhang, assembly, overhang)
         describe = partial(_describe_overhang, overhang)
@@ -122,12 +117,8 @@ def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
 
 
 def _quantities(assembly: Assembly) -> Iterator[Perturbation]:
-    for name, model in assembly.description.known_parts.items():
-        if 2 * len(model.nodes) > _SETTINGS.most_dofs:
-            continue
-        for quantity in list_quantities(model):
-            apply = partial(_with_quantity, assembly, name, quantity)
-            yield from _of_substructure(name, quantity.name, apply, partial(_describe, name, quantity))
+    for name, quantity, apply in known_quantities(assembly):
+        yield from _of_substructure(name, quantity.name, apply, partial(_describe, name, quantity))
 
 
 def _of_substructure(substructure: str, name: str, apply: Apply, describe: Describe) -> Iterator[Perturbation]:
@@ -139,21 +130,10 @@ def _of_substructure(substructure: str, name: str, apply: Apply, describe: Descr
     yield Perturbation("part", f"{substructure}: {name}", apply, describe, -0.5, 0.5, 0.002)
 
 
-def _with_quantity(assembly: Assembly, name: str, quantity: ConfigQuantity, amount: float) -> Assembly:
-    model = assembly.description.substructures[name]
-    return _with_model(assembly, name, quantity.replace(model, quantity.value * float(np.exp(amount))))
-
-
 def _with_overhang(assembly: Assembly, overhang: Overhang, amount: float) -> Assembly:
     model = assembly.description.substructures[overhang.substructure]
     lengthened = overhang.lengthen(model, overhang.length * float(np.exp(amount)))
-    return _with_model(assembly, overhang.substructure, lengthened)
-
-
-def _with_model(assembly: Assembly, name: str, model: SubstructureModel) -> Assembly:
-    substructures = {**assembly.description.substructures, name: model}
-    changed = Assembly(replace(assembly.description, substructures=substructures))
-    return changed.on(*(each.frequency for each in assembly.each_response))
+    return with_part(assembly, overhang.substructure, lengthened)
 
 
 def _describe_overhang(overhang: Overhang, amount: float) -> str:
@@ -247,64 +227,3 @@ class LoadedAssembly(Assembly):
         loaded = values / (1.0 + self._load * there)
         change = jacobian - (loaded * self._load)[..., np.newaxis] * slope
         return loaded, change / (1.0 + self._load * there)[..., np.newaxis]
-
-
-@dataclass(frozen=True)
-class ConfigQuantity:
-    """A physical quantity in a substructure's Config.
-
-    Parameters
-    ----------
-    path : tuple of str or int
-        Keys from the Config down, as in ``("sections", 2, "length")``.
-    value : float
-        SI.
-    unit : str
-    """
-
-    path: tuple[str | int, ...]
-    value: float
-    unit: str
-
-    @property
-    def name(self) -> str:
-        """As in the description: ``sections[2].length``."""
-        first, *rest = self.path
-        return str(first) + "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in rest)
-
-    @property
-    def place(self) -> str:
-        """As for ``ComponentConfig.with_options``: ``sections.2.length``."""
-        return ".".join(map(str, self.path))
-
-    def replace(self, model: SubstructureModel, value: float) -> SubstructureModel:
-        """Return the substructure with another value of the quantity."""
-        return type(model)(model.config.with_options({self.place: value}))
-
-
-def list_quantities(model: SubstructureModel) -> tuple[ConfigQuantity, ...]:
-    """Return every physical quantity other than 0 that a substructure's Config holds."""
-    return tuple(_walk(model.config, ()))
-
-
-def _walk(node: Any, path: tuple[str | int, ...]) -> Iterator[ConfigQuantity]:
-    if isinstance(node, BaseModel):
-        for name, field in type(node).model_fields.items():
-            value = getattr(node, name)
-            unit = _unit(field.annotation, field.metadata)
-            if unit is not None and isinstance(value, float) and value != 0.0:
-                yield ConfigQuantity((*path, name), value, unit)
-            else:
-                yield from _walk(value, (*path, name))
-    elif isinstance(node, tuple):
-        for index, item in enumerate(node):
-            yield from _walk(item, (*path, index))
-
-
-def _unit(annotation: object, metadata: Iterable[object] = ()) -> str | None:
-    """Return the unit that an annotation names, also that of one of several accepted types."""
-    for mark in metadata:
-        if isinstance(mark, InUnit):
-            return mark.unit
-    units = (_unit(accepted, getattr(accepted, "__metadata__", ())) for accepted in get_args(annotation))
-    return next((unit for unit in units if unit is not None), None)

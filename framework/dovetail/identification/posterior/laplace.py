@@ -16,12 +16,11 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.posterior.likelihood import (
     MarginalisedResiduals,
     PosteriorResiduals,
-    build_likelihood,
     check_options,
     normal_from_unit,
     unit_from_normal,
 )
-from dovetail.identification.posterior.mode_search import maximise_posterior
+from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Progress, silent
@@ -144,9 +143,9 @@ def laplace_posterior(
     check_options(samples)
     progress("modes", 0, 1)
     began = time.perf_counter()
-    likelihood = build_likelihood(assembly, measured, fit, model_error)
+    likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)
     residuals = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
-    start = normal_from_unit(np.clip(assembly.to_unit(fit.theta), _SETTINGS.margin, 1.0 - _SETTINGS.margin))
+    start = normal_from_unit(np.clip(best, _SETTINGS.margin, 1.0 - _SETTINGS.margin))
     modes = maximise_posterior(residuals, start[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
     approximation = LaplaceApproximation.at(residuals, modes[0])
     posterior = Posterior.from_fractions(

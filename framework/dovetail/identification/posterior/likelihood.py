@@ -25,6 +25,7 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, StackedResiduals, Weighted
+from dovetail.identification.part_quantities import quantity_derivatives
 from dovetail.identification.posterior.frequency_average import needs_average, unshaped_deviation, weigh
 from dovetail.identification.posterior.model_error import ModelError, error_shapes
 
@@ -45,8 +46,11 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class ReductionSettings:
-    """How well the subspace of a reduced misfit represents residuals."""
+class LikelihoodSettings:
+    """How far parts may be off, and how well the subspace of a reduced misfit represents residuals."""
+
+    most_off: float = 0.3
+    """Logarithm of the ratio by which a quantity of a known part is off at most."""
 
     tolerance: float = 1e-3
     """Root of the mean square of what the subspace may miss of a residual vector, whose noise is 1."""
@@ -56,7 +60,7 @@ class ReductionSettings:
     """Vectors of the basis at most."""
 
 
-_SETTINGS = ReductionSettings()
+_SETTINGS = LikelihoodSettings()
 
 PRIOR_PRECISION = 12.0
 """One over the variance of a parameter's fraction of its range under the prior, which is uniform."""
@@ -124,12 +128,27 @@ def build_likelihood(
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     values = model.frf(fit.theta[np.newaxis])[0]
     axes = [frf.frequency for frf in target.frfs]
-    shapes = np.concatenate(list(error_shapes(axes, target.split(values), model_error).values()))
+    shapes = error_shapes(axes, target.split(values), model_error)
     lines, residual = weigh(model, target, fit.variance, fit.used, values, model_error)
-    errors = residual.jacobian(values[np.newaxis, lines], shapes[np.newaxis, :, lines])[0]
+
+    def added(changes: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return np.asarray(residual.jacobian(values[np.newaxis, lines], changes[np.newaxis])[0])
+
+    errors = added(np.concatenate(list(shapes.values()))[:, lines])
+    if model_error.parts:
+        displaced = added(model_error.parts / model_error.natural_frequency * shapes["natural_frequency"][:, lines])
+        of_parts = added(quantity_derivatives(assembly, fit.theta, lines))
+        errors = np.concatenate([errors, _as_large(of_parts, displaced)])
     variance = fit.variance + unshaped_deviation(target, values, model_error) ** 2
     by_line = None if needs_average(model_error) else target.weighted(variance, fit.used)
     return Likelihood(target, variance, model.at(lines), residual, by_line, errors)
+
+
+def _as_large(derivatives: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return derivatives by quantities (k, m), times as much as makes each as large as errors (n, m) are together."""
+    wanted = max(float(np.linalg.norm(errors)), np.finfo(float).tiny)
+    sizes = np.linalg.norm(derivatives, axis=1, keepdims=True)
+    return np.asarray(wanted / np.maximum(sizes, wanted / _SETTINGS.most_off) * derivatives)
 
 
 def check_options(samples: int) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,8 @@ import scipy
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.frf import Frf
+from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
 from dovetail.identification.posterior.likelihood import (
@@ -19,11 +21,14 @@ from dovetail.identification.posterior.likelihood import (
     Likelihood,
     MarginalisedResiduals,
     PosteriorResiduals,
+    build_likelihood,
     normal_from_unit,
+    unit_from_normal,
 )
+from dovetail.identification.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["maximise_posterior", "search_modes"]
+__all__ = ["likelihood_at_mode", "maximise_posterior", "search_modes"]
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,31 @@ class ModeSearchSettings:
 
 
 _SETTINGS = ModeSearchSettings()
+
+
+def likelihood_at_mode(
+    assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: ModelError
+) -> tuple[Likelihood, NDArray[np.float64]]:
+    """Build the likelihood where errors that the model is allowed are those of its FRFs.
+
+    What errors add to the FRFs follows from the FRFs, which a fit that is not to the noise need not have right. Where
+    parts may be off, it is therefore built once more at the mode near the fit.
+
+    Returns
+    -------
+    Likelihood
+    (p,) array
+        Fractions of the ranges, from which the search goes on.
+    """
+    fraction = assembly.to_unit(fit.theta)
+    if not model_error.parts:
+        return build_likelihood(assembly, measured, fit, model_error), fraction
+    likelihood = build_likelihood(assembly, measured, fit, replace(model_error, parts=0.0))
+    posterior = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
+    mode = maximise_posterior(posterior, normal_from_unit(_within_margin(fraction))[np.newaxis])[0]
+    fraction = unit_from_normal(mode)
+    there = replace(fit, theta=assembly.from_unit(fraction))
+    return build_likelihood(assembly, measured, there, model_error), fraction
 
 
 def search_modes(

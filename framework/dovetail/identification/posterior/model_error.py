@@ -87,6 +87,9 @@ class ModelError:
         Of the FRF's phase [rad].
     other : float
         What none of these explains: of each average over neighbouring lines, relative to its magnitude.
+    parts : float
+        Relative error of natural frequencies that each quantity of a known part makes by being off, and by which all
+        that it changes is scaled; allowed beside the others, told by none.
     """
 
     natural_frequency: float
@@ -94,6 +97,7 @@ class ModelError:
     magnitude: float = 0.0
     phase: float = 0.0
     other: float = 0.0
+    parts: float = 0.0
 
     def times(self, factor: float) -> ModelError:
         """Return with the errors that have a shape so many times larger."""
@@ -135,8 +139,8 @@ def _percent_or_factor(size: float) -> str:
     return f"{100.0 * size:.2g} %" if size < 1.0 else f"a factor of {np.exp(size):.2g}"
 
 
-KINDS = tuple(field.name for field in fields(ModelError) if field.name != "other")
-"""The errors that have a shape."""
+KINDS = tuple(field.name for field in fields(ModelError) if field.name not in ("other", "parts"))
+"""The errors that have a shape of their own."""
 
 
 def typical_model_error(natural_frequency: float) -> ModelError:

@@ -22,12 +22,11 @@ from dovetail.identification.posterior.likelihood import (
     Likelihood,
     PosteriorResiduals,
     ReducedResiduals,
-    build_likelihood,
     check_options,
     marginalised_squares,
     unit_from_normal,
 )
-from dovetail.identification.posterior.mode_search import maximise_posterior, search_modes
+from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Form, Posterior, drawn_by_weight
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
@@ -113,8 +112,8 @@ def sample_posterior(
     check_options(samples)
     progress("modes", 0, 1)
     with logged(__name__, "modes of the posterior"):
-        likelihood = build_likelihood(assembly, measured, fit, model_error)
-        best, random = assembly.to_unit(fit.theta), np.random.default_rng([seed, 3])
+        likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)
+        random = np.random.default_rng([seed, 3])
         modes = search_modes(assembly, likelihood, best, random, progress)
     began = time.perf_counter()
     with logged(__name__, f"{samples} samples of the posterior"):
