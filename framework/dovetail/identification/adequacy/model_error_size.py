@@ -124,8 +124,8 @@ class _Problem:
         """Return what errors of the model add to its FRFs."""
         return error_shapes(self.axes, self.target.split(values), size)
 
-    def widths(self, fraction: NDArray[np.float64]) -> tuple[float, float]:
-        """Return from which to which error of natural frequencies the peaks allow to ask (relative, rms).
+    def peaks_apart(self, fraction: NDArray[np.float64]) -> tuple[float, float]:
+        """Return between which limits the peaks tell the error of natural frequencies (relative, rms).
 
         The least is how far peaks of measurement and model that belong together are apart, beyond a line; the most is
         twice how far they are apart, where they are all resonances there are: each peak of the measurement has its
@@ -146,10 +146,9 @@ class _Problem:
                 with_peak |= {int(np.argmin(np.abs(poles - other))) for _, other in pairs if other is not None}
         low, high = min(axis[0] for axis in self.axes), max(axis[-1] for axis in self.axes)
         alone += max(0, int(np.count_nonzero((poles > low) & (poles < high))) - len(with_peak))
-        least = max(_SETTINGS.narrowest, _rms(beyond))
         if alone > 0 or len(apart) < _SETTINGS.fewest_peaks:
-            return least, _SETTINGS.most
-        return least, _SETTINGS.consistent * max(least, _rms(apart))
+            return _rms(beyond), _SETTINGS.most
+        return _rms(beyond), _SETTINGS.consistent * max(_SETTINGS.narrowest, _rms(apart))
 
     def fit(self, start: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
         """Return the fractions (p,) that fit best with errors of this size, from a start (p,)."""
@@ -210,8 +209,8 @@ def _estimates(
     problem: _Problem, fraction: NDArray[np.float64], progress: Progress
 ) -> Iterator[tuple[float, ModelError]]:
     """Yield the sizes that are told with residuals averaged for natural frequencies that are off by less or more."""
-    width, most = problem.widths(fraction)
-    widths = []
+    least, most = problem.peaks_apart(fraction)
+    widths, width = [], max(least, _SETTINGS.narrowest)
     while width <= min(most, _SETTINGS.widest):
         widths.append(width)
         width *= _SETTINGS.wider
@@ -220,6 +219,9 @@ def _estimates(
         size = _Linearised(problem, fraction, typical_model_error(width), most).estimate()
         if width > _SETTINGS.narrowest:  # what is far below the width of an average is hidden in it
             size = replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
+        apart = replace(size, natural_frequency=max(size.natural_frequency, least))
+        if word_for(apart) != "does not fit":  # peaks may have been taken for each other
+            size = apart
         yield width, _Linearised(problem, fraction, size).with_other(size)  # by the averages that intervals will use
 
 
