@@ -127,7 +127,8 @@ def test_a_few_lines_stand_for_all(collet, torque_100):
     centre = collet.to_unit(torque_100)
     near = np.clip(centre + 0.01 * np.random.default_rng(1).standard_normal((300, 12)), 0.01, 0.99)
     vectors = exact.residuals(near)
-    reduced = ReducedResiduals(likelihood, vectors[:250], vectors[0])
+    frfs = likelihood.frf(near[:250])
+    reduced = ReducedResiduals(likelihood, frfs, frfs[0])
     assert reduced.lines < 150
     inside = reduced.residuals(near[250:])
     whole = np.einsum("nm,nm->n", vectors[250:], vectors[250:])
@@ -136,6 +137,27 @@ def test_a_few_lines_stand_for_all(collet, torque_100):
     step = 1e-5 * np.eye(12)[4]
     difference = (reduced.residuals(near[250:252] + step) - reduced.residuals(near[250:252] - step)) / 2e-5
     np.testing.assert_allclose(linear.jacobian[:, 4], difference, atol=1e-4 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("level", [2e-3, 1e-2])
+def test_a_few_lines_stand_for_averages_over_all(collet, torque_100, level):
+    frf = noisy(collet, collet.frf(torque_100), 0.01, 2)
+    likelihood = build_likelihood(collet, frf, refine(collet, frf, [torque_100]), typical_model_error(level))
+    assert likelihood.by_line is None
+    near = collet.to_unit(torque_100) + 0.01 * np.random.default_rng(1).standard_normal((300, 12))
+    fractions = np.clip(near, 0.01, 0.99)
+    frfs = likelihood.frf(fractions[:250])
+    reduced = ReducedResiduals(likelihood, frfs, frfs[0])
+    assert reduced.lines < 60 < sum(likelihood.model.counts)
+    inside = reduced.residuals(fractions[250:])
+    squares = np.einsum("nk,nk->n", inside, inside) + reduced.outside
+    np.testing.assert_allclose(squares, -2.0 * likelihood.log(fractions[250:]), atol=0.1)
+    linear = reduced.linearise(fractions[250:252])
+    step = 1e-5 * np.eye(12)[4]
+    ahead, behind = (reduced.residuals(fractions[250:252] + sign * step) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(
+        linear.jacobian[:, 4], (ahead - behind) / 2e-5, atol=1e-4 * np.abs(linear.jacobian).max()
+    )
 
 
 def test_each_search_reaches_the_components_that_were_drawn(sdof):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,8 @@ class LikelihoodSettings:
     """Standard deviations up to which the model's errors are represented as well as the residual vectors."""
     most_shapes: int = 200
     """Vectors of the basis at most."""
+    least_amplitude: float = 1e-3
+    """Part of the largest amplitude from which on FRFs are relative to their own; below, to this one."""
 
 
 _SETTINGS = LikelihoodSettings()
@@ -104,9 +107,13 @@ class Likelihood:
         """The residuals as functions of the parameters."""
         return FrfResiduals(self.model, self.residual)
 
+    def frf(self, fraction: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the model's FRFs (n, f) at fractions of the ranges (n, p)."""
+        return self.model.frf(self.model.assemblies[0].from_unit(fraction))
+
     def log(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the logarithm (n,), but for a constant, of the likelihood at fractions of the ranges (n, p)."""
-        blocks = [fraction[first : first + _BLOCK] for first in range(0, len(fraction), _BLOCK)]
+        blocks = [fraction[first : first + _BLOCK] for first in range(0, max(1, len(fraction)), _BLOCK)]
         squares = [marginalised_squares(self.misfit.residuals(block), self.errors) for block in blocks]
         return np.asarray(-np.concatenate(squares) / 2.0)
 
@@ -210,35 +217,39 @@ class ReducedResiduals:
     Parameters
     ----------
     likelihood : Likelihood
-        Residuals of all lines of all responses. Averages over lines need them all.
-    snapshots : (n, m) array
-        Residuals of the whole FRF at points all over the region of interest.
-    origin : (m,) array
-        Residuals from which differences are taken.
+        Residuals of all lines of all responses.
+    snapshots : (n, f) complex array
+        FRFs, on the lines of the likelihood's model, at points all over the region of interest.
+    origin : (f,) complex array
+        The one from which differences are taken.
 
     Notes
     -----
     A basis by singular value decomposition, its interpolation lines by pivoted QR (Drmac and Gugercin, A new selection
     operator for the discrete empirical interpolation method, 2016); for likelihoods this is known as reduced-order
-    quadrature (Canizares et al., 2013). What lies outside the subspace does not depend on the parameters.
+    quadrature (Canizares et al., 2013). What lies outside the subspace does not depend on the parameters. Averages over
+    lines are linear in the FRF if that has a phase: then the lines are those that determine it; amplitudes need all.
     """
 
     def __init__(
-        self,
-        likelihood: Likelihood,
-        snapshots: NDArray[np.float64],
-        origin: NDArray[np.float64],
+        self, likelihood: Likelihood, snapshots: NDArray[np.complex128], origin: NDArray[np.complex128]
     ) -> None:
-        errors = likelihood.errors
-        basis = _basis(np.concatenate([snapshots - origin, _SETTINGS.error_multiple * errors]))
-        model, residual, rows = _on_few_lines(likelihood, basis)
-        self.lines = sum(model.counts)
-        self._misfit = FrfResiduals(model, residual)
+        errors, at_origin = likelihood.errors, likelihood.residual.of(origin[np.newaxis])[0]
+        differences = likelihood.residual.of(snapshots) - at_origin
+        basis = _basis(np.concatenate([differences, _SETTINGS.error_multiple * errors]))
+        if likelihood.by_line is not None:
+            few = _few_lines(likelihood, likelihood.by_line, basis, at_origin)
+        elif all(frf.has_phase for frf in likelihood.target.frfs):
+            few = _few_lines_of_averages(likelihood, basis, differences, snapshots - origin, origin)
+        else:
+            few = _FewLines(likelihood.model, likelihood.residual, at_origin, basis)
+        self.lines = sum(few.model.counts)
+        self._misfit = FrfResiduals(few.model, few.residual)
         scaled = _inverse_square_root(np.eye(basis.shape[1]) + (errors @ basis).T @ (errors @ basis))
-        self._to_subspace = np.linalg.pinv(basis[rows]).T @ scaled
-        self._at_origin = origin @ basis @ scaled
-        self._origin_rows = origin[rows]
-        self.outside = float(origin @ origin - np.sum((origin @ basis) ** 2))
+        self._to_subspace: NDArray[np.float64] = few.to_basis @ scaled
+        self._at_origin = at_origin @ basis @ scaled
+        self._origin_rows = few.origin
+        self.outside = float(at_origin @ at_origin - np.sum((at_origin @ basis) ** 2))
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, k) in the subspace; with `outside`, their squares sum to `marginalised_squares`."""
@@ -250,19 +261,82 @@ class ReducedResiduals:
         return Linearisation(self._reduced(linear.residuals), linear.jacobian @ self._to_subspace)
 
     def _reduced(self, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (residuals - self._origin_rows) @ self._to_subspace + self._at_origin
+        return np.asarray((residuals - self._origin_rows) @ self._to_subspace + self._at_origin)
 
 
-def _on_few_lines(likelihood: Likelihood, basis: NDArray[np.float64]) -> tuple[ModelFrfs, Residual, NDArray[np.intp]]:
-    """Return model and residuals on the lines that determine vectors of a basis, and the numbers of these residuals."""
-    if likelihood.by_line is None:
-        return likelihood.model, likelihood.residual, np.arange(len(basis))
-    pivots = qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]]
-    lines = likelihood.by_line.lines_of(pivots)
+class _FewLines(NamedTuple):
+    """What determines where in a subspace of k dimensions residuals are.
+
+    `residual` are q residuals of a `model` on few lines, `origin` (q,) those of the origin, and `to_basis` (q, k) leads
+    from their differences to the subspace.
+    """
+
+    model: ModelFrfs
+    residual: Residual
+    origin: NDArray[np.float64]
+    to_basis: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _ScaledValues:
+    """FRFs as they are, real and imaginary parts over a scale (n_lines,)."""
+
+    scale: NDArray[np.float64]
+
+    def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return np.asarray(np.ascontiguousarray(frf / self.scale).view(np.float64))
+
+    def jacobian(self, _frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return self.of(frf_jacobian)
+
+
+def _few_lines(
+    likelihood: Likelihood,
+    by_line: Weighted | StackedResiduals[Weighted],
+    basis: NDArray[np.float64],
+    origin: NDArray[np.float64],
+) -> _FewLines:
+    """Return the lines on which vectors of a basis of the residuals differ most."""
+    lines = by_line.lines_of(_pivots(basis))
+    rows = by_line.residuals_of(lines)
+    to_basis = np.asarray(np.linalg.pinv(basis[rows]).T)
+    return _FewLines(_on_lines(likelihood, lines), by_line.at(lines), origin[rows], to_basis)
+
+
+def _few_lines_of_averages(
+    likelihood: Likelihood,
+    basis: NDArray[np.float64],
+    differences: NDArray[np.float64],
+    of_frf: NDArray[np.complex128],
+    origin: NDArray[np.complex128],
+) -> _FewLines:
+    """Return the lines that determine the FRF, and what averages make of it.
+
+    FRFs are scaled so that differences of them (n, f) are as large as those of residuals (n, m).
+    """
+    amplitude = np.abs(origin)
+    amplitude = np.maximum(amplitude, _SETTINGS.least_amplitude * amplitude.max())
+    gain = np.linalg.norm(differences) / max(float(np.linalg.norm(of_frf / amplitude)), np.finfo(float).tiny)
+    scaled = _ScaledValues(amplitude / gain)
+    of_lines = _basis(scaled.of(of_frf))
+    lines = np.unique(_pivots(of_lines) // 2)
+    rows = np.stack([2 * lines, 2 * lines + 1], axis=1).ravel()
+    vectors = np.ascontiguousarray(of_lines.T).view(np.complex128) * scaled.scale
+    added = likelihood.residual.jacobian(origin[np.newaxis], vectors[np.newaxis])[0]
+    to_basis = np.asarray(np.linalg.pinv(of_lines[rows]).T @ (added @ basis))
+    on_few = _ScaledValues(scaled.scale[lines])
+    return _FewLines(_on_lines(likelihood, lines), on_few, on_few.of(origin[np.newaxis, lines])[0], to_basis)
+
+
+def _pivots(basis: NDArray[np.float64]) -> NDArray[np.intp]:
+    return np.asarray(qr(basis.T, mode="r", pivoting=True)[1][: basis.shape[1]])
+
+
+def _on_lines(likelihood: Likelihood, lines: NDArray[np.intp]) -> ModelFrfs:
     model = likelihood.model.at(lines)
     for response in model.assemblies:
         response.engine.threads = 1  # so little work is done before others have begun
-    return model, likelihood.by_line.at(lines), likelihood.by_line.residuals_of(lines)
+    return model
 
 
 def _inverse_square_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -49,7 +49,7 @@ class SamplingSettings:
     region: float = 200.0
     """Chi-squared above the best beyond which a point is not in the region of interest."""
     most_snapshots: int = 600
-    """Residual vectors, the latest, from which the misfit is reduced."""
+    """FRFs, the latest, from which the misfit is reduced."""
     iterations: int = 200
     """Of the search for one sample."""
     batch: int = 100
@@ -157,11 +157,11 @@ class _Sampler:
         random: np.random.Generator,
         progress: Progress,
     ) -> None:
-        self._residuals, self._errors = likelihood.misfit, likelihood.errors
+        self._likelihood = likelihood
         self._random, self._progress = random, progress
         log_posterior = self._log_posterior(modes)
         self._points = modes[log_posterior >= log_posterior.max() - _SETTINGS.region / 2.0]
-        origin = self._residuals.residuals(unit_from_normal(self._points[:1]))[0]
+        origin = likelihood.frf(unit_from_normal(self._points[:1]))[0]
         snapshots = self._first_snapshots(unit_from_normal(self._points), information)
         for number in range(1, _SETTINGS.rounds[1] + 1):
             progress("exploration", number - 1, _SETTINGS.rounds[1])
@@ -169,24 +169,24 @@ class _Sampler:
             self._adopt(reduced)
             pilots, _ = self._solve(_SETTINGS.pilots, _SETTINGS.pilot_iterations)
             fraction = unit_from_normal(pilots.z)
-            on_all_lines, on_few = self._residuals.residuals(fraction), reduced.residuals(fraction)
-            squares = marginalised_squares(on_all_lines, self._errors)
+            frfs, on_few = likelihood.frf(fraction), reduced.residuals(fraction)
+            squares = marginalised_squares(likelihood.residual.of(frfs), likelihood.errors)
             error = np.abs(np.einsum("nk,nk->n", on_few, on_few) + reduced.outside - squares)
             near = squares <= squares.min() + _SETTINGS.region
             self._points = np.concatenate([self._points, pilots.z[near]])
             if number >= _SETTINGS.rounds[0] and error[near].max(initial=0.0) < _SETTINGS.reduction_error:
                 break
-            snapshots = np.concatenate([snapshots, on_all_lines[near]])[-_SETTINGS.most_snapshots :]
+            snapshots = np.concatenate([snapshots, frfs[near]])[-_SETTINGS.most_snapshots :]
         self.lines = reduced.lines
 
-    def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals at the modes, as fractions, and scattered around them."""
+    def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return FRFs at the modes, as fractions, and scattered around them."""
         values, vectors = np.linalg.eigh(information + PRIOR_PRECISION * np.eye(modes.shape[1]))
         steps = self._random.standard_normal((_SETTINGS.pilots, len(values))) / np.sqrt(
             np.maximum(values, PRIOR_PRECISION)
         )
         scattered = modes[np.arange(len(steps)) % len(modes)] + 0.3 * (steps @ vectors.T)
-        return self._residuals.residuals(np.clip(np.concatenate([modes, scattered]), 1e-3, 1.0 - 1e-3))
+        return self._likelihood.frf(np.clip(np.concatenate([modes, scattered]), 1e-3, 1.0 - 1e-3))
 
     def _adopt(self, reduced: ReducedResiduals) -> None:
         """Use the reduced residuals from now on: their mode, and the tangent map there."""
@@ -236,8 +236,7 @@ class _Sampler:
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the logarithms (n,), but for a constant, of the density of z (n, p), by all lines."""
-        squares = marginalised_squares(self._residuals.residuals(unit_from_normal(z)), self._errors)
-        return np.asarray(-(squares + np.einsum("np,np->n", z, z)) / 2.0)
+        return np.asarray(self._likelihood.log(unit_from_normal(z)) - np.einsum("np,np->n", z, z) / 2.0)
 
 
 def draw(
