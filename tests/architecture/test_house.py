@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 28_700
+LINES_OF_CODE = 28_800
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -39,7 +39,8 @@ a hundred more, a GPU on request and neighbours ranked in groups twenty-five. Co
 assembly's FRF there took two hundred and seventy, their thinned lines forty, and studies that the workers of a
 cluster share sixty. Power that a structure gives out, which tells a wrong sign whatever the model, took forty, and a
 squared error, bfloat16 and AdamW for networks with intervals thirty-five, their calibration forty-five. Corrections
-that keep to their time took ten, and sizes of errors that are plausible if any are ten more.
+that keep to their time took ten, and sizes of errors that are plausible if any are ten more. Parts that are not as
+described, in intervals, took fifty, and averages from a few lines of the FRF forty-five.
 """
 
 

@@ -33,12 +33,8 @@ from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares, minimise
 from dovetail.identification.fitting.residuals import FrfResiduals, Weighted
 from dovetail.identification.posterior import ModelError, sample_posterior
-from dovetail.identification.posterior.likelihood import (
-    CubeResiduals,
-    PosteriorResiduals,
-    normal_from_unit,
-    unit_from_normal,
-)
+from dovetail.identification.posterior.likelihood import PosteriorResiduals, normal_from_unit, unit_from_normal
+from dovetail.identification.posterior.mode_search import CubeResiduals
 from dovetail.measurement import noisy_frf
 
 ASSEMBLY = Path(__file__).resolve().parents[2] / "assemblies" / "bt40_er32.yaml"

@@ -16,8 +16,7 @@ from scipy.optimize import linear_sum_assignment
 import dovetail
 from dovetail.errors import DovetailError
 from dovetail.evaluation.mesh_refinement import finer
-from dovetail.identification.adequacy.overhang import find_overhangs
-from dovetail.identification.adequacy.perturbations import list_perturbations
+from dovetail.identification.adequacy.perturbations import find_overhangs, list_perturbations
 from dovetail.identification.part_quantities import list_quantities
 from dovetail.identification.posterior.model_error import fit_resonances
 

@@ -17,8 +17,7 @@ from dovetail.assembly import Assembly
 from dovetail.cli import app
 from dovetail.identification.adequacy.adequacy import Adequacy, Cause, ModelError
 from dovetail.identification.adequacy.assess import _reasons
-from dovetail.identification.adequacy.overhang import find_overhangs
-from dovetail.identification.adequacy.perturbations import PerturbedResiduals, list_perturbations
+from dovetail.identification.adequacy.perturbations import PerturbedResiduals, find_overhangs, list_perturbations
 from dovetail.identification.adequacy.trials import LogRatio
 from dovetail.identification.fitting.residuals import Weighted
 from dovetail.identification.fitting.whiteness import find_deviating_bands

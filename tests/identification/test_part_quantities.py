@@ -34,9 +34,8 @@ def test_each_quantity_is_off_by_as_much_as_displaced_resonances_are_large(sdof)
     frf = dovetail.Frf(sdof.frequency, values, "accelerance", variance=1e-4 * np.abs(values) ** 2)
     fit = refine(sdof, frf)
     error = typical_model_error(5e-4)
-    plain, parts = (
-        build_likelihood(sdof, frf, fit, replace(error, parts=size)).errors for size in (0.0, error.natural_frequency)
-    )
+    with_parts = replace(error, quantities=error.natural_frequency)
+    plain, parts = (build_likelihood(sdof, frf, fit, allowed).errors for allowed in (error, with_parts))
     assert parts[:-1] == pytest.approx(plain)
     shapes = error_shapes([frf.frequency], [sdof.frf(fit.theta)], error)["natural_frequency"]
     displaced = np.sqrt(2.0 * np.sum(np.abs(shapes) ** 2 / fit.variance))
@@ -58,12 +57,12 @@ def test_intervals_hold_what_the_modulus_of_a_part_hides(assemblies):
     )
     result = dovetail.identify(assembly, measured, form="laplace", cause_seconds=0)
     allowed = result.adequacy.error_in_intervals
-    assert allowed.parts == allowed.natural_frequency
+    assert allowed.quantities == allowed.natural_frequency
     truth = dict(zip(result.posterior.names, theta, strict=True))
 
     def held(posterior):
         return {name for name, (low, high) in posterior.interval().items() if low <= truth[name] <= high}
 
     assert held(result.posterior) == set(truth)
-    without = laplace_posterior(assembly, measured, result.fit, model_error=replace(allowed, parts=0.0))
+    without = laplace_posterior(assembly, measured, result.fit, model_error=replace(allowed, quantities=0.0))
     assert held(without) < set(truth)

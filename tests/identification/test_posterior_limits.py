@@ -8,7 +8,8 @@ import pytest
 from dovetail.identification.posterior import ModelError, Posterior, error_shapes, typical_model_error
 from dovetail.identification.posterior import randomize_then_optimize as rto
 from dovetail.identification.posterior.laplace import LaplaceApproximation
-from dovetail.identification.posterior.likelihood import CubeResiduals, normal_from_unit, unit_from_normal
+from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
+from dovetail.identification.posterior.mode_search import CubeResiduals
 from dovetail.identification.posterior.model_error import ModelErrorSettings, fit_resonances
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
 

@@ -122,7 +122,7 @@ class Adequacy:
         else:
             assert self.size is not None
             error = self.size.times(_SETTINGS.in_intervals).at_least(TYPICAL)
-        return replace(error, parts=error.natural_frequency)
+        return replace(error, quantities=error.natural_frequency)
 
     @property
     def meaning(self) -> str:

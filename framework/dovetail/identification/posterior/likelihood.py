@@ -4,8 +4,7 @@ Errors of the model widen the covariance of the residuals. `MarginalisedResidual
 `ReducedResiduals` does so within a subspace, from the few lines that determine where in it they are.
 
 Prior and measurement are both residuals in coordinates in which the prior is standard normal: a coordinate z is the
-normal quantile of a parameter's fraction of its range. The least-squares search works in the unit cube instead, whose
-edges are the coordinates -8 to 8.
+normal quantile of a parameter's fraction of its range.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ from dovetail.identification.posterior.model_error import ModelError, error_shap
 __all__ = [
     "PRIOR_PRECISION",
     "Z_LIMIT",
-    "CubeResiduals",
     "Likelihood",
     "MarginalisedResiduals",
     "PosteriorResiduals",
@@ -142,8 +140,9 @@ def build_likelihood(
         return np.asarray(residual.jacobian(values[np.newaxis, lines], changes[np.newaxis])[0])
 
     errors = added(np.concatenate(list(shapes.values()))[:, lines])
-    if model_error.parts:
-        displaced = added(model_error.parts / model_error.natural_frequency * shapes["natural_frequency"][:, lines])
+    if model_error.quantities:
+        displaced = added(shapes["natural_frequency"][:, lines])
+        displaced *= model_error.quantities / model_error.natural_frequency
         of_parts = added(quantity_derivatives(assembly, fit.theta, lines))
         errors = np.concatenate([errors, _as_large(of_parts, displaced)])
     variance = fit.variance + unshaped_deviation(target, values, model_error) ** 2
@@ -377,38 +376,6 @@ class PosteriorResiduals:
         of_prior = np.broadcast_to(np.eye(z.shape[1]), (len(z), z.shape[1], z.shape[1]))
         jacobian = np.concatenate([of_prior, misfit.jacobian * density[:, :, np.newaxis]], axis=2)
         return np.concatenate([z, misfit.residuals], axis=1), jacobian
-
-
-class CubeResiduals:
-    """Residuals of prior and measurement by the position in the unit cube, for the search of posterior modes.
-
-    Parameters
-    ----------
-    posterior : PosteriorResiduals
-    """
-
-    def __init__(self, posterior: PosteriorResiduals) -> None:
-        self._posterior = posterior
-
-    @staticmethod
-    def from_normal(z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the position in the unit cube of normal quantiles z."""
-        return (z / Z_LIMIT + 1.0) / 2.0
-
-    @staticmethod
-    def to_normal(position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the normal quantiles z of a position in the unit cube."""
-        return (2.0 * position - 1.0) * Z_LIMIT
-
-    def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return residuals (n, m) at positions (n, p)."""
-        return self._posterior.residuals(self.to_normal(position))
-
-    def linearise(self, position: NDArray[np.float64]) -> Linearisation:
-        """Return residuals and derivatives at positions (n, p)."""
-        residuals, jacobian = self._posterior.linearise(self.to_normal(position))
-        jacobian *= 2.0 * Z_LIMIT
-        return Linearisation(residuals, jacobian)
 
 
 def normal_from_unit(fraction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.fitting.least_squares import minimise
+from dovetail.identification.fitting.least_squares import Linearisation, minimise
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs
 from dovetail.identification.posterior.likelihood import (
-    CubeResiduals,
+    Z_LIMIT,
     Likelihood,
     MarginalisedResiduals,
     PosteriorResiduals,
@@ -28,7 +28,7 @@ from dovetail.identification.posterior.likelihood import (
 from dovetail.identification.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["likelihood_at_mode", "maximise_posterior", "search_modes"]
+__all__ = ["CubeResiduals", "likelihood_at_mode", "maximise_posterior", "search_modes"]
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,9 @@ def likelihood_at_mode(
         Fractions of the ranges, from which the search goes on.
     """
     fraction = assembly.to_unit(fit.theta)
-    if not model_error.parts:
+    if not model_error.quantities:
         return build_likelihood(assembly, measured, fit, model_error), fraction
-    likelihood = build_likelihood(assembly, measured, fit, replace(model_error, parts=0.0))
+    likelihood = build_likelihood(assembly, measured, fit, replace(model_error, quantities=0.0))
     posterior = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
     mode = maximise_posterior(posterior, normal_from_unit(_within_margin(fraction))[np.newaxis])[0]
     fraction = unit_from_normal(mode)
@@ -162,3 +162,35 @@ def maximise_posterior(
 
 def _within_margin(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.clip(fraction, _SETTINGS.margin, 1.0 - _SETTINGS.margin)
+
+
+class CubeResiduals:
+    """Residuals of prior and measurement by the position in the unit cube, for the search of posterior modes.
+
+    Parameters
+    ----------
+    posterior : PosteriorResiduals
+    """
+
+    def __init__(self, posterior: PosteriorResiduals) -> None:
+        self._posterior = posterior
+
+    @staticmethod
+    def from_normal(z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the position in the unit cube of normal quantiles z."""
+        return (z / Z_LIMIT + 1.0) / 2.0
+
+    @staticmethod
+    def to_normal(position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the normal quantiles z of a position in the unit cube."""
+        return (2.0 * position - 1.0) * Z_LIMIT
+
+    def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return residuals (n, m) at positions (n, p)."""
+        return self._posterior.residuals(self.to_normal(position))
+
+    def linearise(self, position: NDArray[np.float64]) -> Linearisation:
+        """Return residuals and derivatives at positions (n, p)."""
+        residuals, jacobian = self._posterior.linearise(self.to_normal(position))
+        jacobian *= 2.0 * Z_LIMIT
+        return Linearisation(residuals, jacobian)

@@ -87,7 +87,7 @@ class ModelError:
         Of the FRF's phase [rad].
     other : float
         What none of these explains: of each average over neighbouring lines, relative to its magnitude.
-    parts : float
+    quantities : float
         Relative error of natural frequencies that each quantity of a known part makes by being off, and by which all
         that it changes is scaled; allowed beside the others, told by none.
     """
@@ -97,7 +97,7 @@ class ModelError:
     magnitude: float = 0.0
     phase: float = 0.0
     other: float = 0.0
-    parts: float = 0.0
+    quantities: float = 0.0
 
     def times(self, factor: float) -> ModelError:
         """Return with the errors that have a shape so many times larger."""
@@ -139,7 +139,7 @@ def _percent_or_factor(size: float) -> str:
     return f"{100.0 * size:.2g} %" if size < 1.0 else f"a factor of {np.exp(size):.2g}"
 
 
-KINDS = tuple(field.name for field in fields(ModelError) if field.name not in ("other", "parts"))
+KINDS = tuple(field.name for field in fields(ModelError) if field.name not in ("other", "quantities"))
 """The errors that have a shape of their own."""
 
 
