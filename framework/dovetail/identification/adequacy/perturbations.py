@@ -1,4 +1,8 @@
-"""Perturbations: deviations of the measurement or of a substructure from the description, each by any amount."""
+"""Perturbations: deviations of the measurement or of a substructure from the description, each by any amount.
+
+Among them is how far a substructure stands out of its joint: its free end longer or shorter, the joint's own nodes
+unchanged.
+"""
 
 from __future__ import annotations
 

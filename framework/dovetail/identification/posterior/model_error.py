@@ -88,8 +88,8 @@ class ModelError:
     other : float
         What none of these explains: of each average over neighbouring lines, relative to its magnitude.
     quantities : float
-        Relative error of natural frequencies that each quantity of a known part makes by being off, and by which all
-        that it changes is scaled; allowed beside the others, told by none.
+        Each quantity of a known part may be off by as much as changes the FRFs like a relative error of natural
+        frequencies of this size. Intervals allow it; no measurement tells it.
     """
 
     natural_frequency: float
