@@ -350,3 +350,43 @@ def test_a_stored_result_gives_the_same_band(sdof, tmp_path):
     (tmp_path / "result.json").write_text(json.dumps(spoilt))
     with pytest.raises(dovetail.DovetailError, match="do not fit its parameters"):
         load_result(tmp_path)
+
+
+def test_a_few_lines_stand_for_averages_of_responses_whose_units_differ():
+    """A receptance is a millionth of an accelerance, and tells as much."""
+    mounts = {
+        f"mount{number}": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": part, "at": 0}, "b": {"to": below, "at": 0}},
+            "parameters": {"k": {"range": [1e5, 1e7]}, "c": {"range": [1, 100]}},
+        }
+        for number, (part, below) in enumerate([("lower", "base"), ("upper", "lower")])
+    }
+    assembly = dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "two quantities",
+            "frequency": {"start": "20 Hz", "stop": "500 Hz", "lines": 400},
+            "substructures": {
+                "lower": {"model": "lumped", "masses": [{"mass": "1 kg"}]},
+                "upper": {"model": "lumped", "masses": [{"mass": "2 kg"}]},
+                "base": {"model": "ground"},
+            },
+            "joints": mounts,
+            "responses": [
+                {"at": "upper", "position": 0, "quantity": "accelerance"},
+                {"at": "lower", "position": 0, "quantity": "receptance"},
+            ],
+            "identification": {"samples": 100},
+        }
+    )
+    truth = assembly.from_unit(np.full(4, 0.5))
+    frfs = [noisy(each, each.frf(truth), 0.01, seed) for seed, each in enumerate(assembly.each_response)]
+    likelihood = build_likelihood(assembly, frfs, refine(assembly, frfs, [truth]), typical_model_error(2e-3))
+    near = 0.5 + 1e-3 * np.random.default_rng(1).standard_normal((300, 4))
+    snapshots = likelihood.frf(near[:250])
+    reduced = ReducedResiduals(likelihood, snapshots, snapshots[0])
+    inside = reduced.residuals(near[250:])
+    squares = np.einsum("nk,nk->n", inside, inside) + reduced.outside
+    np.testing.assert_allclose(squares, -2.0 * likelihood.log(near[250:]), atol=0.1)

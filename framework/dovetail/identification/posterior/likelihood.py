@@ -58,7 +58,7 @@ class LikelihoodSettings:
     most_shapes: int = 200
     """Vectors of the basis at most."""
     least_amplitude: float = 1e-3
-    """Part of the largest amplitude from which on FRFs are relative to their own; below, to this one."""
+    """Part of a response's largest amplitude from which on FRFs are relative to their own; below, to this one."""
 
 
 _SETTINGS = LikelihoodSettings()
@@ -141,8 +141,8 @@ def build_likelihood(
 
     errors = added(np.concatenate(list(shapes.values()))[:, lines])
     if model_error.quantities:
-        displaced = added(shapes["natural_frequency"][:, lines])
-        displaced *= model_error.quantities / model_error.natural_frequency
+        displaced = errors[: len(shapes["natural_frequency"])]  # the first kind
+        displaced = model_error.quantities / model_error.natural_frequency * displaced
         of_parts = added(quantity_derivatives(assembly, fit.theta, lines))
         errors = np.concatenate([errors, _as_large(of_parts, displaced)])
     variance = fit.variance + unshaped_deviation(target, values, model_error) ** 2
@@ -313,8 +313,8 @@ def _few_lines_of_averages(
 
     FRFs are scaled so that differences of them (n, f) are as large as those of residuals (n, m).
     """
-    amplitude = np.abs(origin)
-    amplitude = np.maximum(amplitude, _SETTINGS.least_amplitude * amplitude.max())
+    of_responses = np.split(np.abs(origin), np.cumsum(likelihood.model.counts)[:-1])
+    amplitude = np.concatenate([np.maximum(one, _SETTINGS.least_amplitude * one.max()) for one in of_responses])
     gain = np.linalg.norm(differences) / max(float(np.linalg.norm(of_frf / amplitude)), np.finfo(float).tiny)
     scaled = _ScaledValues(amplitude / gain)
     of_lines = _basis(scaled.of(of_frf))
