@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from scipy.optimize import least_squares
 import dovetail
 from dovetail.errors import MeasurementError, ParameterError
 from dovetail.identification.fitting import multistart, refine, refinement
-from dovetail.identification.fitting.least_squares import Linearisation, minimise
+from dovetail.identification.fitting.least_squares import Linearisation, Profiles, minimise, profiles
 from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines
 from dovetail.identification.fitting.residuals import FrfResiduals, LogAmplitude, Weighted
 from dovetail.measurement import complex_noise
@@ -60,6 +61,35 @@ def test_a_minimum_at_a_wall_is_that_of_another_optimiser():
     other = least_squares(lambda u: problem.residuals(u[None])[0], [0.5, 0.5], bounds=(0, 1), xtol=1e-12)
     assert other.x[0] == pytest.approx(1.0, abs=1e-6)
     np.testing.assert_allclose(found.position, np.broadcast_to(other.x, (2, 2)), atol=1e-4)
+
+
+def rosenbrock_beside(problem, axis, value, other):
+    """Return residuals where one coordinate has a value and the other one is free."""
+    return problem.residuals(np.insert(other, axis, value)[np.newaxis])[0]
+
+
+def test_a_profile_is_the_least_sum_of_squares_over_the_other_coordinate():
+    """On both sides of a start in a wrong place, and on the bounds, as another optimiser has it."""
+    problem, values = Rosenbrock(0.6), (np.arange(24) + 0.5) / 24
+    followed = profiles(problem, np.array([0.3, 0.4]), values, steps=30)
+    for axis in (0, 1):
+        for value, cost in zip(values.tolist(), followed.cost[axis], strict=True):
+            alone = partial(rosenbrock_beside, problem, axis, value)
+            ends = [2 * least_squares(alone, [start], bounds=(0, 1)).cost for start in (0.1, 0.4, 0.7, 1.0)]
+            assert np.isclose(cost, ends, rtol=1e-3, atol=1e-3).any()
+    assert (followed.position[0, :, 0] == values).all()
+    squares = np.array([np.sum(problem.residuals(row) ** 2, axis=1) for row in followed.position])
+    np.testing.assert_allclose(squares, followed.cost)
+
+
+def test_low_points_of_profiles_are_minima_between_rises_away_from_the_start():
+    cost = np.array([[9.0, 5.0, 9.0, 0.0, 9.0, 5.5, 5.0, 5.4, 9.0, 3.0], np.linspace(0.0, 9.0, 10)])
+    position = np.random.default_rng(0).random((2, 10, 2))
+    along = Profiles((np.arange(10) + 0.5) / 10, cost, position)
+    low = along.low_points(np.array([0.35, 0.5]), most=4)
+    wanted = [position[1, 0], position[0, 9], position[0, 1], position[0, 6]]
+    np.testing.assert_array_equal(low, wanted)
+    assert along.low_points(np.array([0.35, 0.5]), most=0).shape == (0, 2)
 
 
 def test_searches_side_by_side_are_the_searches_alone(sdof):

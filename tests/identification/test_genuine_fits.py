@@ -15,7 +15,7 @@ from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.least_squares import Linearisation, minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.random_error import known_variance, residual_variance
-from dovetail.identification.fitting.search_lines import missed_resonances, search_lines, thinned_lines
+from dovetail.identification.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
 from dovetail.identification.fitting.whiteness import assess_runs, has_size_of_noise, is_white
 
 
@@ -72,9 +72,12 @@ def test_large_residuals_of_either_sign_are_no_noise():
     assert not is_white(np.concatenate([residuals, np.random.default_rng(0).standard_normal((40, 2))]))
 
 
-@pytest.mark.parametrize(("error", "starts"), [("ripple", 4 + 2 * 9), ("resonance", 4 + 4 * 9)])
+@pytest.mark.parametrize(("error", "starts"), [("ripple", 4 + 2 * 9 + 4), ("resonance", 4 + 4 * 9 + 2)])
 def test_a_model_is_said_not_to_fit_after_three_batches_or_five_where_it_lacks_a_resonance(sdof, error, starts):
-    """Each batch has eight random starts, and here one place along one of the two parameters beside them."""
+    """Each batch has eight random starts, and here one place along one of the two parameters beside them.
+
+    Low points of the two profiles are tried once, in the second batch: four or two.
+    """
     frequency, frf = sdof.frequency, noisy(sdof, sdof.frf(), 1e-3, 1)
     ripple = 0.05 * frf.values * np.sin(frequency / 3.0)
     more = ripple if error == "ripple" else 3e-3 * frf.amplitude.max() * resonances(frequency, 300.0, loss=0.01)
@@ -82,6 +85,22 @@ def test_a_model_is_said_not_to_fit_after_three_batches_or_five_where_it_lacks_a
     assert fit.discrepancy > 0.01
     assert fit.agreeing >= 6
     assert fit.starts == starts
+
+
+def test_smoothed_noise_is_as_large_as_before_and_no_line_counts_twice_where_lines_are_far_apart():
+    frequency = np.concatenate([np.arange(10.0, 20.0), np.linspace(1000.0, 1200.0, 2000)])
+    frf = dovetail.Frf(frequency, np.ones(len(frequency), complex), "accelerance")
+    observations = Observations((frf,))
+    weighted = observations.weighted(np.full(len(frequency), 2.0), np.ones(len(frequency), bool))
+    smoothed = Smoothed.over(observations, weighted, 0.01)
+    noise = np.random.default_rng(0).standard_normal((400, 2, len(frequency)))
+    residuals = smoothed.of(frf.values + noise[:, 0] + 1j * noise[:, 1])
+    assert np.mean(residuals**2) == pytest.approx(1.0, abs=0.02)
+    np.testing.assert_allclose(residuals[:, 0:20:2], noise[:, 0, :10])
+    assert residuals.shape[1] < 2 * (10 + 25)
+    shift = smoothed.jacobian(frf.values, np.ones((1, 1, len(frequency)), complex))[0, 0]
+    assert shift[-20] == pytest.approx(smoothed.of(frf.values[np.newaxis] + 1.0)[0, -20])
+    assert shift[-20] > 10.0  # what neighbours share grows by the root of their number
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])

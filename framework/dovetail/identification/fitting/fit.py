@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 
-__all__ = ["Fit", "bounds_reached", "count_agreeing"]
+__all__ = ["Fit", "bounds_reached", "count_agreeing", "highest_agreeing"]
 
 _SAME_MINIMUM = 1e-3
 """Relative difference of sums of squares below which two searches ended in the same minimum."""
@@ -113,7 +113,12 @@ class Fit:
 
 def count_agreeing(costs: NDArray[np.float64]) -> int:
     """Return how many searches ended in the best minimum, from their sums of squares."""
-    return int(np.count_nonzero(costs <= costs.min() * (1.0 + _SAME_MINIMUM) + 1.0))
+    return int(np.count_nonzero(costs <= highest_agreeing(costs.min())))
+
+
+def highest_agreeing(cost: float) -> float:
+    """Return the highest sum of squares of a search that ended in the same minimum as one with the sum `cost`."""
+    return cost * (1.0 + _SAME_MINIMUM) + 1.0
 
 
 def bounds_reached(assembly: Assembly, fraction: NDArray[np.float64]) -> dict[str, str]:

@@ -11,14 +11,19 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.signal import find_peaks
 
-__all__ = ["Linearisation", "Minima", "SumOfSquares", "minimise", "without"]
+__all__ = ["Linearisation", "Minima", "Profiles", "SumOfSquares", "minimise", "profiles", "without"]
 
 _AT_BOUND = 1e-5
 """Distance from a face of the cube within which a search that is driven towards it ends on it: the method itself keeps
 all positions inside."""
 _ROWS_PER_BLOCK = 1024
 """Of the residuals and their derivatives, decomposed at once: four times as fast as all of 10,000 or more."""
+_RISE = 1e-3
+"""Part of the lowest sum of squares, beyond 1, by which a profile rises on both sides of a minimum."""
+_FIRST_DAMPING, _DAMPING_FACTOR = 1e-2, 10.0
+"""Part of the curvature that is added to it along a profile, and what it changes by after a step up or down."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +88,32 @@ class Minima:
     cost: NDArray[np.float64]
     curvature: NDArray[np.float64]
     steps: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Profiles:
+    """The lowest sums of squares where one of p coordinates after the other has n given values.
+
+    Parameters
+    ----------
+    values : (n,) array
+    cost : (p, n) array
+    position : (p, n, p) array
+    """
+
+    values: NDArray[np.float64]
+    cost: NDArray[np.float64]
+    position: NDArray[np.float64]
+
+    def low_points(self, start: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+        """Return the lowest minima (k, p) of the profiles, except where they start, with a rise around each."""
+        rise = self.cost.min() * _RISE + 1.0
+        padded = -np.pad(self.cost, ((0, 0), (1, 1)), constant_values=np.inf)
+        tops = [(axis, top - 1) for axis, row in enumerate(padded) for top in find_peaks(row, prominence=rise)[0]]
+        spacing = 1.0 / len(self.values)
+        apart = [(axis, top) for axis, top in tops if abs(self.values[top] - start[axis]) > spacing]
+        apart.sort(key=lambda entry: float(self.cost[entry]))
+        return np.array([self.position[entry] for entry in apart[:most]]).reshape(-1, len(start))
 
 
 def minimise(
@@ -179,6 +210,59 @@ def _triangle(linear: Linearisation) -> NDArray[np.float64]:
         reduced = np.asarray(np.linalg.qr(whole, mode="r")).reshape(-1, rows.shape[1])
         rows = np.concatenate([reduced, rows[blocks * _ROWS_PER_BLOCK :]])
     return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64], steps: int) -> Profiles:
+    """Minimise over all coordinates but one, which takes values further and further from a start; each in its turn.
+
+    Parameters
+    ----------
+    problem : SumOfSquares
+    start : (p,) array
+    values : (n,) array
+        Increasing.
+    steps : int
+        Of Levenberg and Marquardt, at each value, from where the one before it ended; the residuals and derivatives of
+        all coordinates are computed together.
+    """
+    size, count = len(start), len(values)
+    lowest = Profiles(values, np.full((size, count), np.inf), np.empty((size, count, size)))
+    upper = np.searchsorted(values, start)
+    ways = [(axis, way) for axis in range(size) for way in (1, -1)]
+    axes, signs = np.array(ways).T
+    numbers = np.where(signs > 0, upper[axes], upper[axes] - 1)
+    position = np.tile(start, (len(ways), 1))
+    while (inside := (numbers >= 0) & (numbers < count)).any():
+        axes, signs, numbers, position = axes[inside], signs[inside], numbers[inside], position[inside]
+        position[np.arange(len(axes)), axes] = values[numbers]
+        position, cost = _stepped(problem, position, axes, steps)
+        lowest.position[axes, numbers], lowest.cost[axes, numbers] = position, cost
+        numbers += signs
+    return lowest
+
+
+def _stepped(
+    problem: SumOfSquares, position: NDArray[np.float64], fixed: NDArray[np.intp], steps: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Take some steps in the unit cube from n positions, each with one coordinate fixed; return the ends and costs."""
+    size = position.shape[1]
+    free = fixed[:, np.newaxis] != np.arange(size)
+    damping = np.full(len(position), _FIRST_DAMPING)
+    here = problem.linearise(position)
+    gradient, curvature, cost = here.gradient.copy(), here.curvature.copy(), here.cost.copy()
+    for _ in range(steps):
+        moving = free & ~((position <= 0.0) & (gradient > 0.0)) & ~((position >= 1.0) & (gradient < 0.0))
+        matrix = curvature * (moving[:, :, np.newaxis] & moving[:, np.newaxis])
+        diagonal = np.einsum("nii->ni", matrix)
+        diagonal += damping[:, np.newaxis] * diagonal + np.where(moving, np.finfo(float).tiny, 1.0)
+        step = np.linalg.solve(matrix, np.where(moving, -gradient, 0.0)[:, :, np.newaxis])[:, :, 0]
+        tried = np.clip(position + step, 0.0, 1.0)
+        there = problem.linearise(tried)
+        lower = there.cost < cost
+        position[lower], cost[lower] = tried[lower], there.cost[lower]
+        gradient[lower], curvature[lower] = there.gradient[lower], there.curvature[lower]
+        damping *= np.where(lower, 1.0 / _DAMPING_FACTOR, _DAMPING_FACTOR)
+    return position, cost
 
 
 def without(vectors: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agreeing
-from dovetail.identification.fitting.least_squares import Minima, minimise
+from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agreeing, highest_agreeing
+from dovetail.identification.fitting.least_squares import Minima, minimise, profiles
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, WithPrior
-from dovetail.identification.fitting.search_lines import missed_resonances, search_lines, thinned_lines
-from dovetail.identification.fitting.whiteness import has_size_of_noise, is_white
+from dovetail.identification.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
+from dovetail.identification.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white
 from dovetail.interfaces import Progress, logged, silent
 
 __all__ = ["refine"]
@@ -38,8 +38,18 @@ class Settings:
     """In each further batch."""
     along_axes: int = 4
     """Beside these, those that differ from the best minimum so far in one parameter."""
-    grid_points: int = 64
+    grid_points: int = 128
     """Along the range of each parameter, where such starts are looked for."""
+    doubtful: float = 0.01
+    """Probability of residuals of noise below which there is another batch, though they may be noise yet."""
+    profiled_batch: int = 2
+    """The further batch from which on profiles through the best minimum so far are followed, on the same grid."""
+    along_profiles: int = 8
+    """Low points of the profiles from which searches begin."""
+    profile_steps: int = 4
+    """Of the search at each point of a profile: it begins near its end."""
+    widths: tuple[float, ...] = (0.01, 0.003)
+    """Relative frequency distance over which residuals are smoothed along profiles, and on the way from there."""
     first_carried: int = 2
     """Searches of the first batch, those with the most similar FRFs, whose minima are fitted before the others'."""
     carried: int = 4
@@ -165,7 +175,7 @@ class _Refinement:
         ends = self._searched(self._first_batch(starts))
         minima = self._told_apart(ends[: _SETTINGS.first_carried])
         best = self._reweighted(self._fitted(minima.position[:1]))
-        if not self._is_noise(best):
+        if not self._is_noise(best, _SETTINGS.doubtful):
             minima, best = self._further(self._with(minima, ends[_SETTINGS.first_carried :]))
         chi_squared = self._chi_squared(best)
         discrepancy = background = 0.0
@@ -192,20 +202,27 @@ class _Refinement:
 
     def _further(self, minima: _Ranked) -> tuple[_Ranked, _Ranked]:
         """Search on, until a fit is noise, or enough searches agree that none is; return all minima and the best."""
+        profiled = np.inf
         for batch in range(1, _SETTINGS.more_batches + 2):
             minima = self._told_apart(minima.position)  # the weights have changed
             best = self._reweighted(self._fitted(minima.position[:1]))
-            if self._is_noise(best) or batch > _SETTINGS.more_batches:
+            passes = self._is_noise(best)
+            if batch > (1 if passes else _SETTINGS.more_batches) or self._is_noise(best, _SETTINGS.doubtful):
                 break
             enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
+            enough &= profiled <= highest_agreeing(minima.cost[0])
             if enough and batch >= _SETTINGS.least_batches and not self._missed(best).size:
                 break
-            along = self._along_axes(best.position[0], _SETTINGS.along_axes)
+            along = self._along_axes(best.position[0])
             similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
             further = len(along) + len(similar) + _SETTINGS.carried
             self._expected = self._searches + further + len(minima.cost) + 1
             ends = self._searched(np.concatenate([along, similar]))
             minima = self._with(minima, ends[: _SETTINGS.carried])
+            now = passes or batch >= _SETTINGS.profiled_batch
+            if now and profiled > highest_agreeing(minima.cost[0]):
+                profiled = minima.cost[0]
+                minima = self._with_profiles(minima)
         return minima, best
 
     def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -221,37 +238,55 @@ class _Refinement:
         squares = np.sum(self._search.residuals(points) ** 2, axis=1)
         return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
 
-    def _along_axes(self, position: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+    def _along_axes(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points that differ from a minimum in one parameter, where FRFs are more alike than on either side.
 
         Where two resonances lie close together the way into the right minimum is narrow, but most parameters are right
         in a wrong one. A second search from the same minimum finds other points, next to those.
         """
-        count, size = _SETTINGS.grid_points, len(position)
-        grid = (np.arange(count) + self._random.random()) / count
-        points = np.repeat(position[np.newaxis], size * count, axis=0).reshape(size, count, size)
-        for column, along in enumerate(points):
-            along[:, column] = grid
-        squares = np.sum(self._search.residuals(points.reshape(-1, size)) ** 2, axis=1).reshape(size, count)
-        around = np.pad(squares, ((0, 0), (1, 1)), constant_values=np.inf)
-        lowest = (squares < around[:, :-2]) & (squares < around[:, 2:])
-        lowest &= np.abs(grid - position[:, np.newaxis]) > 1.0 / count
-        order = np.argsort(squares[lowest], kind="stable")[:most]
-        return np.asarray(points[lowest][order])
+        along = profiles(self._search, position, self._grid(), steps=0)
+        return along.low_points(position, _SETTINGS.along_axes)
+
+    def _grid(self) -> NDArray[np.float64]:
+        """Return values along a range, with another offset each time."""
+        return (np.arange(_SETTINGS.grid_points) + self._random.random()) / _SETTINGS.grid_points
+
+    def _with_profiles(self, minima: _Ranked) -> _Ranked:
+        """Add the best minimum on the profiles through the best so far: all others follow while one parameter moves.
+
+        Where a resonance hardly shows, the way into the right minimum is narrow; but nearly all of the FRF is right in
+        a wrong one, and stays so along a profile. Smoothed residuals feel such a resonance from further away.
+        """
+        target = self._target.at(self._few)
+        residual = self._target.weighted(self._variance, self._used).at(self._few)
+        smoothed = (Smoothed.over(target, residual, width) for width in _SETTINGS.widths)
+        problems = [FrfResiduals(self._model_of_few, each) for each in smoothed]
+        position, steps = minima.position[0], _SETTINGS.profile_steps
+        along = profiles(problems[0], position, self._grid(), steps)
+        self._steps += along.cost.size * (steps + 1)
+        ends = along.low_points(position, _SETTINGS.along_profiles)
+        self._starts += len(ends)
+        for problem in problems if len(ends) else ():
+            ends = self._ends(problem, ends)
+        return self._with(minima, self._told_apart(ends).position[:1]) if len(ends) else minima
 
     @property
     def _search(self) -> FrfResiduals:
         """Logarithms of amplitudes on few lines."""
-        target = self._target.at(self._few)
-        return FrfResiduals(self._model_of_few, target.logarithms(self._variance[self._few]))
+        logarithms = self._target.at(self._few).logarithms(self._variance[self._few])
+        return FrfResiduals(self._model_of_few, logarithms)
 
     def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches by logarithms of amplitudes ended, the most promising first."""
-        tolerance, most_steps = _SETTINGS.search_tolerance, _SETTINGS.search_steps
-        minima = minimise(self._search, batch, tolerance=tolerance, most_steps=most_steps, tell=self._tell)
-        self._steps += int(minima.steps.sum())
         self._starts += len(batch)
-        return self._with_delays(minima.position[np.argsort(minima.cost, kind="stable")])
+        return self._with_delays(self._ends(self._search, batch))
+
+    def _ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where searches end, the most promising first."""
+        tolerance, most_steps = _SETTINGS.search_tolerance, _SETTINGS.search_steps
+        minima = minimise(problem, start, tolerance=tolerance, most_steps=most_steps, tell=self._tell)
+        self._steps += int(minima.steps.sum())
+        return minima.position[np.argsort(minima.cost, kind="stable")]
 
     def _with_delays(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Set delays to what fits best: amplitudes, by which was searched, do not tell them."""
@@ -352,12 +387,13 @@ class _Refinement:
     def _chi_squared(self, best: _Ranked) -> float:
         return float(np.sum(self._residuals(best) ** 2)) / self._freedom
 
-    def _is_noise(self, best: _Ranked) -> bool:
+    def _is_noise(self, best: _Ranked, false_alarm: float = NOISE_ALARM) -> bool:
         """Say whether the residuals of the best fit are no larger than the random error, and as white."""
         residuals = self._residuals(best)
-        return self._has_size_of_noise(residuals) and all(map(is_white, self._target.by_line(residuals)))
+        white = all(is_white(of_response, false_alarm) for of_response in self._target.by_line(residuals))
+        return white and self._has_size_of_noise(residuals, false_alarm)
 
-    def _has_size_of_noise(self, residuals: NDArray[np.float64]) -> bool:
+    def _has_size_of_noise(self, residuals: NDArray[np.float64], false_alarm: float = NOISE_ALARM) -> bool:
         squares = sum(float(np.sum(of_response**2)) for of_response in self._target.by_line(residuals))
-        lines = int(np.count_nonzero(self._used))
-        return has_size_of_noise(squares, self._freedom, lines, variance_known=self._target.variance_known)
+        lines, known = int(np.count_nonzero(self._used)), self._target.variance_known
+        return has_size_of_noise(squares, self._freedom, lines, variance_known=known, false_alarm=false_alarm)

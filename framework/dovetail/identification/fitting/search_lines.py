@@ -1,4 +1,4 @@
-"""The lines on which a search looks at FRFs: few, but none of the measurement's resonances falls between them."""
+"""What a search looks at: few lines, but between them no resonance of the measurement; or means of neighbours."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import Residual
 
-__all__ = ["missed_resonances", "search_lines", "thinned_lines"]
+__all__ = ["Smoothed", "missed_resonances", "search_lines", "thinned_lines"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Settings:
     """Lines over which the square of an amplitude is averaged."""
     closeness: float = 0.05
     """Relative distance within which a resonance of the fitted FRF can be that of the measured one."""
+    cut: float = 3.0
+    """Widths beyond which a line does not count."""
 
 
 _SETTINGS = Settings()
@@ -59,6 +62,59 @@ def search_lines(observations: Observations, variance: NDArray[np.float64]) -> N
         lines.append(first + _of_response(level))
         first += len(level)
     return np.concatenate(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Sums of neighbouring residuals, by noise as large as one: a narrow resonance is felt from further away.
+
+    Parameters
+    ----------
+    residual : Residual
+        Over its standard deviation.
+    means : (n, m) sparse array
+        Weights of the m residuals in each of the n sums.
+    """
+
+    residual: Residual
+    means: scipy.sparse.csr_array
+
+    @staticmethod
+    def over(observations: Observations, residual: Residual, width: float) -> Smoothed:
+        """Smooth residuals of all lines over their neighbours, by a normal distribution of some relative width."""
+        blocks = []
+        for frf in observations.frfs:
+            one = np.ones((1, 1)) if not frf.has_phase else np.eye(2)
+            blocks.append(scipy.sparse.kron(_neighbours(np.log(frf.frequency), width), one))
+        return Smoothed(residual, scipy.sparse.csr_array(scipy.sparse.block_diag(blocks)))
+
+    def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return the residuals (n, m) of FRFs (n, f)."""
+        return self._smoothed(self.residual.of(frf))
+
+    def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
+        return self._smoothed(self.residual.jacobian(frf, frf_jacobian))
+
+    def _smoothed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        flat = self.means @ values.reshape(-1, values.shape[-1]).T
+        return np.ascontiguousarray(flat.T).reshape(*values.shape[:-1], -1)
+
+
+def _neighbours(position: NDArray[np.float64], width: float) -> scipy.sparse.csr_array:
+    """Return weights of lines in sums around the middle of each stretch of one width that has lines."""
+    stretch = np.floor(position / width).astype(np.intp)
+    middles = np.array([position[stretch == one].mean() for one in np.unique(stretch)])
+    reach = _SETTINGS.cut * width
+    rows, columns, weights = [], [], []
+    for row, middle in enumerate(middles):
+        first, last = np.searchsorted(position, [middle - reach, middle + reach])
+        weight = np.exp(-0.5 * ((position[first:last] - middle) / width) ** 2)
+        rows.append(np.full(last - first, row))
+        columns.append(np.arange(first, last))
+        weights.append(weight / np.linalg.norm(weight))
+    entries = (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns)))
+    return scipy.sparse.csr_array(entries, shape=(len(middles), len(position)))
 
 
 def thinned_lines(observations: Observations, most: int, always: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -8,15 +8,16 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = ["assess_runs", "find_deviating_bands", "has_size_of_noise", "is_white", "log_improbability"]
+NOISE_ALARM = 1e-6
+"""Probability that noise has a run, anywhere, or a sum of squares, that is not taken for noise."""
+
+__all__ = ["NOISE_ALARM", "assess_runs", "find_deviating_bands", "has_size_of_noise", "is_white", "log_improbability"]
 
 
 @dataclass(frozen=True)
 class Settings:
     """From where residuals are not noise, and what counts as a band of them."""
 
-    false_alarm: float = 1e-6
-    """Probability that noise has a run, anywhere, or a sum of squares, that is not taken for noise."""
     scatter_error: float = 0.15
     """Relative error of a variance that is estimated from the scatter from line to line, of however many lines."""
     scatter_deviation: float = 5.0
@@ -40,7 +41,14 @@ class Settings:
 _SETTINGS = Settings()
 
 
-def has_size_of_noise(squares: float, degrees_of_freedom: int, lines: int, *, variance_known: bool) -> bool:
+def has_size_of_noise(
+    squares: float,
+    degrees_of_freedom: int,
+    lines: int,
+    *,
+    variance_known: bool,
+    false_alarm: float = NOISE_ALARM,
+) -> bool:
     """Return whether a sum of squared residuals, over their variance, is what noise leaves by chance.
 
     Parameters
@@ -50,19 +58,21 @@ def has_size_of_noise(squares: float, degrees_of_freedom: int, lines: int, *, va
     lines : int
         From whose scatter the variance was estimated, if it is not known.
     variance_known : bool
+    false_alarm : float
+        Probability with which noise has a larger sum.
     """
     error = 0.0 if variance_known else _SETTINGS.scatter_error + _SETTINGS.scatter_deviation / np.sqrt(max(1, lines))
     least = max(0.0, squares - error * degrees_of_freedom)
-    return bool(log_improbability(least, degrees_of_freedom) <= -np.log10(_SETTINGS.false_alarm))
+    return bool(log_improbability(least, degrees_of_freedom) <= -np.log10(false_alarm))
 
 
-def is_white(residuals: NDArray[np.float64]) -> bool:
+def is_white(residuals: NDArray[np.float64], false_alarm: float = NOISE_ALARM) -> bool:
     """Return whether residuals (n_freq, n), over their standard deviation, have no run of lines that noise has not.
 
     Chi-squared averages over all lines. A resonance that the fit places wrongly, or another misfit in one place, is
     seen in the sum of squares of the lines there, and in their sum: neighbouring lines err alike.
     """
-    return bool(assess_runs(residuals) <= np.log10(max(1, len(residuals)) / _SETTINGS.false_alarm))
+    return bool(assess_runs(residuals) <= np.log10(max(1, len(residuals)) / false_alarm))
 
 
 def assess_runs(residuals: NDArray[np.float64]) -> float:
