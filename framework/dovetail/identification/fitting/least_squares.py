@@ -9,9 +9,9 @@ from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import find_peaks
 
 __all__ = ["Linearisation", "Minima", "Profiles", "SumOfSquares", "minimise", "profiles", "without"]
 
@@ -109,7 +109,8 @@ class Profiles:
         """Return the lowest minima (k, p) of the profiles, except where they start, with a rise around each."""
         rise = self.cost.min() * _RISE + 1.0
         padded = -np.pad(self.cost, ((0, 0), (1, 1)), constant_values=np.inf)
-        tops = [(axis, top - 1) for axis, row in enumerate(padded) for top in find_peaks(row, prominence=rise)[0]]
+        tops_of = (scipy.signal.find_peaks(row, prominence=rise)[0] - 1 for row in padded)
+        tops = [(axis, top) for axis, tops in enumerate(tops_of) for top in tops]
         spacing = 1.0 / len(self.values)
         apart = [(axis, top) for axis, top in tops if abs(self.values[top] - start[axis]) > spacing]
         apart.sort(key=lambda entry: float(self.cost[entry]))
