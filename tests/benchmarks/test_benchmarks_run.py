@@ -105,10 +105,16 @@ def test_two_resonances_that_lie_close_together_are_told_apart():
     assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]
 
 
-@pytest.mark.parametrize(("case", "seed"), [(7, 9137), (30, 9406)])
+@pytest.mark.parametrize(("case", "seed"), [(7, 9137), (30, 9406), (354, 9402)])
 def test_a_resonance_that_hardly_shows_is_looked_for_along_profiles(case, seed):
-    """All other searches end in minima that lack it, at a chi-squared of more than 2."""
+    """All other searches end in minima that lack it, at a chi-squared of 2 or 1.05; the last needs smoothing."""
     rows = cells(run("genuine_measurements.py", "--only", case, "--seed", seed))[2:]
+    assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]
+
+
+def test_residuals_that_are_hardly_noise_get_further_searches():
+    """A chi-squared of 1.15 on 285 lines might be noise, but 0.99 is there too."""
+    rows = cells(run("genuine_measurements.py", "--only", 16, "--seed", 9405))[2:]
     assert rows[-1][:4] == ["all", "1 of 1", "1 of 1", "1 of 1"]
 
 

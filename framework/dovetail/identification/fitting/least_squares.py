@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from typing import Protocol
 
@@ -13,7 +13,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-__all__ = ["Linearisation", "Minima", "Profiles", "SumOfSquares", "minimise", "profiles", "without"]
+__all__ = ["Linearisation", "Minima", "Profiles", "SumOfSquares", "cuts", "minimise", "profiles", "without"]
 
 _AT_BOUND = 1e-5
 """Distance from a face of the cube within which a search that is driven towards it ends on it: the method itself keeps
@@ -89,10 +89,17 @@ class Minima:
     curvature: NDArray[np.float64]
     steps: NDArray[np.int64]
 
+    @staticmethod
+    def ranked(*minima: Minima) -> Minima:
+        """Return all of them, the lowest first."""
+        order = np.argsort(np.concatenate([group.cost for group in minima]), kind="stable")
+        names = (entry.name for entry in fields(Minima))
+        return Minima(*(np.concatenate([getattr(group, name) for group in minima])[order] for name in names))
+
 
 @dataclass(frozen=True, eq=False)
 class Profiles:
-    """The lowest sums of squares where one of p coordinates after the other has n given values.
+    """Sums of squares where one of p coordinates after the other has n given values: cuts, or the lowest ones.
 
     Parameters
     ----------
@@ -211,6 +218,15 @@ def _triangle(linear: Linearisation) -> NDArray[np.float64]:
         reduced = np.asarray(np.linalg.qr(whole, mode="r")).reshape(-1, rows.shape[1])
         rows = np.concatenate([reduced, rows[blocks * _ROWS_PER_BLOCK :]])
     return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def cuts(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64]) -> Profiles:
+    """Return sums of squares where one coordinate after the other has given values and all others stay at a start."""
+    size, count = len(start), len(values)
+    position = np.tile(start, (size, count, 1))
+    position[np.arange(size), :, np.arange(size)] = values
+    cost = np.sum(problem.residuals(position.reshape(-1, size)) ** 2, axis=1).reshape(size, count)
+    return Profiles(values, cost, position)
 
 
 def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64], steps: int) -> Profiles:

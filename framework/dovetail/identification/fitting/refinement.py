@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agreeing, highest_agreeing
-from dovetail.identification.fitting.least_squares import Minima, minimise, profiles
+from dovetail.identification.fitting.least_squares import Minima, cuts, minimise, profiles
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, WithPrior
 from dovetail.identification.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
@@ -130,21 +130,6 @@ def refine(
         return _Refinement(assembly, Observations.of(assembly, measured), seed, progress).run(starts)
 
 
-@dataclass(frozen=True, eq=False)
-class _Ranked:
-    """The minima where searches ended, the lowest first."""
-
-    position: NDArray[np.float64]
-    cost: NDArray[np.float64]
-    curvature: NDArray[np.float64]
-
-    @staticmethod
-    def of(*minima: Minima | _Ranked) -> _Ranked:
-        order = np.argsort(np.concatenate([group.cost for group in minima]), kind="stable")
-        names = ("position", "cost", "curvature")
-        return _Ranked(*(np.concatenate([getattr(group, name) for group in minima])[order] for name in names))
-
-
 class _Refinement:
     """The state of one refinement: the weights and the lines that count."""
 
@@ -200,17 +185,19 @@ class _Refinement:
             seconds=time.perf_counter() - began,
         )
 
-    def _further(self, minima: _Ranked) -> tuple[_Ranked, _Ranked]:
+    def _further(self, minima: Minima) -> tuple[Minima, Minima]:
         """Search on, until a fit is noise, or enough searches agree that none is; return all minima and the best."""
         profiled = np.inf
         for batch in range(1, _SETTINGS.more_batches + 2):
             minima = self._told_apart(minima.position)  # the weights have changed
             best = self._reweighted(self._fitted(minima.position[:1]))
+            if self._is_noise(best, _SETTINGS.doubtful):
+                break
             passes = self._is_noise(best)
-            if batch > (1 if passes else _SETTINGS.more_batches) or self._is_noise(best, _SETTINGS.doubtful):
+            first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, _SETTINGS.more_batches)
+            if batch > last:
                 break
             enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
-            enough &= profiled <= highest_agreeing(minima.cost[0])
             if enough and batch >= _SETTINGS.least_batches and not self._missed(best).size:
                 break
             along = self._along_axes(best.position[0])
@@ -219,8 +206,7 @@ class _Refinement:
             self._expected = self._searches + further + len(minima.cost) + 1
             ends = self._searched(np.concatenate([along, similar]))
             minima = self._with(minima, ends[: _SETTINGS.carried])
-            now = passes or batch >= _SETTINGS.profiled_batch
-            if now and profiled > highest_agreeing(minima.cost[0]):
+            if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
                 profiled = minima.cost[0]
                 minima = self._with_profiles(minima)
         return minima, best
@@ -244,14 +230,13 @@ class _Refinement:
         Where two resonances lie close together the way into the right minimum is narrow, but most parameters are right
         in a wrong one. A second search from the same minimum finds other points, next to those.
         """
-        along = profiles(self._search, position, self._grid(), steps=0)
-        return along.low_points(position, _SETTINGS.along_axes)
+        return cuts(self._search, position, self._grid()).low_points(position, _SETTINGS.along_axes)
 
     def _grid(self) -> NDArray[np.float64]:
         """Return values along a range, with another offset each time."""
         return (np.arange(_SETTINGS.grid_points) + self._random.random()) / _SETTINGS.grid_points
 
-    def _with_profiles(self, minima: _Ranked) -> _Ranked:
+    def _with_profiles(self, minima: Minima) -> Minima:
         """Add the best minimum on the profiles through the best so far: all others follow while one parameter moves.
 
         Where a resonance hardly shows, the way into the right minimum is narrow; but nearly all of the FRF is right in
@@ -265,10 +250,12 @@ class _Refinement:
         along = profiles(problems[0], position, self._grid(), steps)
         self._steps += along.cost.size * (steps + 1)
         ends = along.low_points(position, _SETTINGS.along_profiles)
+        if not len(ends):
+            return minima
         self._starts += len(ends)
-        for problem in problems if len(ends) else ():
+        for problem in problems:
             ends = self._ends(problem, ends)
-        return self._with(minima, self._told_apart(ends).position[:1]) if len(ends) else minima
+        return self._with(minima, self._told_apart(ends).position[:1])
 
     @property
     def _search(self) -> FrfResiduals:
@@ -303,30 +290,30 @@ class _Refinement:
             position = tried[np.argmin(costs, axis=0), np.arange(len(position))]
         return position
 
-    def _told_apart(self, start: NDArray[np.float64]) -> _Ranked:
+    def _told_apart(self, start: NDArray[np.float64]) -> Minima:
         """Fit on some of the lines: enough to tell which minimum is the best."""
         residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
         return self._minimised(FrfResiduals(self._model_of_some, residual), start)
 
-    def _with(self, minima: _Ranked, ends: NDArray[np.float64]) -> _Ranked:
-        return _Ranked.of(minima, self._told_apart(ends)) if len(ends) else minima
+    def _with(self, minima: Minima, ends: NDArray[np.float64]) -> Minima:
+        return Minima.ranked(minima, self._told_apart(ends)) if len(ends) else minima
 
-    def _fitted(self, start: NDArray[np.float64]) -> _Ranked:
+    def _fitted(self, start: NDArray[np.float64]) -> Minima:
         """Fit on all lines."""
         residual = self._target.weighted(self._variance + self._model_variance, self._used)
         return self._minimised(FrfResiduals(self._model, residual), start)
 
-    def _minimised(self, problem: FrfResiduals, start: NDArray[np.float64]) -> _Ranked:
+    def _minimised(self, problem: FrfResiduals, start: NDArray[np.float64]) -> Minima:
         with_prior = WithPrior(problem, self._assembly)
         tolerance, most_steps = _SETTINGS.fit_tolerance, _SETTINGS.fit_steps
         minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, tell=self._tell)
         self._steps += int(minima.steps.sum())
-        return _Ranked.of(minima)
+        return Minima.ranked(minima)
 
     def _model_at(self, lines: NDArray[np.intp]) -> ModelFrfs:
         return self._model if len(lines) == len(self._variance) else self._model.at(lines)
 
-    def _reweighted(self, best: _Ranked) -> _Ranked:
+    def _reweighted(self, best: Minima) -> Minima:
         """Estimate the random error anew from the best fit, leave isolated lines out, fit again if that matters."""
         if not self._target.variance_known:
             self._variance = self._target.variance(self._values(best))
@@ -338,7 +325,7 @@ class _Refinement:
         best = self._fitted(best.position)
         return best if self._target.variance_known else self._with_residual_variance(best)
 
-    def _with_residual_variance(self, best: _Ranked) -> _Ranked:
+    def _with_residual_variance(self, best: Minima) -> Minima:
         """Estimate the random error from all residuals, and fit again, if nothing but noise is left then."""
         if self._freedom < _SETTINGS.least_freedom or not self._has_size_of_noise(self._residuals(best)):
             return best
@@ -351,10 +338,10 @@ class _Refinement:
         self._variance = from_scatter
         return best
 
-    def _missed(self, best: _Ranked) -> NDArray[np.float64]:
+    def _missed(self, best: Minima) -> NDArray[np.float64]:
         return missed_resonances(self._target, self._variance, self._values(best))
 
-    def _with_discrepancy(self, best: _Ranked, minima: _Ranked) -> tuple[_Ranked, tuple[float, float]]:
+    def _with_discrepancy(self, best: Minima, minima: Minima) -> tuple[Minima, tuple[float, float]]:
         """Estimate the errors of the model, and fit with them: another of the minima may then be the best."""
         starts = np.concatenate([best.position, minima.position[1 : _SETTINGS.refitted]])
         for _ in range(_SETTINGS.most_discrepancies):
@@ -367,15 +354,15 @@ class _Refinement:
                 break
         return best, (relative, background)
 
-    def _values(self, minima: _Ranked) -> NDArray[np.complex128]:
+    def _values(self, minima: Minima) -> NDArray[np.complex128]:
         return np.asarray(self._model.frf(self._assembly.from_unit(minima.position[:1]))[0])
 
-    def _sizes(self, best: _Ranked) -> NDArray[np.float64]:
+    def _sizes(self, best: Minima) -> NDArray[np.float64]:
         """Return the size of each line's residual at the best fit, over its standard deviation."""
         all_lines = self._target.weighted(self._variance, np.ones_like(self._used))
         return np.asarray(all_lines.size(self._values(best)))
 
-    def _residuals(self, best: _Ranked) -> NDArray[np.float64]:
+    def _residuals(self, best: Minima) -> NDArray[np.float64]:
         """Return the residuals at the best fit over their standard deviation."""
         values = self._values(best)[np.newaxis]
         return np.asarray(self._target.weighted(self._variance, self._used).of(values)[0])
@@ -384,10 +371,10 @@ class _Refinement:
     def _freedom(self) -> int:
         return max(1, self._target.residual_count(self._used) - len(self._assembly.parameters))
 
-    def _chi_squared(self, best: _Ranked) -> float:
+    def _chi_squared(self, best: Minima) -> float:
         return float(np.sum(self._residuals(best) ** 2)) / self._freedom
 
-    def _is_noise(self, best: _Ranked, false_alarm: float = NOISE_ALARM) -> bool:
+    def _is_noise(self, best: Minima, false_alarm: float = NOISE_ALARM) -> bool:
         """Say whether the residuals of the best fit are no larger than the random error, and as white."""
         residuals = self._residuals(best)
         white = all(is_white(of_response, false_alarm) for of_response in self._target.by_line(residuals))

@@ -82,10 +82,10 @@ class Smoothed:
     @staticmethod
     def over(observations: Observations, residual: Residual, width: float) -> Smoothed:
         """Smooth residuals of all lines over their neighbours, by a normal distribution of some relative width."""
-        blocks = []
-        for frf in observations.frfs:
-            one = np.ones((1, 1)) if not frf.has_phase else np.eye(2)
-            blocks.append(scipy.sparse.kron(_neighbours(np.log(frf.frequency), width), one))
+        blocks = [
+            scipy.sparse.kron(_neighbours(np.log(frf.frequency), width), np.eye(2 if frf.has_phase else 1))
+            for frf in observations.frfs
+        ]
         return Smoothed(residual, scipy.sparse.csr_array(scipy.sparse.block_diag(blocks)))
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -103,18 +103,11 @@ class Smoothed:
 
 def _neighbours(position: NDArray[np.float64], width: float) -> scipy.sparse.csr_array:
     """Return weights of lines in sums around the middle of each stretch of one width that has lines."""
-    stretch = np.floor(position / width).astype(np.intp)
-    middles = np.array([position[stretch == one].mean() for one in np.unique(stretch)])
-    reach = _SETTINGS.cut * width
-    rows, columns, weights = [], [], []
-    for row, middle in enumerate(middles):
-        first, last = np.searchsorted(position, [middle - reach, middle + reach])
-        weight = np.exp(-0.5 * ((position[first:last] - middle) / width) ** 2)
-        rows.append(np.full(last - first, row))
-        columns.append(np.arange(first, last))
-        weights.append(weight / np.linalg.norm(weight))
-    entries = (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns)))
-    return scipy.sparse.csr_array(entries, shape=(len(middles), len(position)))
+    _, stretch = np.unique(np.floor(position / width), return_inverse=True)
+    middles = np.bincount(stretch, position) / np.bincount(stretch)
+    distance = (position - middles[:, np.newaxis]) / width
+    weight = np.exp(-0.5 * distance**2) * (np.abs(distance) <= _SETTINGS.cut)
+    return scipy.sparse.csr_array(weight / np.linalg.norm(weight, axis=1, keepdims=True))
 
 
 def thinned_lines(observations: Observations, most: int, always: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -8,10 +8,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+__all__ = ["NOISE_ALARM", "assess_runs", "find_deviating_bands", "has_size_of_noise", "is_white", "log_improbability"]
+
 NOISE_ALARM = 1e-6
 """Probability that noise has a run, anywhere, or a sum of squares, that is not taken for noise."""
-
-__all__ = ["NOISE_ALARM", "assess_runs", "find_deviating_bands", "has_size_of_noise", "is_white", "log_improbability"]
 
 
 @dataclass(frozen=True)
