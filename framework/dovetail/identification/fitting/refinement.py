@@ -41,7 +41,7 @@ class Settings:
     grid_points: int = 128
     """Along the range of each parameter, where such starts are looked for."""
     doubtful: float = 0.01
-    """Probability of residuals of noise below which there is another batch, though they may be noise yet."""
+    """Probability of so large a sum of squares of noise below which there is another batch, though it may be noise."""
     profiled_batch: int = 2
     """The further batch from which on profiles through the best minimum so far are followed, on the same grid."""
     along_profiles: int = 8
@@ -377,8 +377,7 @@ class _Refinement:
     def _is_noise(self, best: Minima, false_alarm: float = NOISE_ALARM) -> bool:
         """Say whether the residuals of the best fit are no larger than the random error, and as white."""
         residuals = self._residuals(best)
-        white = all(is_white(of_response, false_alarm) for of_response in self._target.by_line(residuals))
-        return white and self._has_size_of_noise(residuals, false_alarm)
+        return self._has_size_of_noise(residuals, false_alarm) and all(map(is_white, self._target.by_line(residuals)))
 
     def _has_size_of_noise(self, residuals: NDArray[np.float64], false_alarm: float = NOISE_ALARM) -> bool:
         squares = sum(float(np.sum(of_response**2)) for of_response in self._target.by_line(residuals))

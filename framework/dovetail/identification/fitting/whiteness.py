@@ -66,13 +66,13 @@ def has_size_of_noise(
     return bool(log_improbability(least, degrees_of_freedom) <= -np.log10(false_alarm))
 
 
-def is_white(residuals: NDArray[np.float64], false_alarm: float = NOISE_ALARM) -> bool:
+def is_white(residuals: NDArray[np.float64]) -> bool:
     """Return whether residuals (n_freq, n), over their standard deviation, have no run of lines that noise has not.
 
     Chi-squared averages over all lines. A resonance that the fit places wrongly, or another misfit in one place, is
     seen in the sum of squares of the lines there, and in their sum: neighbouring lines err alike.
     """
-    return bool(assess_runs(residuals) <= np.log10(max(1, len(residuals)) / false_alarm))
+    return bool(assess_runs(residuals) <= np.log10(max(1, len(residuals)) / NOISE_ALARM))
 
 
 def assess_runs(residuals: NDArray[np.float64]) -> float:
