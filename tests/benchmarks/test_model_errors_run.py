@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from model_errors import drawn, foreign, judged, row
+from model_errors import caused, drawn, foreign, judged, row
 from wrong_structures import Poles, altered, pole_errors, wrong_structure
 
 
@@ -43,3 +43,14 @@ def test_joints_damped_by_another_law_are_judged_by_damping():
 @pytest.mark.parametrize("number", [1, 6])
 def test_another_structure_does_not_fit(number):
     assert foreign(number, seed=88) == "does not fit"
+
+
+@pytest.mark.parametrize(("number", "size", "seed"), [(2, 3e-3, 612), (0, 5e-2, 871)])
+def test_a_mistake_of_units_is_named_where_the_model_errs(number, size, seed):
+    named = caused((number, "thousand", size), seed, limit=200.0)
+    assert named.words == "all values divided by 1000 (mm and m, or N and kN confused?)"
+
+
+def test_another_quantity_is_named_of_an_exact_model():
+    named = caused((0, "quantity", 0.0), seed=612, limit=200.0)
+    assert named.words == "the values read as mobility, not as accelerance"

@@ -248,7 +248,10 @@ def wrong_structure(
 
 # -- alterations of measurements -------------------------------------------------------------------------------------
 
-ALTERATIONS = ("unaltered", "sign", "gain", "unit", "delay", "conjugate", "point", "mass", "overhang", "range")
+ALTERATIONS = (
+    *("unaltered", "sign", "gain", "unit", "thousand", "quantity", "delay", "conjugate"),
+    *("point", "mass", "overhang", "range"),
+)
 
 
 def altered(
@@ -262,16 +265,19 @@ def altered(
         On the lines of the measurement.
     theta : (n_params,) array
     name : str
-        One of `ALTERATIONS`: a gain of 1.2, g read as m/s^2, a delay of 20 microseconds, a point one to three nodes
-        away, a mass of 5 % of the apparent mass, an overhang 10 mm or 10 % longer, a parameter of twice the upper end
-        of its range or half the lower one.
+        One of `ALTERATIONS`: a gain of 1.2, g read as m/s^2, mm read as m, an FRF integrated once, or differentiated if
+        it is a receptance, a delay of 20 microseconds, a point one to three nodes away, a mass of 5 % of the apparent
+        mass, an overhang 10 mm or 10 % longer, a parameter of twice the upper end of its range or half the lower one.
     rng : numpy.random.Generator
     """
-    factors = {"sign": -1.0, "gain": 1.2, "unit": 1.0 / 9.80665}
+    factors = {"sign": -1.0, "gain": 1.2, "unit": 1.0 / 9.80665, "thousand": 1e3}
     if name == "unaltered":
         return assembly
     if name in factors:
         return _times(assembly, np.full(len(assembly.frequency), factors[name], dtype=np.complex128))
+    if name == "quantity":
+        angular = 2j * np.pi * assembly.frequency
+        return _times(assembly, angular if assembly.description.response.quantity == "receptance" else 1.0 / angular)
     if name == "delay":
         phase = 2.0 * np.pi * _DELAY * assembly.frequency
         return _times(assembly, np.exp(-1j * phase)) if phase[-1] > _LEAST_PHASE else None

@@ -14,7 +14,7 @@ import dovetail
 from dovetail.identification.adequacy.adequacy import Cause
 from dovetail.identification.adequacy.causes import _named, find_causes
 from dovetail.identification.adequacy.perturbations import list_perturbations
-from dovetail.identification.adequacy.trials import power_given_out
+from dovetail.identification.adequacy.trials import Trials, power_given_out
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.multistart import fit_at
 from dovetail.identification.fitting.observations import Observations
@@ -395,7 +395,7 @@ def test_a_passive_structure_gives_out_power_only_if_sign_or_phase_are_wrong(qua
     genuine = noisy(model, model.frf(TRUTH), 0.02, 1).to(quantity)
 
     def given_out(values):
-        return power_given_out(model, [replace(genuine, values=values)], genuine.variance)
+        return power_given_out(model, Observations((replace(genuine, values=values),)), genuine.variance)
 
     assert given_out(genuine.values) == 0.0
     assert given_out(-genuine.values) > 0.95
@@ -406,12 +406,21 @@ def test_power_is_not_told_from_transfer_frfs_amplitudes_and_noise():
     model = chain(MASSES)
     drive_point, transfer = (noisy(alone, -alone.frf(TRUTH), 0.02, 1) for alone in model.each_response)
     variance = np.concatenate([drive_point.variance, transfer.variance])
-    assert power_given_out(model, [drive_point, transfer], variance) > 0.95
+    assert power_given_out(model, Observations((drive_point, transfer)), variance) > 0.95
     lines = len(transfer.frequency)
-    assert power_given_out(model.at(1), [transfer], variance[lines:]) == 0.0
+    assert power_given_out(model.at(1), Observations((transfer,)), variance[lines:]) == 0.0
     amplitude = replace(drive_point, values=drive_point.amplitude.astype(complex), has_phase=False)
-    assert power_given_out(model.at(0), [amplitude], variance[:lines]) == 0.0
-    assert power_given_out(model.at(0), [drive_point], np.full(lines, 1e4 * drive_point.amplitude.max() ** 2)) == 0.0
+    assert power_given_out(model.at(0), Observations((amplitude,)), variance[:lines]) == 0.0
+    noise = np.full(lines, 1e4 * drive_point.amplitude.max() ** 2)
+    assert power_given_out(model.at(0), Observations((drive_point,)), noise) == 0.0
+
+
+def test_a_model_that_is_far_too_small_fits_worse_than_one_that_is_a_little(sdof):
+    """Relative to the measured value both leave nearly all of it."""
+    measured = altered(sdof, None, "")
+    trials = Trials(sdof, [measured], fit_of(sdof, measured))
+    small, smaller = (trials.judged(trials.best, trials.values(trials.best) / factor) for factor in (10.0, 1000.0))
+    assert smaller.misfit > small.misfit + 3.0
 
 
 @pytest.mark.parametrize("seed", range(4))

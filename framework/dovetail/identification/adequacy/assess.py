@@ -94,7 +94,7 @@ def assess(
     size = replace(estimated.size, magnitude=max(estimated.size.magnitude, _typical_ratio(target, estimated.values)))
     with logged(__name__, "causes of the misfit"):
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
-    given_out = power_given_out(assembly, target.frfs, fit.variance)
+    given_out = power_given_out(assembly, target, fit.variance)
     adequacy = Adequacy(
         word_for(size),
         size,

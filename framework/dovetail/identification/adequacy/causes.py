@@ -67,6 +67,9 @@ class Settings:
     """Logarithm by which a gain may differ from the factor of a usual mistake of units."""
     gross_unit: float = 0.25
     """The same for factors of 2 and more: of a model that is rough, the gain is not known better."""
+    uncertain_unit: float = 1.6
+    """The same where the gain itself is tried beside them: from a joint that is not right it is known within a factor
+    of five."""
     delays: int = 400
     """Delays that are compared, up to two periods of the highest frequency either way."""
     points: int = 2
@@ -121,7 +124,7 @@ def find_causes(
 
     Notes
     -----
-    The misfit is the mean of log(1 + |residual|^2 / variance) over few lines, among them those around each resonance.
+    The misfit (`Trial`) is that of few lines, among them those around each resonance.
     A cause in the measurement is named if the misfit falls by 0.3 with it, one in the model if it falls by 0.6, or
     either by 0.4 of what separates it from noise; a quantity of a part if it takes away 0.7 of that. If the measured
     structure gives out power, only what may end that is tried, and the better of sign and phase is named in any case.
@@ -197,7 +200,7 @@ def _candidates(trials: Trials, progress: Progress, explained: Callable[[], bool
 def _phases(trials: Trials) -> Iterator[Candidate]:
     if not _has_phase(trials):
         return
-    starts, frfs = [trials.best, trials.shape], trials.target.frfs
+    starts, frfs = trials.starts, trials.target.frfs
     for name, words, change in (
         ("sign", "the sign reversed", lambda values: -values),
         ("conjugate", "the phase conjugated", np.conj),
@@ -223,14 +226,14 @@ def _gains_and_masses(trials: Trials) -> Iterator[Candidate]:
 
 def _gains(trials: Trials, power: int = 0) -> Iterator[Candidate]:
     frfs = _times(trials.target.frfs, lambda axis: (2j * np.pi * axis) ** -power)
-    starts = [trials.best, trials.shape]
-    theta, gain = trials.fit_freely(frfs, starts, np.ones(len(trials.target.frequency), dtype=np.complex128))
+    change = np.ones(len(trials.target.frequency), dtype=np.complex128)
+    free, gain = trials.fit_freely(frfs, [trials.best, trials.shape], change)
     for factor, unit in _factors(gain):
         if not power and abs(np.log(factor)) < np.log1p(_SETTINGS.gain):
             continue
         corrected = [replace(frf, values=frf.values / factor) for frf in frfs]
         words = _as_gain(factor, unit) if abs(np.log(factor)) >= np.log1p(_SETTINGS.gain) else ""
-        trial = trials.fit(trials.assembly, corrected, [theta])
+        trial = trials.fit(trials.assembly, corrected, [free.theta, trials.shape])
         if power:
             quantity = trials.stated[0]
             actual = QUANTITIES[QUANTITIES.index(quantity) + power]
@@ -244,15 +247,15 @@ def _as_gain(factor: float, unit: str) -> str:
 
 
 def _factors(gain: float) -> list[tuple[float, str]]:
-    """Return the factor of a usual mistake of units if the logarithm of a gain is near it, else the gain itself."""
+    """Return factors of usual mistakes of units if the logarithm of a gain is near them, else the gain beside them."""
     usual = [(known**sign, words) for known, words in _UNITS for sign in (1, -1)]
-    near = [(factor, words) for factor, words in usual if abs(np.log(factor) - gain) < _SETTINGS.unit]
-    gross = [
-        (factor, words)
-        for factor, words in usual
-        if abs(np.log(factor) - gain) < _SETTINGS.gross_unit and abs(np.log(factor)) > np.log(3.0)
-    ]
-    return near or gross or [(float(np.exp(gain)), "")]
+    gross = [(factor, words) for factor, words in usual if abs(np.log(factor)) > np.log(3.0)]
+
+    def within(factors: list[tuple[float, str]], limit: float) -> list[tuple[float, str]]:
+        return [(factor, words) for factor, words in factors if abs(np.log(factor) - gain) < limit]
+
+    near = within(usual, _SETTINGS.unit) or within(gross, _SETTINGS.gross_unit)
+    return near or [(float(np.exp(gain)), ""), *within(gross, _SETTINGS.uncertain_unit)]
 
 
 def _quantities(trials: Trials) -> Iterator[Candidate]:
@@ -275,7 +278,7 @@ def _delays(trials: Trials) -> Iterator[Candidate]:
     angular = 2.0 * np.pi * trials.target.frequency
     change = np.asarray(-1j * angular / angular.max())
     guesses = []
-    for start in (trials.best, trials.shape):
+    for start in trials.starts:
         phase = np.angle(values_of(trials.target.frfs) * np.conj(trials.values(start)))
         grid = np.linspace(-4.0 * np.pi, 4.0 * np.pi, _SETTINGS.delays)
         agreement = np.cos(phase + np.outer(grid, angular / angular.max())).mean(axis=1)
@@ -285,11 +288,11 @@ def _delays(trials: Trials) -> Iterator[Candidate]:
     def corrected(amount: float) -> list[Frf]:
         return _times(trials.target.frfs, lambda axis: np.exp(2j * np.pi * amount * axis / angular.max()))
 
-    theta, rest = trials.fit_freely(corrected(amount), [start], change)
+    free, rest = trials.fit_freely(corrected(amount), [start], change)
     amount += rest
     if abs(amount) > _SETTINGS.phase:
         words = f"a delay of {1e6 * amount / angular.max():.3g} microseconds taken out"
-        yield "delay", words, trials.fit(trials.assembly, corrected(amount), [theta])
+        yield "delay", words, trials.fit(trials.assembly, corrected(amount), [free.theta])
 
 
 def _overhangs(trials: Trials) -> Iterator[Candidate]:

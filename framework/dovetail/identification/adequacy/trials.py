@@ -47,6 +47,12 @@ class Settings:
     """Relative error that every line is allowed, so that none dominates."""
     free: float = 100.0
     """Standard deviation of an unknown gain, or power of the frequency, in logarithms: as good as free."""
+    tiny: float = 10.0
+    """Times that a model is smaller than measured beyond which residuals count more; peaks side by side make less."""
+    floor: float = 3.0
+    """Standard deviations of its random error below which a measured value does not tell how small the model is."""
+    longest: float = 1.0
+    """Change of a logarithm up to which that of the value is nearly linear in it."""
     clear: float = 5.0
     """Standard deviations of its random error by which a power is clear of it."""
 
@@ -67,7 +73,8 @@ class Trial:
         SI.
     misfit : float
         Mean over the lines of log(1 + |residual|^2 / variance): 0.6 for noise. It grows with the logarithm of typical
-        residuals, so that neither peaks nor antiresonances decide alone.
+        residuals, so that neither peaks nor antiresonances decide alone. Where the model is less than a tenth of the
+        measurement, its residual counts as many times more.
     coherence : float
         Mean coherence of model and measurement.
     """
@@ -100,7 +107,7 @@ class Trials:
 
     def __init__(self, assembly: Assembly, measured: Sequence[Frf], fit: Fit, deadline: float = np.inf) -> None:
         target = Observations.of(assembly, measured)
-        self.is_active = power_given_out(assembly, target.frfs, fit.variance) > MOST_GIVEN_OUT
+        self.is_active = power_given_out(assembly, target, fit.variance) > MOST_GIVEN_OUT
         lines = search_lines(target, fit.variance)
         lines = lines[fit.used[lines]]
         self.best = fit.theta
@@ -144,9 +151,14 @@ class Trials:
     @cached_property
     def unchanged(self) -> Trial:
         """The fit with nothing changed."""
-        trial = self.fit(self.assembly, self.target.frfs, [self.best, self.shape])
+        trial = self.fit(self.assembly, self.target.frfs, self.starts)
         self._most = trial.misfit + _SETTINGS.hopeless
         return trial
+
+    @cached_property
+    def starts(self) -> list[NDArray[np.float64]]:
+        """Joints (p,) that may be right but for a phase, or for gain and quantity [SI]."""
+        return [self.best, self.shape, self.search(self.assembly, self.shape)]
 
     @cached_property
     def shape(self) -> NDArray[np.float64]:
@@ -162,10 +174,8 @@ class Trials:
     def search(self, assembly: Assembly, *starts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the joint (p,) [SI] whose amplitudes fit best with another model, from some and similar joints."""
         problem = FrfResiduals(ModelFrfs.of(assembly), self._logarithms(self._amplitudes))
-        given = assembly.to_unit(np.array([self.best, *starts]))
-        return np.asarray(
-            assembly.from_unit(self._lowest(problem, np.concatenate([given, self._most_similar(problem)])))
-        )
+        points = np.concatenate([assembly.to_unit(np.array([self.best, *starts])), self._most_similar(problem)])
+        return np.asarray(assembly.from_unit(self._lowest(problem, points)))
 
     def fit(self, assembly: Assembly, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]]) -> Trial:
         """Fit a model to measured FRFs, first their logarithms, then themselves, weighted by typical residuals.
@@ -194,11 +204,12 @@ class Trials:
 
     def fit_freely(
         self, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]], change: NDArray[np.complex128]
-    ) -> tuple[NDArray[np.float64], float]:
+    ) -> tuple[Trial, float]:
         """Fit the joint to a measurement whose logarithms may be changed by any amount.
 
         At first all lines count alike, then by their noise and what typically is left: the one is robust, the other
-        as precise as the measurement.
+        as precise as the measurement, but draws it towards zero by what model and measurement do not have in common.
+        The best pass counts.
 
         Parameters
         ----------
@@ -210,14 +221,16 @@ class Trials:
 
         Returns
         -------
-        theta : (p,) array
-            SI.
-        amount : float
+        Trial
+            With the measurement changed.
+        float
+            The amount.
         """
         model, amount = ModelFrfs.of(self.assembly), 0.0
         target, position = Observations(tuple(frfs)), self.assembly.to_unit(np.array(starts))
         residual: Residual = self._logarithms(target)
-        for _ in range(_SETTINGS.passes):
+        ends: list[tuple[Trial, float]] = []
+        for weighted in range(_SETTINGS.passes):
             values = values_of(target.frfs)[np.newaxis]
             direction = residual.jacobian(values, (change * values)[:, np.newaxis])[0]
             problem = MarginalisedResiduals(FrfResiduals(model, residual), _SETTINGS.free * direction)
@@ -225,11 +238,13 @@ class Trials:
             theta = self.assembly.from_unit(position[0])
             left = residual.of(model.frf(theta[np.newaxis]))[0]
             step = -float(left @ direction[0] / (direction[0] @ direction[0]))
+            step = float(np.clip(step, -_SETTINGS.longest, _SETTINGS.longest)) if weighted else step
             amount += step
-            ends = target.split(values_of(target.frfs) * np.exp(-step * change))
-            target = Observations(tuple(replace(f, values=v) for f, v in zip(target.frfs, ends, strict=True)))
+            changed = zip(target.frfs, target.split(values_of(target.frfs) * np.exp(-step * change)), strict=True)
+            target = Observations(tuple(replace(frf, values=values) for frf, values in changed))
+            ends.append((self._trial(model, target, theta), amount))
             residual = self._weighted(model, target, theta)
-        return theta, amount
+        return min(ends, key=lambda end: end[0].misfit)
 
     def fit_amount(
         self, perturbation: Perturbation, theta: NDArray[np.float64], amount: float
@@ -283,30 +298,27 @@ class Trials:
         return np.asarray(self.relative * square)
 
     def _weighted(self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]) -> Residual:
-        """Return residuals over their noise and what a joint (p,) [SI] typically leaves of them."""
-        return target.weighted(self._variance(target) + self._typical_square(model, target, theta), self._used)
-
-    def _typical_square(
-        self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return the median of relative squared residuals beyond the noise, times the square of each value."""
-        values = model.frf(theta[np.newaxis])[0]
+        """Return residuals over their noise and what a joint (p,) [SI] typically leaves of them, relative to itself."""
+        values, variance = model.frf(theta[np.newaxis])[0], self._variance(target)
         size = np.abs(values) ** 2
-        excess = float(np.median(np.maximum(target.squares(values) - self._variance(target), 0.0) / size))
-        return np.asarray(excess * size)
+        typical = float(np.median(np.maximum(target.squares(values) - variance, 0.0) / size))
+        return target.weighted(variance + typical * size, self._used)
 
     def _trial(self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]) -> Trial:
         return self._judged(target, theta, model.frf(theta[np.newaxis])[0])
 
     def _judged(self, target: Observations, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
         measured = values_of(target.frfs)
-        misfit = float(np.mean(np.log1p(target.squares(values) / self._variance(target))))
+        variance = self._variance(target)
+        least = np.maximum(_SETTINGS.tiny * np.abs(values), _SETTINGS.floor * np.sqrt(variance))
+        squares = target.squares(values) * np.maximum(1.0, np.abs(measured) / least) ** 2
+        misfit = float(np.mean(np.log1p(squares / variance)))
         if not all(frf.has_phase for frf in target.frfs):
             values, measured = np.abs(values).astype(complex), np.abs(measured).astype(complex)
         return Trial(theta, misfit, float(coherence_spectrum(measured, values).mean()))
 
 
-def power_given_out(assembly: Assembly, frfs: Sequence[Frf], variance: NDArray[np.float64]) -> float:
+def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[np.float64]) -> float:
     """Return which part of the power at drive points the structure gives out; a passive one only takes it up.
 
     Per force at its own point, a structure takes up a power in proportion to the real part of the mobility. Reversed
@@ -315,8 +327,7 @@ def power_given_out(assembly: Assembly, frfs: Sequence[Frf], variance: NDArray[n
     Parameters
     ----------
     assembly : Assembly
-    frfs : sequence of Frf
-        One for each response.
+    target : Observations
     variance : (n_lines,) array
         Of all their values.
 
@@ -326,9 +337,9 @@ def power_given_out(assembly: Assembly, frfs: Sequence[Frf], variance: NDArray[n
         Of the real parts that are clear of random error those below zero, over all, in magnitude; 0 if none is clear,
         without drive points, and without phases.
     """
-    ends = np.cumsum([len(frf.frequency) for frf in frfs])[:-1]
     given_out = total = 0.0
-    for frf, response, errors in zip(frfs, assembly.description.responses, np.split(variance, ends), strict=True):
+    of_responses = zip(target.frfs, assembly.description.responses, target.split(variance), strict=True)
+    for frf, response, errors in of_responses:
         if response.is_drive_point and frf.has_phase:
             to_mobility = np.abs(conversion(frf.frequency, frf.quantity, "mobility"))
             power = frf.to("mobility").values.real
