@@ -16,7 +16,8 @@ size allowed, whichever is nearer. "seen" counts the cases whose residuals witho
 chi-squared to find them. Sizes are those of natural frequencies, but of damping ratios for "loss" and "law", which
 hardly move natural frequencies. Of what is seen, the table counts the sizes told that are within a factor of two of
 what is left, of the size at equal parameters, or between them; of the others, those that are told to be fitted to the
-noise, or within a factor of two of what is left all the same. Intervals count that hold the true value; their width is
+noise, or within a factor of two of what is left all the same; and of all, those that are right as the seen ones are, or
+not seen and told to be fitted to the noise. Intervals count that hold the true value; their width is
 in parts of the range.
 
 With `--causes` the measurements are altered, with and without an error of the model, and the cause that is named first
@@ -267,8 +268,8 @@ def works(cases: int, sizes: Iterable[float], kinds: Sequence[str], first: int =
 
 
 HEADER = (
-    "| error | cases | seen | told as left | as at equal parameters | between | of those not seen "
-    "| intervals that hold | median width | words | median time |\n|---|---|---|---|---|---|---|---|---|---|---|"
+    "| error | cases | seen | told as left | as at equal parameters | between | of those not seen | between, of all "
+    "| intervals that hold | median width | words | median time |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -284,6 +285,7 @@ def row(name: str, cases: Sequence[Case]) -> str:
         str(len(seen)),
         *(f"{sum(getattr(case, name) for case in seen)} of {len(seen)}" for name in ("as_left", "as_known", "between")),
         f"{sum(case.as_left for case in hidden)} of {len(hidden)}",
+        f"{sum(case.between for case in cases)} of {len(cases)}",
         f"{sum(held)} of {len(held)} ({np.mean(held):.0%})" if held else "-",
         f"{np.median([width for case in cases for width in case.widths]):.3f}" if held else "-",
         ", ".join(f"{count} {word}" for word, count in words.items()),

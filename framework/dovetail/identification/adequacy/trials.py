@@ -230,7 +230,7 @@ class Trials:
         target, position = Observations(tuple(frfs)), self.assembly.to_unit(np.array(starts))
         residual: Residual = self._logarithms(target)
         ends: list[tuple[Trial, float]] = []
-        for weighted in range(_SETTINGS.passes):
+        for number in range(_SETTINGS.passes):
             values = values_of(target.frfs)[np.newaxis]
             direction = residual.jacobian(values, (change * values)[:, np.newaxis])[0]
             problem = MarginalisedResiduals(FrfResiduals(model, residual), _SETTINGS.free * direction)
@@ -238,7 +238,7 @@ class Trials:
             theta = self.assembly.from_unit(position[0])
             left = residual.of(model.frf(theta[np.newaxis]))[0]
             step = -float(left @ direction[0] / (direction[0] @ direction[0]))
-            step = float(np.clip(step, -_SETTINGS.longest, _SETTINGS.longest)) if weighted else step
+            step = float(np.clip(step, -_SETTINGS.longest, _SETTINGS.longest)) if number else step
             amount += step
             changed = zip(target.frfs, target.split(values_of(target.frfs) * np.exp(-step * change)), strict=True)
             target = Observations(tuple(replace(frf, values=values) for frf, values in changed))
