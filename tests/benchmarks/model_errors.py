@@ -17,8 +17,8 @@ chi-squared to find them. Sizes are those of natural frequencies, but of damping
 hardly move natural frequencies. Of what is seen, the table counts the sizes told that are within a factor of two of
 what is left, of the size at equal parameters, or between them; of the others, those that are told to be fitted to the
 noise, or within a factor of two of what is left all the same; and of all, those that are right as the seen ones are, or
-not seen and told to be fitted to the noise. Intervals count that hold the true value; their width is
-in parts of the range.
+not seen and told to be fitted to the noise. Intervals count that hold the true value; their width is in parts of the
+range.
 
 With `--causes` the measurements are altered, with and without an error of the model, and the cause that is named first
 is counted. Where the joint imitates an alteration down to the noise it is hidden: nothing in the measurement shows it.

@@ -249,8 +249,18 @@ def wrong_structure(
 # -- alterations of measurements -------------------------------------------------------------------------------------
 
 ALTERATIONS = (
-    *("unaltered", "sign", "gain", "unit", "thousand", "quantity", "delay", "conjugate"),
-    *("point", "mass", "overhang", "range"),
+    "unaltered",
+    "sign",
+    "gain",
+    "unit",
+    "thousand",
+    "quantity",
+    "delay",
+    "conjugate",
+    "point",
+    "mass",
+    "overhang",
+    "range",
 )
 
 

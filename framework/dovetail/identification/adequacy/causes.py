@@ -66,7 +66,7 @@ class Settings:
     unit: float = 0.03
     """Logarithm by which a gain may differ from the factor of a usual mistake of units."""
     gross_unit: float = 0.25
-    """The same for factors of 2 and more: of a model that is rough, the gain is not known better."""
+    """The same for factors above 3: of a model that is rough, the gain is not known better."""
     uncertain_unit: float = 1.6
     """The same where the gain itself is tried beside them: from a joint that is not right it is known within a factor
     of five."""

@@ -51,8 +51,6 @@ class Settings:
     """Times that a model is smaller than measured beyond which residuals count more; peaks side by side make less."""
     floor: float = 3.0
     """Standard deviations of its random error below which a measured value does not tell how small the model is."""
-    longest: float = 1.0
-    """Change of a logarithm up to which that of the value is nearly linear in it."""
     clear: float = 5.0
     """Standard deviations of its random error by which a power is clear of it."""
 
@@ -77,11 +75,14 @@ class Trial:
         measurement, its residual counts as many times more.
     coherence : float
         Mean coherence of model and measurement.
+    values : (n_lines,) complex array
+        The model's FRFs.
     """
 
     theta: NDArray[np.float64]
     misfit: float
     coherence: float
+    values: NDArray[np.complex128]
 
 
 class Trials:
@@ -194,7 +195,7 @@ class Trials:
         position = self._lowest(FrfResiduals(model, self._logarithms(target)), positions)
         best = self._trial(model, target, assembly.from_unit(position))
         for _ in range(_SETTINGS.reweighted if best.misfit < self._most else 0):
-            problem = FrfResiduals(model, self._weighted(model, target, best.theta))
+            problem = FrfResiduals(model, self._weighted(target, best.values))
             position = self._lowest(problem, assembly.to_unit(best.theta)[np.newaxis])
             before, now = best, self._trial(model, target, assembly.from_unit(position))
             best = min(before, now, key=lambda trial: trial.misfit)
@@ -230,20 +231,20 @@ class Trials:
         target, position = Observations(tuple(frfs)), self.assembly.to_unit(np.array(starts))
         residual: Residual = self._logarithms(target)
         ends: list[tuple[Trial, float]] = []
-        for number in range(_SETTINGS.passes):
+        for _ in range(_SETTINGS.passes):
             values = values_of(target.frfs)[np.newaxis]
             direction = residual.jacobian(values, (change * values)[:, np.newaxis])[0]
             problem = MarginalisedResiduals(FrfResiduals(model, residual), _SETTINGS.free * direction)
             position = self._lowest(problem, position)[np.newaxis]
             theta = self.assembly.from_unit(position[0])
-            left = residual.of(model.frf(theta[np.newaxis]))[0]
+            frf = model.frf(theta[np.newaxis])
+            left = residual.of(frf)[0]
             step = -float(left @ direction[0] / (direction[0] @ direction[0]))
-            step = float(np.clip(step, -_SETTINGS.longest, _SETTINGS.longest)) if number else step
             amount += step
             changed = zip(target.frfs, target.split(values_of(target.frfs) * np.exp(-step * change)), strict=True)
-            target = Observations(tuple(replace(frf, values=values) for frf, values in changed))
-            ends.append((self._trial(model, target, theta), amount))
-            residual = self._weighted(model, target, theta)
+            target = Observations(tuple(replace(measured, values=values) for measured, values in changed))
+            ends.append((self._judged(target, theta, frf[0]), amount))
+            residual = self._weighted(target, frf[0])
         return min(ends, key=lambda end: end[0].misfit)
 
     def fit_amount(
@@ -255,10 +256,10 @@ class Trials:
             problem = PerturbedResiduals(perturbation, residual)
             end = self._lowest(problem, problem.position(self.assembly.to_unit(theta), amount))
             amount, theta = problem.amount(end), self.assembly.from_unit(end[:-1])
-            model = ModelFrfs.of(perturbation.apply(amount))
-            if self._trial(model, self.target, theta).misfit > self._most:
+            trial = self._trial(ModelFrfs.of(perturbation.apply(amount)), self.target, theta)
+            if trial.misfit > self._most:
                 break
-            residual = self._weighted(model, self.target, theta)
+            residual = self._weighted(self.target, trial.values)
         return amount, theta
 
     def judged(self, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
@@ -297,10 +298,9 @@ class Trials:
         square = np.maximum(np.abs(values_of(target.frfs)) ** 2, np.finfo(float).tiny)
         return np.asarray(self.relative * square)
 
-    def _weighted(self, model: ModelFrfs, target: Observations, theta: NDArray[np.float64]) -> Residual:
-        """Return residuals over their noise and what a joint (p,) [SI] typically leaves of them, relative to itself."""
-        values, variance = model.frf(theta[np.newaxis])[0], self._variance(target)
-        size = np.abs(values) ** 2
+    def _weighted(self, target: Observations, values: NDArray[np.complex128]) -> Residual:
+        """Return residuals over their noise and what values (n_lines,) typically leave of them, relative to these."""
+        variance, size = self._variance(target), np.abs(values) ** 2
         typical = float(np.median(np.maximum(target.squares(values) - variance, 0.0) / size))
         return target.weighted(variance + typical * size, self._used)
 
@@ -313,9 +313,10 @@ class Trials:
         least = np.maximum(_SETTINGS.tiny * np.abs(values), _SETTINGS.floor * np.sqrt(variance))
         squares = target.squares(values) * np.maximum(1.0, np.abs(measured) / least) ** 2
         misfit = float(np.mean(np.log1p(squares / variance)))
+        pair = [measured, values]
         if not all(frf.has_phase for frf in target.frfs):
-            values, measured = np.abs(values).astype(complex), np.abs(measured).astype(complex)
-        return Trial(theta, misfit, float(coherence_spectrum(measured, values).mean()))
+            pair = [np.abs(part).astype(complex) for part in pair]
+        return Trial(theta, misfit, float(coherence_spectrum(*pair).mean()), values)
 
 
 def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[np.float64]) -> float:
