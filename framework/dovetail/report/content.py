@@ -240,7 +240,7 @@ def columns_sentence(result: Identification | ModalIdentification) -> str:
             "fit the measurement best: where parameters trade with each other, the two differ."
         )
     if result.network is not None:
-        sentences.append("The network's answer, from which the fit began, is that of the method of the publication.")
+        sentences.append("The fit began with the network's answer.")
     return " ".join(sentences)
 
 
