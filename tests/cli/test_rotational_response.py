@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -48,12 +49,15 @@ def test_the_unit_of_a_rotation(turned):
     assert simulated_figure(frf).axes[0].get_ylabel() == "Accelerance [rad/(N·m·s²)]"
 
 
-def test_what_is_simulated_and_identified_is_a_rotation(turned, monkeypatch):
+def test_what_is_simulated_and_identified_is_a_rotation(turned, tmp_path):
     model = dovetail.train(dovetail.load(turned))
     measured = dovetail.Frf(model.assembly.frequency, model.assembly.frf([1e5, 10.0]), "accelerance")
     result = model.identify(measured, "network")
     assert result.frf.rotation
     assert result.measured.rotation
+    (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
+    stored = dovetail.load_result(tmp_path)
+    assert (stored.frf.unit, stored.measured.unit) == ("rad/(N m s^2)", "rad/(N m s^2)")
     assert dovetail.predict(model.assembly, {"kr": 1e5, "cr": 10.0}).rotation
 
 

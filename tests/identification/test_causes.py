@@ -440,3 +440,15 @@ def test_a_conjugated_phase_is_named_of_a_structure_that_the_model_does_not_fit(
     names, reasons = told(genuine)
     assert not {"sign", "conjugate"} & set(names)
     assert reasons == 0
+
+
+@pytest.mark.parametrize("has_phase", [True, False])
+def test_lines_that_are_exactly_zero_side_by_side_have_no_logarithm(sdof, has_phase):
+    """Of a measurement that the model does not fit, whose causes are sought by logarithms."""
+    frequency = sdof.frequency / sdof.frequency[-1]
+    frf = noisy(sdof, sdof.frf() * (1.0 + 0.3 * (2.0 * frequency) ** 2), 0.01, 1, has_phase=has_phase)
+    values = frf.values.copy()
+    values[300:305] = 0.0
+    adequacy = dovetail.identify(sdof, replace(frf, values=values, variance=None), "refined").adequacy
+    assert adequacy.word != "to the noise"
+    assert np.isfinite([cause.residual_factor for cause in adequacy.causes]).all()

@@ -14,8 +14,11 @@ import dovetail
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.fit import bounds_reached, count_agreeing
 from dovetail.identification.fitting.least_squares import Linearisation, minimise
+from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines, known_variance
+from dovetail.identification.fitting.refinement import _Refinement
 from dovetail.identification.fitting.residuals import LogAmplitude, Weighted
+from dovetail.interfaces import silent
 
 
 @pytest.mark.parametrize(("deviations", "explained"), [(4.5, True), (5.5, False)])
@@ -232,3 +235,13 @@ def test_as_few_residuals_as_parameters_do_not_tell_the_noise(sdof, lines):
     frf = noisy(sdof.on(sdof.frequency[near]), sdof.frf()[near], 0.01, 1)
     fit = refine(sdof.on(frf.frequency), replace(frf, variance=None))
     np.testing.assert_allclose(fit.variance, (0.01 * frf.amplitude.max()) ** 2, rtol=0.5)
+
+
+@pytest.mark.parametrize(("start", "expected"), [(-3e-4, -3e-4), (-1.0, -1e-3), (0.5, 1e-3)])
+def test_starts_are_brought_to_the_ends_of_their_ranges_and_no_further(sdof, start, expected):
+    plain = json.loads(sdof.description.text)
+    plain["response"]["calibration"] = {"delay": {"range": ["-1 ms", "1 ms"]}}
+    assembly = dovetail.load(plain)
+    target = Observations.of(assembly, [noisy(assembly, assembly.frf())])
+    (fraction,) = _Refinement(assembly, target, 0, silent)._first_batch([np.array([1e6, 50.0, start])])
+    np.testing.assert_allclose(assembly.from_unit(fraction), [1e6, 50.0, expected])

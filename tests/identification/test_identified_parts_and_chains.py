@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.identification.identify import _sign
 
 MASSES: dict[str, Any] = {
     "dovetail": 1,
@@ -204,3 +205,16 @@ def test_an_identified_part_is_predicted_with():
     predicted = dovetail.predict(dovetail.load({**MASSES, "response": TRANSFER}), result)
     expected = as_measured(dovetail.load({**MASSES, "responses": [DRIVE, TRANSFER]}))[1]
     assert np.abs(predicted.values - expected).max() < 0.05 * np.abs(expected).max()
+
+
+def test_an_unknown_sign_is_told_by_phases_however_small_the_model_is_on_some_lines(sdof):
+    """Far below the resonance an accelerance is a ten-thousandth of its peak, and all noise."""
+    plain = json.loads(sdof.description.text)
+    plain["response"]["calibration"] = {"sign": "unknown"}
+    assembly = dovetail.load(plain)
+    theta, random = assembly.from_unit(np.array([0.3, 0.4])), np.random.default_rng(0)
+    values = -assembly.frf(theta)
+    for _ in range(20):
+        noise = random.standard_normal((2, len(values))) * 0.1 * np.abs(values).mean()
+        noisy = dovetail.Frf(assembly.frequency, values + noise[0] + 1j * noise[1], "accelerance")
+        assert _sign(assembly, theta, noisy) == -1.0

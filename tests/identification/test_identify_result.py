@@ -131,6 +131,14 @@ def test_provenance_names_description_measurement_and_versions(
     assert provenance["components"]["reducer pca"].startswith("dovetail-frf")
 
 
+@pytest.mark.parametrize(
+    ("method", "options"), [("refined", {}), ("posterior", {"form": "laplace"}), ("multistart", {"starts": 2})]
+)
+def test_provenance_names_the_seed_that_was_used(small, measured, method, options):
+    assert dovetail.identify(small, measured, method, seed=77, **options).provenance["seed"] == 77
+    assert dovetail.identify(small, measured, method, **options).provenance["seed"] == 0
+
+
 def test_the_result_is_plain_json(model: dovetail.Identifier, measured: dovetail.Frf) -> None:
     result = model.identify(measured, "network")
     read = json.loads(json.dumps(result.to_dict(), allow_nan=False))

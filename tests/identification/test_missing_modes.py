@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 
 import dovetail
 from dovetail.identification.reconstruction import reconstruct
@@ -65,3 +66,34 @@ def test_a_natural_frequency_outside_the_axis(sdof):
     modes, warnings = warnings_of(sdof, [1e6, 10.0])
     assert len(modes) == 1
     assert warnings == ()
+
+
+@pytest.mark.parametrize("start", ["100 Hz", "1000 Hz"])
+def test_every_natural_frequency_of_the_band_is_listed_however_many_lie_below_its_end(start):
+    bar = {
+        "model": "timoshenko_beam",
+        "material": {"young": "210 GPa", "density": "7850 kg/m^3", "poisson": 0.3},
+        "sections": [{"length": "1.5 m", "outer": "20 mm", "elements": 60}],
+    }
+    foot = {
+        "model": "spring_damper",
+        "direction": "x",
+        "connect": {"a": {"to": "bar", "at": 0}, "b": {"to": "ground", "at": 0}},
+    }
+    assembly = dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "free bar",
+            "frequency": {"start": start, "stop": "3000 Hz", "lines": 400},
+            "substructures": {"bar": bar, "ground": {"model": "ground"}},
+            "joints": {"foot": {**foot, "parameters": {"k": {"range": [1e2, 1e4]}, "c": {"value": 1.0}}}},
+            "response": {"at": "bar", "position": 0},
+        }
+    )
+    theta = assembly.from_unit(np.array([0.5]))
+    every = assembly.natural_frequencies(theta, count=40)
+    expected = every[(every >= assembly.frequency[0]) & (every <= 3000.0)]
+    assert np.count_nonzero(every < 3000.0) > 10
+    modes, warnings = warnings_of(assembly, theta)
+    np.testing.assert_allclose([mode.natural_frequency for mode in modes], expected, rtol=1e-6)
+    assert OUTSIDE not in warnings

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import pickle
 from typing import Any
 
 import numpy as np
@@ -152,6 +153,9 @@ def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):
         dovetail.identify(chain, table)
     with pytest.raises(dovetail.ParameterError, match="take no other method, no network, no weights and no phase"):
         dovetail.identify(chain, table, "refined")
+    for options, problem in (({"form": "laplac"}, "no form"), ({"model_error": -1.0}, "no relative error")):
+        with pytest.raises(dovetail.ParameterError, match=problem):
+            dovetail.identify(chain, dovetail.ModalParameters(table.frequency[:2]), **options)
     (tmp_path / "modes.csv").write_text("frequency_Hz,damping_percent\n100,1\n150,1\n")
     with pytest.raises(dovetail.MeasurementError, match="a table of modal parameters, no FRF"):
         dovetail.identify(chain, tmp_path / "modes.csv")
@@ -160,3 +164,6 @@ def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):
         dovetail.write_report(result, tmp_path / "report.html")
     (tmp_path / "result.json").write_text(json.dumps(result.to_dict(), allow_nan=False))
     assert dovetail.load_result(tmp_path).measured.frequency.tolist() == [100.0, 150.0]
+    again = pickle.loads(pickle.dumps(result))
+    assert again.to_dict() == result.to_dict()
+    assert again.parameters == result.parameters

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -317,6 +318,18 @@ def test_the_band_of_another_tool_holds_what_was_measured_there(collet, assembli
     inside = ((band.lower <= amplitude) & (amplitude <= band.upper))[told]
     assert inside.mean() >= 0.9
     assert np.median(band.upper / band.lower) < 1.2
+
+
+def test_a_band_allows_the_error_that_nothing_explains(sdof):
+    """The middle 90 % of amplitudes that err by half of the FRF, as complex normal numbers do."""
+    result = dovetail.identify(sdof, noisy(sdof, sdof.frf(), 0.001, 1), "posterior", form="laplace")
+    errors = ModelError(0.0, other=0.5)
+    band = dovetail.predict_band(sdof, replace(result, posterior=replace(result.posterior, model_error=errors)))
+    normal = np.random.default_rng(0).standard_normal((100_000, 2)) @ [1.0, 1.0j] / np.sqrt(2.0)
+    lower, upper = np.quantile(np.abs(1.0 + 0.5 * normal), [0.05, 0.95])
+    amplitude = np.abs(dovetail.predict(sdof, result).values)
+    assert np.median(band.lower / amplitude) == pytest.approx(lower, rel=0.05)
+    assert np.median(band.upper / amplitude) == pytest.approx(upper, rel=0.05)
 
 
 def test_no_band_without_a_posterior_and_no_samples_at_all(sdof):

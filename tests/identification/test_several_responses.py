@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -258,8 +259,9 @@ def test_resonances_make_up_the_frfs_of_all_responses(chain, clean):
     expected = chain.natural_frequencies(TRUTH)[:2]
     np.testing.assert_allclose(resonances.poles.real, expected, rtol=1e-3)
     assert [terms.shape for terms in resonances.terms] == [(2, LINES)] * 2
-    assert np.abs(resonances.background[0]).max() < 1e-9 * np.abs(values[0]).max()  # a receptance is nothing else
-    np.testing.assert_allclose(resonances.background[1], 1.0, atol=1e-9)  # an accelerance tends to 1 / (1 kg)
+    backgrounds = [frf - terms.sum(axis=0) for frf, terms in zip(values, resonances.terms, strict=True)]
+    assert np.abs(backgrounds[0]).max() < 1e-9 * np.abs(values[0]).max()  # a receptance is nothing else
+    np.testing.assert_allclose(backgrounds[1], 1.0, atol=1e-9)  # an accelerance tends to 1 / (1 kg)
 
 
 def test_resonances_are_common_to_responses_with_different_frequencies(chain):
@@ -269,7 +271,7 @@ def test_resonances_are_common_to_responses_with_different_frequencies(chain):
     resonances = fit_resonances(axes, values)
     np.testing.assert_allclose(resonances.poles.real, expected, rtol=1e-3)
     assert [terms.shape for terms in resonances.terms] == [(2, len(axis)) for axis in axes]
-    np.testing.assert_allclose(resonances.background[1], 1.0, atol=1e-9)
+    np.testing.assert_allclose(values[1] - resonances.terms[1].sum(axis=0), 1.0, atol=1e-9)
     errors = stacked_shapes(axes, values)
     common = stacked_shapes([chain.frequency] * 2, [alone.frf(TRUTH) for alone in chain.each_response])
     assert errors.shape == (len(common), sum(map(len, axes)))
@@ -315,3 +317,16 @@ def test_predictions_are_at_the_first_response_or_at_the_chosen_one(chain, clean
     second = dovetail.predict(chain.at(1), result)
     np.testing.assert_allclose(second.values, result.responses[1].frf.values, rtol=1e-9)
     assert second.quantity == "accelerance"
+
+
+def test_a_misspelt_weight_of_one_response_is_refused(chain, clean):
+    with pytest.raises(dovetail.ParameterError, match="'coherense' is no way to weight lines"):
+        dovetail.identify(chain, clean, "refined", weights=["amplitude", "coherense"])
+
+
+def test_bands_are_told_of_the_second_response_too(chain, clean):
+    measured = [noisy(chain.at(index), frf.values, 0.01, index) for index, frf in enumerate(clean)]
+    wrong = (chain.frequency > 450.0) & (chain.frequency < 550.0)
+    measured[1] = replace(measured[1], values=measured[1].values * np.where(wrong, 5.0, 1.0))
+    bands = dovetail.identify(chain, measured, "refined").adequacy.bands
+    assert 530.0 < max(high for _, high in bands) < 570.0

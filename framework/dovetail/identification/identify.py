@@ -233,16 +233,14 @@ def _prepared(
     frfs = one_per_response(assembly, measured)
     for frf in frfs:
         _check_numbers(frf)
-    if isinstance(weights, str):
-        accepted_weights = ("coherence", "amplitude")
-        if weights not in accepted_weights:
-            problem = f"'{weights}' is no way to weight lines."
-            hint = did_you_mean(weights, accepted_weights)
-            raise ParameterError(Fault("weights", problem, f"{listing(accepted_weights)}; or an array", hint))
     if weights is not None:
         each: list[Any] = list(weights) if isinstance(weights, (list, tuple)) else [weights] * len(frfs)
         if len(each) != len(frfs):
             raise ParameterError(Fault("weights", f"{len(each)} were given for {len(frfs)} measurements."))
+        accepted = ("coherence", "amplitude")
+        for word in (by for by in each if isinstance(by, str) and by not in accepted):
+            problem, hint = f"'{word}' is no way to weight lines.", did_you_mean(word, accepted)
+            raise ParameterError(Fault("weights", problem, f"{listing(accepted)}; or an array", hint))
         counted: list[Any] = [by if isinstance(by, str) else np.asarray(by, dtype=np.float64) for by in each]
         frfs = tuple(replace(frf, variance=weighted_variance(frf, by)) for frf, by in zip(frfs, counted, strict=True))
     return frfs if phase else tuple(_amplitudes(frf) for frf in frfs)
@@ -284,14 +282,14 @@ def _amplitudes(frf: Frf) -> Frf:
 
 
 def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
-    """Return 1 or -1, by which an FRF is more like the model's, with the delay that suits it."""
+    """Return 1 or -1, with which the phases of an FRF are more like the model's, with the delay that suits them."""
     response = assembly.description.response
     delays = [column for column, p in enumerate(assembly.parameters) if p.name == f"{response.name}.delay"]
     vectors = np.repeat(theta[np.newaxis], _DELAYS if delays else 1, axis=0)
     for column in delays:
         vectors[:, column] = assembly.parameters[column].from_unit(np.linspace(0.0, 1.0, _DELAYS))
     model, values = assembly.frf(vectors), frf.to(response.quantity).values
-    alike = np.real(np.conj(model) * values / np.abs(model) ** 2).mean(axis=1)
+    alike = np.cos(np.angle(np.conj(model) * values)).mean(axis=1)
     return 1.0 if not frf.has_phase or alike.max() >= -alike.min() else -1.0
 
 

@@ -19,6 +19,7 @@ from dovetail.assembly import Assembly, Theta
 from dovetail.errors import Fault, MeasurementError, ParameterError, PluginError, did_you_mean, listing
 from dovetail.identification.adequacy import CAUSE_SECONDS, assess
 from dovetail.identification.fitting import Objective, fit_at, multistart, refine
+from dovetail.identification.fitting.fit import fractions_within
 from dovetail.identification.fitting.observations import MeasuredLines, Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.network.bundle import TrainedNetwork
@@ -45,7 +46,7 @@ from dovetail.interfaces import (
     silent,
 )
 
-__all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin"]
+__all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin", "check_limits"]
 
 _CANNOT_TELL = (
     "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
@@ -84,7 +85,7 @@ def by_network(
     if trained.novelty is not None:
         amplitude = trained.assembly.accelerance_amplitude(theta).astype(np.float64)
         verdict = trained.novelty.check(resampled[0], amplitude)
-    origin = provenance(assembly, measured.whole, trained.evaluation)
+    origin = provenance(assembly, measured.whole, trained.evaluation, trained.evaluation.seed)
     samples = trained.predict_samples(amplitudes[0])
     posterior = None if samples is None else _posterior_of(measured, samples, time.monotonic() - began)
     theta = theta if posterior is None else posterior.estimate
@@ -97,10 +98,9 @@ def by_network(
 def _posterior_of(measured: MeasuredLines, theta: NDArray[np.float64], seconds: float) -> Posterior:
     """Return samples (n, n_params) [SI] of equal weight, whatever drew them, as a posterior within the ranges."""
     assembly = measured.described
-    lower, upper = np.transpose([(parameter.lower, parameter.upper) for parameter in assembly.parameters])
     return Posterior.from_fractions(
         assembly,
-        np.clip(assembly.to_unit(np.clip(theta, lower, upper)), 0.0, 1.0),
+        fractions_within(assembly, theta),
         np.full(len(theta), 1.0 / len(theta)),
         model_error=ModelError(0.0),
         searches=len(theta),
@@ -137,27 +137,31 @@ def by_refined_fit(
     progress : Progress
     """
     assembly, frfs = measured.assembly, measured.frfs
-    settings = assembly.description.identification
-    _check(model_error, cause_seconds)
+    seed = assembly.description.identification.seed if seed is None else seed
+    check_limits(model_error, cause_seconds)
     progress("fit", 0, 1)
     network, warnings = _network_answer(measured, trained)
     starts = [] if start is None else [assembly.vector(start)]
     starts += [] if network is None else [network]
-    fit = refine(assembly, frfs, starts, seed=settings.seed if seed is None else seed, progress=progress)
+    fit = refine(assembly, frfs, starts, seed=seed, progress=progress)
     adequacy, fit = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
-    origin = provenance(measured.described, measured.whole, trained.evaluation if trained is not None else None)
+    evaluation = None if trained is None else trained.evaluation
+    origin = provenance(measured.described, measured.whole, evaluation, seed)
     result = _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
     beside = None if network is None else MappingProxyType(dict(zip(result.parameters, network.tolist(), strict=True)))
     return replace(result, network=beside, warnings=(*result.warnings, *warnings))
 
 
-def _check(model_error: float | None, cause_seconds: float) -> None:
-    """Make sure that the error that a model is allowed, and the time for causes, are such.
+def check_limits(model_error: float | None = None, cause_seconds: float = 0.0, form: str = "samples") -> None:
+    """Make sure that the error that a model is allowed, the time for causes, and the form of the posterior are such.
 
     Raises
     ------
     ParameterError
     """
+    if form not in _FORMS:
+        problem = f"'{form}' is no form of the posterior."
+        raise ParameterError(Fault("form", problem, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
     if model_error is not None and not (np.isfinite(model_error) and 0.0 <= model_error < 1.0):
         raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
     if not cause_seconds >= 0.0:
@@ -221,17 +225,11 @@ def by_multistart(
     progress : Progress
     """
     assembly, frfs = measured.assembly, measured.frfs
-    _check(model_error, cause_seconds)
-    fit = multistart(
-        assembly,
-        frfs,
-        starts=starts,
-        seconds=seconds,
-        objective=objective,
-        seed=assembly.description.identification.seed if seed is None else seed,
-        progress=progress,
-    )
-    origin = provenance(measured.described, measured.whole, None) | {"objective": objective}
+    check_limits(model_error, cause_seconds)
+    seed = assembly.description.identification.seed if seed is None else seed
+    named: dict[str, Any] = {"starts": starts, "seconds": seconds, "objective": objective}
+    fit = multistart(assembly, frfs, **named, seed=seed, progress=progress)
+    origin = provenance(measured.described, measured.whole, None, seed) | {"objective": objective}
     adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, adequacy=adequacy)
 
@@ -272,9 +270,7 @@ def by_posterior(
         The description's by default.
     progress : Progress
     """
-    if form not in _FORMS:
-        problem = f"'{form}' is no form of the posterior."
-        raise ParameterError(Fault("form", problem, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
+    check_limits(form=form)
     limits: dict[str, Any] = {"model_error": model_error, "cause_seconds": cause_seconds}
     fitted = by_refined_fit(measured, trained, start=start, **limits, seed=seed, progress=progress)
     assert fitted.fit is not None
@@ -285,7 +281,7 @@ def by_posterior(
         fitted.fit,
         samples=samples,
         model_error=allowed,
-        seed=measured.described.description.identification.seed if seed is None else seed,
+        seed=fitted.provenance["seed"],
         progress=progress,
     )
     origin = {**fitted.provenance, "posterior_form": form, "model_error": allowed.natural_frequency}
@@ -319,24 +315,21 @@ def by_plugin(
     PluginError
         The method fails, or gives no vectors of finite parameters within their ranges.
     """
-    _check(model_error, cause_seconds)
+    check_limits(model_error, cause_seconds)
     assembly, frfs = measured.assembly, measured.frfs
+    seed = assembly.description.identification.seed if seed is None else seed
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, frfs)
     problem = IdentificationProblem(assembly.parameters, target.frfs, target.variance(), model.frf, model.frf_jacobian)
     label, began = component_label(method), time.monotonic()
     with plugin_errors(method, label):
-        estimate = method.identify(
-            problem,
-            seed=assembly.description.identification.seed if seed is None else seed,
-            progress=progress,
-        )
+        estimate = method.identify(problem, seed=seed, progress=progress)
         check_contract(estimate, method, Estimate, "identify")
         seconds = time.monotonic() - began
         (fraction,) = _fractions(assembly, [estimate.theta], label)
         sampled = None if estimate.samples is None else _fractions(assembly, estimate.samples, label)
     fit = fit_at(assembly, target, fraction, starts=1, agreeing=1, steps=0, seconds=seconds)
     adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
-    origin = provenance(measured.described, measured.whole, None)
+    origin = provenance(measured.described, measured.whole, None, seed)
     origin["components"][f"method {method.name}"] = source_of(method)
     origin["method_options"] = method.config.model_dump(mode="json")
     result = _result(measured, fit.theta, method=method.name, provenance=origin, fit=fit, adequacy=adequacy)

@@ -18,6 +18,7 @@ from dovetail.errors import Fault, MeasurementError, listing
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.adequacy.adequacy import word_for
 from dovetail.identification.fitting.least_squares import Linearisation
+from dovetail.identification.methods import check_limits
 from dovetail.identification.posterior import LEVEL, TYPICAL, Form, ModelError, Posterior, typical_model_error
 from dovetail.identification.posterior.likelihood import (
     PosteriorResiduals,
@@ -188,6 +189,7 @@ def identify_from_modes(
         The assembly has no matrices, or too many DOFs.
     """
     check_options(samples)
+    check_limits(model_error, form=form)
     began = time.perf_counter()
     seed = assembly.description.identification.seed if seed is None else seed
     residuals = _ModalResiduals(assembly, measured, _SETTINGS.rough)
@@ -221,7 +223,7 @@ def identify_from_modes(
     names = tuple(name for name, failed in zip(posterior.names, unreliable, strict=True) if failed)
     posterior = replace(posterior, form=form, mode=best if form == "laplace" else None, unreliable=names)
     progress("searching", 2, 2)
-    return _result(residuals, best, posterior, shown, sum(freedom), model_error)
+    return _result(residuals, best, posterior, shown, sum(freedom), model_error, seed)
 
 
 def _search(residuals: _ModalResiduals, random: np.random.Generator) -> NDArray[np.float64]:
@@ -275,6 +277,7 @@ def _result(
     shown: ModelError,
     freedom: float,
     allowed: float | None,
+    seed: int,
 ) -> ModalIdentification:
     assembly, measured = residuals.assembly, residuals.measured
     poles, _ = residuals.poles(best)
@@ -288,7 +291,7 @@ def _result(
     sizes = (shown.natural_frequency, shown.damping)
     plain = measured.frequency_sd is not None and all(a <= b for a, b in zip(sizes, _LEAST_ERRORS, strict=True))
     adequacy = Adequacy("to the noise" if plain else word_for(shown), None if plain else shown, allowed)
-    origin = provenance(assembly, [measured], None) | {"posterior_form": posterior.form}
+    origin = provenance(assembly, [measured], None, seed) | {"posterior_form": posterior.form}
     result = ModalIdentification(
         parameters=MappingProxyType(identified_parameters(assembly, best)),
         known=MappingProxyType({name: at for name, at in known_parameters(assembly).items() if np.isfinite(at)}),

@@ -248,7 +248,9 @@ def predicted_band(assembly: Assembly, result: AnyIdentification, level: float =
         values = _linearised_frfs(assembly, result, posterior.fraction[draws], posterior.mode)
     shapes = error_shapes([assembly.frequency], [predicted_frf(assembly, result).values], posterior.model_error)
     errors = np.concatenate(list(shapes.values()))
-    amplitude = np.abs(values + random.standard_normal((len(values), len(errors))) @ errors)
+    values = values + random.standard_normal((len(values), len(errors))) @ errors
+    scatter = random.standard_normal((*values.shape, 2)) @ [1.0, 1.0j] / np.sqrt(2.0)
+    amplitude = np.abs(values + posterior.model_error.other * np.abs(values) * scatter)
     lower, upper = np.quantile(amplitude, [(1.0 - level) / 2.0, (1.0 + level) / 2.0], axis=0)
     return Band(assembly.frequency, lower, upper, level, result.caveat)
 

@@ -171,7 +171,7 @@ def component_sources(assembly: Assembly) -> dict[str, str]:
 
 
 def provenance(
-    assembly: Assembly, measured: Sequence[Frf | ModalParameters], evaluation: Evaluation | None
+    assembly: Assembly, measured: Sequence[Frf | ModalParameters], evaluation: Evaluation | None, seed: int
 ) -> dict[str, Any]:
     """Return what is needed to reproduce a result, as plain values; `evaluation` is None if no network took part."""
     description, first = assembly.description, measured[0]
@@ -183,7 +183,7 @@ def provenance(
         "measurement_note": first.note if isinstance(first, Frf) else "",
         "measured_quantity": first.quantity if isinstance(first, Frf) else "modal parameters",
         **further,
-        "seed": description.identification.seed if evaluation is None else evaluation.seed,
+        "seed": seed,
         "components": component_sources(assembly),
         "packages": package_versions(),
         "evaluation": {} if evaluation is None else evaluation.to_dict(),

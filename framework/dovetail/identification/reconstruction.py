@@ -36,8 +36,8 @@ class Settings:
     """R2 on test FRFs below which a network is hardly better than a guess of the middle of the range."""
     most_listed: int = 8
     """Ignored lines that a warning lists."""
-    most_modes: int = 10
-    """Natural frequencies that are computed; those outside the band are dropped."""
+    modes: int = 10
+    """Natural frequencies that are computed first, and twice as many while all of them are below the band's end."""
 
 
 _SETTINGS = Settings()
@@ -153,7 +153,9 @@ def _modes(
 ) -> tuple[tuple[Mode, ...], str]:
     """Return the modes within a band and, where there are none, why."""
     try:
-        natural = assembly.natural_frequencies(theta, count=_SETTINGS.most_modes)
+        natural, count = np.zeros(1), _SETTINGS.modes
+        while natural[-1] <= band[1]:  # NaN, where the model has no more, ends it too
+            natural, count = assembly.natural_frequencies(theta, count=count), 2 * count
     except PluginError:
         raise
     except DovetailError as error:

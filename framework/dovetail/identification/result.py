@@ -142,6 +142,16 @@ class _Answer:
         """The 90 % interval of each parameter [SI] by name; None without a posterior."""
         return None if self.posterior is None else self.posterior.interval()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields for pickling, which read-only mappings refuse."""
+        fields = self.__dict__.items()
+        return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in fields}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Restore the fields."""
+        for name, value in state.items():
+            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
+
     def to_dataframe(self) -> Any:
         """Return `table` as a data frame of pandas (an extra), with the names as index."""
         return dataframe([asdict(row) for row in self.table], ["name"])
@@ -268,16 +278,6 @@ class Identification(_Answer):
         parameters = [parameter.definition for parameter in self.parameters.values()]
         return inference_data(self.posterior, parameters, draws, seed, about)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the fields for pickling, which read-only mappings refuse."""
-        fields = self.__dict__.items()
-        return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in fields}
-
-    def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Restore the fields."""
-        for name, value in state.items():
-            object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
-
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON."""
         return {
@@ -395,4 +395,4 @@ def caveats_of(results: Iterable[tuple[str, _Answer | None]]) -> str:
 
 def _plain(frf: Frf) -> dict[str, Any]:
     values = {"real": frf.values.real.tolist(), "imag": frf.values.imag.tolist()}
-    return {"label": frf.label, "has_phase": frf.has_phase, **values}
+    return {"label": frf.label, "has_phase": frf.has_phase, "rotation": frf.rotation, **values}

@@ -43,6 +43,7 @@ class _Stored(BaseModel):
 class _StoredFrf(_Stored):
     label: str
     has_phase: bool
+    rotation: bool = False  # not in those of an earlier version
     real: list[float]
     imag: list[float]
 
@@ -265,7 +266,7 @@ def _frf(file: Path, frequency: list[float], quantity: Quantity, frf: _StoredFrf
     if len(frf.real) != len(frf.imag):
         raise DovetailError(Fault(str(file), f"the FRF '{frf.label}' has real and imaginary parts of unlike length."))
     values = np.array(frf.real) + 1j * np.array(frf.imag)
-    return Frf(np.array(frequency), values, quantity, has_phase=frf.has_phase, label=frf.label)
+    return Frf(np.array(frequency), values, quantity, has_phase=frf.has_phase, label=frf.label, rotation=frf.rotation)
 
 
 def _faults(file: Path, error: ValidationError) -> list[Fault]:

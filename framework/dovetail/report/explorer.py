@@ -254,7 +254,8 @@ class Explorer:
             raise DovetailError(Fault(self.name, "there is no measured FRF to report on."))
         result = self._result if fitted else None
         if result is None:
-            origin = provenance(self._lines.described, self._lines.whole, None)
+            described = self._lines.described
+            origin = provenance(described, self._lines.whole, None, described.description.identification.seed)
             frfs, band = self._lines.frfs, self._lines.band
             with self._computing:
                 result = reconstruct(self._assembly, theta, frfs, method=_BY_HAND, provenance=origin, band=band)

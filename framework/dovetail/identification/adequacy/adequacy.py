@@ -94,7 +94,7 @@ class Adequacy:
     reasons : tuple of str
         What else there is to say, as sentences.
     bands : tuple of (float, float)
-        Frequency bands [Hz] in which the measurement deviates, the worst first.
+        Frequency bands [Hz] in which the measurement deviates, response by response, the worst of each first.
     """
 
     word: AdequacyWord

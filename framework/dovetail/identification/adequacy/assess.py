@@ -159,6 +159,7 @@ def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _bands(target: Observations, fit: Fit, values: NDArray[np.complex128]) -> tuple[tuple[float, float], ...]:
-    """Return the bands of the first response in which a fit deviates."""
+    """Return the bands in which a fit deviates, response by response."""
     residuals = target.weighted(fit.variance, fit.used).of(values[np.newaxis])[0]
-    return find_deviating_bands(target.frfs[0].frequency, target.by_line(residuals)[0])
+    pairs = zip(target.frfs, target.by_line(residuals), strict=True)
+    return tuple(band for frf, block in pairs for band in find_deviating_bands(frf.frequency, block))

@@ -110,7 +110,7 @@ class Trials:
         target = Observations.of(assembly, measured)
         self.is_active = power_given_out(assembly, target, fit.variance) > MOST_GIVEN_OUT
         lines = search_lines(target, fit.variance)
-        lines = lines[fit.used[lines]]
+        lines = lines[fit.used[lines] & (target.amplitude[lines] > 0.0)]  # an exact zero has no logarithm
         self.best = fit.theta
         self.deadline = deadline
         self.target = target.at(lines)
@@ -295,8 +295,7 @@ class Trials:
         return LogRatio.against(values_of(target.frfs), self.relative, all(frf.has_phase for frf in target.frfs))
 
     def _variance(self, target: Observations) -> NDArray[np.float64]:
-        square = np.maximum(np.abs(values_of(target.frfs)) ** 2, np.finfo(float).tiny)
-        return np.asarray(self.relative * square)
+        return np.asarray(self.relative * target.amplitude**2)
 
     def _weighted(self, target: Observations, values: NDArray[np.complex128]) -> Residual:
         """Return residuals over their noise and what values (n_lines,) typically leave of them, relative to these."""
@@ -377,12 +376,7 @@ class LogRatio:
     @staticmethod
     def against(values: NDArray[np.complex128], relative: NDArray[np.float64], has_phase: bool) -> LogRatio:
         """Return the residuals against measured values (f,) with a relative variance (f,), 1 where all is noise."""
-        floor = np.maximum(np.abs(values), np.finfo(float).tiny)
-        return LogRatio(
-            np.where(np.abs(values) > 0.0, values, floor),
-            1.0 / np.hypot(_SETTINGS.error, np.sqrt(relative / 2.0)),
-            has_phase,
-        )
+        return LogRatio(values, 1.0 / np.hypot(_SETTINGS.error, np.sqrt(relative / 2.0)), has_phase)
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the residuals (n, m) of FRFs (n, f)."""

@@ -121,6 +121,12 @@ def highest_agreeing(cost: float) -> float:
     return cost * (1.0 + _SAME_MINIMUM) + 1.0
 
 
+def fractions_within(assembly: Assembly, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the fractions (..., p) of SI values, those outside of their ranges brought to the nearest end."""
+    lower, upper = np.transpose([(parameter.lower, parameter.upper) for parameter in assembly.parameters])
+    return np.clip(assembly.to_unit(np.clip(theta, lower, upper)), 0.0, 1.0)
+
+
 def bounds_reached(assembly: Assembly, fraction: NDArray[np.float64]) -> dict[str, str]:
     """Return the parameters at a bound of their range, and at which, from fractions (n_params,) of the ranges."""
     pairs = zip(assembly.parameters, fraction.tolist(), strict=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
-from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agreeing, highest_agreeing
+from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agreeing, fractions_within, highest_agreeing
 from dovetail.identification.fitting.least_squares import Minima, cuts, minimise, profiles
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, WithPrior
@@ -214,7 +214,7 @@ class _Refinement:
     def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the given starts alone, which often are enough, or the middle of the ranges and similar points."""
         if starts:
-            return self._assembly.to_unit(np.maximum(np.array(starts), np.finfo(float).tiny))
+            return fractions_within(self._assembly, np.array(starts))
         middle = np.full((1, len(self._assembly.parameters)), 0.5)
         return np.concatenate([middle, self._most_similar(_SETTINGS.first_starts - 1, _SETTINGS.candidates)])
 

@@ -17,10 +17,9 @@ from dovetail.identification.posterior.likelihood import (
     MarginalisedResiduals,
     PosteriorResiduals,
     check_options,
-    normal_from_unit,
     unit_from_normal,
 )
-from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior
+from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, start_near
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Progress, silent
@@ -32,11 +31,8 @@ __all__ = ["LaplaceApproximation", "laplace_posterior"]
 class LaplaceSettings:
     """How the mode is searched, and from where on the approximation misleads."""
 
-    margin: float = 0.01
-    """Fraction of a range at its ends where the search does not start: there the coordinates grow without bound."""
     tolerance: float = 1e-3
     """Change of the sum of squares in one step at which the search ends."""
-    steps: int = 100
     difference_step: float = 1e-2
     """Part of a standard deviation over which second derivatives are taken; the valley is straight so far."""
     largest_bend: float = 0.3
@@ -145,8 +141,7 @@ def laplace_posterior(
     began = time.perf_counter()
     likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)
     residuals = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
-    start = normal_from_unit(np.clip(best, _SETTINGS.margin, 1.0 - _SETTINGS.margin))
-    modes = maximise_posterior(residuals, start[np.newaxis], tolerance=_SETTINGS.tolerance, most_steps=_SETTINGS.steps)
+    modes = maximise_posterior(residuals, start_near(best)[np.newaxis], tolerance=_SETTINGS.tolerance)
     approximation = LaplaceApproximation.at(residuals, modes[0])
     posterior = Posterior.from_fractions(
         assembly,

@@ -28,7 +28,7 @@ from dovetail.identification.posterior.likelihood import (
 from dovetail.identification.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["CubeResiduals", "likelihood_at_mode", "maximise_posterior", "search_modes"]
+__all__ = ["CubeResiduals", "likelihood_at_mode", "maximise_posterior", "search_modes", "start_near"]
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def likelihood_at_mode(
         return build_likelihood(assembly, measured, fit, model_error), fraction
     likelihood = build_likelihood(assembly, measured, fit, replace(model_error, quantities=0.0))
     posterior = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
-    mode = maximise_posterior(posterior, normal_from_unit(_within_margin(fraction))[np.newaxis])[0]
+    mode = maximise_posterior(posterior, start_near(fraction)[np.newaxis])[0]
     fraction = unit_from_normal(mode)
     there = replace(fit, theta=assembly.from_unit(fraction))
     return build_likelihood(assembly, measured, there, model_error), fraction
@@ -135,15 +135,15 @@ def search_modes(
     def tempered(weight: float) -> PosteriorResiduals:
         return PosteriorResiduals(MarginalisedResiduals(misfit, some_errors, weight * full_weight))
 
-    direct = cooled = normal_from_unit(_within_margin(near))
+    direct = cooled = start_near(near)
     rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "tell": tell}
     for weight in _SETTINGS.tempering:
         cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
     both = np.concatenate([direct, cooled])
     ends = maximise_posterior(tempered(1.0), both, most_steps=_SETTINGS.rough_steps, **rough)
     posterior = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, errors))
-    best_fit = normal_from_unit(_within_margin(best))[np.newaxis]
-    return maximise_posterior(posterior, np.concatenate([best_fit, ends[: _SETTINGS.refined_modes]]), tell=tell)
+    starts = np.concatenate([start_near(best)[np.newaxis], ends[: _SETTINGS.refined_modes]])
+    return maximise_posterior(posterior, starts, tell=tell)
 
 
 def maximise_posterior(
@@ -160,8 +160,9 @@ def maximise_posterior(
     return CubeResiduals.to_normal(minimum.position[np.argsort(minimum.cost, kind="stable")])
 
 
-def _within_margin(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.clip(fraction, _SETTINGS.margin, 1.0 - _SETTINGS.margin)
+def start_near(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return z from which a search begins near fractions of the ranges, away from their ends."""
+    return normal_from_unit(np.clip(fraction, _SETTINGS.margin, 1.0 - _SETTINGS.margin))
 
 
 class CubeResiduals:

@@ -156,7 +156,7 @@ TYPICAL = typical_model_error(MODEL_ERROR)
 
 @dataclass(frozen=True, eq=False)
 class Resonances:
-    """FRFs as sums ``r / (f - p) - conj(r) / (f + conj(p))`` over resonances, and a background.
+    """Resonances of FRFs, which are sums ``r / (f - p) - conj(r) / (f + conj(p))`` over them, and a background.
 
     Parameters
     ----------
@@ -168,15 +168,12 @@ class Resonances:
         The first part of it, which is large beside the resonance.
     relative : tuple of (n, n_freq) complex arrays
         p / (f - p): where on its peak each resonance is at each frequency.
-    background : tuple of (n_freq,) complex arrays
-        The FRFs without the resonances: those outside the frequencies, and what is damped too much to be one.
     """
 
     poles: NDArray[np.complex128]
     terms: tuple[NDArray[np.complex128], ...]
     near: tuple[NDArray[np.complex128], ...]
     relative: tuple[NDArray[np.complex128], ...]
-    background: tuple[NDArray[np.complex128], ...]
 
     def displaced(self, change: float) -> NDArray[np.complex128]:
         """Return what a relative change of each pole adds to the FRFs, to first order.
@@ -235,8 +232,7 @@ def fit_resonances(axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray
         near.append(residues[:, np.newaxis] / distance)
         terms.append(near[-1] - np.conj(residues)[:, np.newaxis] / mirrored)
         relative.append(poles[:, np.newaxis] / distance)
-    background = (frf - of_poles.sum(axis=0) for frf, of_poles in zip(values, terms, strict=True))
-    return Resonances(poles, tuple(terms), tuple(near), tuple(relative), tuple(background))
+    return Resonances(poles, tuple(terms), tuple(near), tuple(relative))
 
 
 def _common_poles(
