@@ -179,7 +179,7 @@ def identify_from_modes(
         Relative error of natural frequencies that the model is allowed beside the standard deviations of the table;
         by default what the table shows, and 5e-4 at least.
     progress : Progress
-        Called after each search.
+        Called after the searches, and at the end.
 
     Raises
     ------

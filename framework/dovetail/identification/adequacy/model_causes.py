@@ -133,7 +133,7 @@ def _measured_at(assembly: Assembly, place: Node, *, with_force: bool = False) -
 
 
 def _places(assembly: Assembly) -> list[Node]:
-    """Return nodes of all substructures but the response's."""
+    """Return all nodes that can move, but the response's own."""
     response = assembly.description.response
     substructures = assembly.description.substructures.items()
     places = [(name, node) for name, model in substructures for node in range(len(model.nodes))]

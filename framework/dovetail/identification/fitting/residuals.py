@@ -317,7 +317,7 @@ class StackedResiduals(Generic[_Kind]):
 
     Parameters
     ----------
-    responses : tuple of Weighted or of LogAmplitude
+    responses : tuple of residuals of one kind
         The residuals of each response.
     counts : tuple of int
         Lines of each response.

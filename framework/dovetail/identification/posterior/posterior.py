@@ -100,7 +100,7 @@ class Posterior:
     searches : int
         Searches for a sample; n of them converged.
     lines : int
-        Lines to which the FRF was reduced.
+        Lines by which the posterior was computed: of the form "samples" the few to which the FRF was reduced.
     seconds : float
     form : {"samples", "laplace"}
         Samples of the posterior itself, or of its Laplace approximation.

@@ -42,6 +42,10 @@ class SamplingSettings:
     pilots: int = 48
     """Searches in each round of exploration."""
     pilot_iterations: int = 30
+    scatter: float = 0.3
+    """Standard deviations, by the fit's information, of the first points around each mode."""
+    margin: float = 1e-3
+    """Part of a range at its ends where none of these lies."""
     rounds: tuple[int, int] = (3, 14)
     """Fewest and most rounds of exploration; they end when the reduced misfit is accurate."""
     reduction_error: float = 0.05
@@ -185,8 +189,9 @@ class _Sampler:
         steps = self._random.standard_normal((_SETTINGS.pilots, len(values))) / np.sqrt(
             np.maximum(values, PRIOR_PRECISION)
         )
-        scattered = modes[np.arange(len(steps)) % len(modes)] + 0.3 * (steps @ vectors.T)
-        return self._likelihood.frf(np.clip(np.concatenate([modes, scattered]), 1e-3, 1.0 - 1e-3))
+        scattered = modes[np.arange(len(steps)) % len(modes)] + _SETTINGS.scatter * (steps @ vectors.T)
+        points = np.concatenate([modes, scattered])
+        return self._likelihood.frf(np.clip(points, _SETTINGS.margin, 1.0 - _SETTINGS.margin))
 
     def _adopt(self, reduced: ReducedResiduals) -> None:
         """Use the reduced residuals from now on: their mode, and the tangent map there."""
