@@ -115,7 +115,7 @@ def test_a_model_that_does_not_fit_is_reported_before_any_number(result, tmp_pat
     misfit = Adequacy("does not fit", replace(SIZE, phase=3.0), None, (CAUSE,), ("It is off.",), ((100.0, 250.0),))
     sentences = adequacy_sentences(replace(result, adequacy=misfit))
     assert sentences[0] == "The model does not fit the measurement: do not believe the numbers."
-    assert sentences[1].startswith("The model does not fit: natural frequencies are off by 1.2 %, damping by 20 %")
+    assert sentences[1].startswith("The model does not fit, unless natural frequencies are off by 1.2 %, damping by 20 %")
     assert sentences[2:] == ["It is off.", CAUSE.sentence, "It is off at 100 to 250 Hz."]
     page = write_report(replace(result, adequacy=misfit), tmp_path / "report.html").read_text(encoding="utf-8")
     places = [page.index(text) for text in (sentences[0], "sign reversed", "Identified parameters")]

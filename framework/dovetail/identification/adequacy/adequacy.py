@@ -134,8 +134,8 @@ class Adequacy:
         """The word with the figures behind it."""
         if self.size is None:
             return f"The model fits {self.word}." if self.word == "to the noise" else ""
-        heads = {"good": "The model fits well", "rough": "The model fits roughly"}
-        return f"{heads.get(self.word, 'The model does not fit')}: {self.size.describe()}."
+        heads = {"good": "The model fits well:", "rough": "The model fits roughly:"}
+        return f"{heads.get(self.word, 'The model does not fit, unless')} {self.size.describe()}."
 
     def doubts(self, intervals: Mapping[str, tuple[float, float]], units: Mapping[str, str]) -> dict[str, str]:
         """Say with which cause a parameter is farther from the middle of its interval than that is wide, by name."""
