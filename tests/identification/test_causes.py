@@ -11,7 +11,7 @@ import pytest
 from noisy_measurements import noisy
 
 import dovetail
-from dovetail.identification.adequacy.adequacy import Cause
+from dovetail.identification.adequacy.adequacy import Cause, ModelError
 from dovetail.identification.adequacy.causes import _named, find_causes
 from dovetail.identification.adequacy.perturbations import list_perturbations
 from dovetail.identification.adequacy.trials import Trials, power_given_out
@@ -452,3 +452,12 @@ def test_lines_that_are_exactly_zero_side_by_side_have_no_logarithm(sdof, has_ph
     adequacy = dovetail.identify(sdof, replace(frf, values=values, variance=None), "refined").adequacy
     assert adequacy.word != "to the noise"
     assert np.isfinite([cause.residual_factor for cause in adequacy.causes]).all()
+
+
+def test_a_structure_that_gives_out_power_does_not_fit_whatever_the_size_of_the_errors(sdof):
+    """Two resonances with little damping: the model follows the amplitudes, and half of the phases."""
+    model = chain(MASSES, ["upper"])
+    adequacy = dovetail.identify(model, noisy(model, model.frf(TRUTH).conj(), 0.005, 0), "refined").adequacy
+    assert adequacy.size.within(ModelError(0.06, damping=2.0, magnitude=0.8, phase=0.6, other=0.7))
+    assert adequacy.word == "does not fit"
+    assert adequacy.causes[0].name == "conjugate"

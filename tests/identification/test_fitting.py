@@ -250,6 +250,9 @@ def test_the_same_seed_gives_the_same_fit(sdof):
         ({"method": "multistart", "seconds": -1.0}, "is no time"),
         ({"method": "multistart", "objective": "sum"}, "not an objective"),
         ({"method": "network"}, "needs a trained model"),
+        ({"model_error": "1 %"}, "'1 %' is no relative error"),
+        ({"cause_seconds": "20 s"}, "'20 s' s is no time"),
+        ({"samples": "many"}, "'many' samples are none"),
     ],
 )
 def test_options_that_make_no_sense(sdof, options, message):

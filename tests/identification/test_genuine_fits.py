@@ -217,3 +217,26 @@ def test_wide_ranges_lose_no_resonance(assemblies):
     fit = refine(assembly, noisy(assembly, assembly.frf(theta), 0.01, 3, known=False))
     assert fit.discrepancy == 0.0
     assert fit.chi_squared == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("decimals", [2, 3, 4])
+def test_a_coherence_that_the_file_rounds_to_one_does_not_tell_the_noise(sdof, decimals):
+    """A variance of zero on many lines would leave a chi-squared of any size."""
+    assembly = sdof.on(np.arange(1.0, 601.0))
+    exact = averaged(assembly.frf(), 10, 1, level=0.02 * np.abs(assembly.frf()).max() ** 0.5)
+    rounded = replace(exact, coherence=np.round(exact.coherence, decimals))
+    assert np.mean(rounded.coherence == 1.0) > 0.01
+    fit = refine(assembly, rounded)
+    assert not fit.variance_known
+    assert fit.chi_squared == pytest.approx(1.0, abs=0.1)
+    assert dovetail.identify(assembly, rounded, "refined").adequacy.word == "to the noise"
+
+
+def test_a_few_coherences_of_one_count_like_the_highest_that_is_less(sdof):
+    exact = averaged(sdof.frf(), 10, 1)
+    coherence = exact.coherence.copy()
+    coherence[[10, 200]] = 1.0
+    variance = known_variance(replace(exact, coherence=coherence))
+    highest = coherence[coherence < 1.0].max()
+    ratio = (1.0 - highest) / (highest * 9) * 9 / 8
+    np.testing.assert_allclose(variance[[10, 200]], exact.amplitude[[10, 200]] ** 2 * ratio)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from dovetail.report.content import (
     misfit_sentence,
     mode_rows,
     parameter_rows,
+    truth_sentence,
     warnings_of,
 )
 from dovetail.report.report import write_report
@@ -115,7 +117,9 @@ def test_a_model_that_does_not_fit_is_reported_before_any_number(result, tmp_pat
     misfit = Adequacy("does not fit", replace(SIZE, phase=3.0), None, (CAUSE,), ("It is off.",), ((100.0, 250.0),))
     sentences = adequacy_sentences(replace(result, adequacy=misfit))
     assert sentences[0] == "The model does not fit the measurement: do not believe the numbers."
-    assert sentences[1].startswith("The model does not fit, unless natural frequencies are off by 1.2 %, damping by 20 %")
+    assert sentences[1].startswith(
+        "The model does not fit, unless natural frequencies are off by 1.2 %, damping by 20 %"
+    )
     assert sentences[2:] == ["It is off.", CAUSE.sentence, "It is off at 100 to 250 Hz."]
     page = write_report(replace(result, adequacy=misfit), tmp_path / "report.html").read_text(encoding="utf-8")
     places = [page.index(text) for text in (sentences[0], "sign reversed", "Identified parameters")]
@@ -151,3 +155,12 @@ def test_a_random_error_that_is_assumed_is_not_called_told(sdof: dovetail.Assemb
     oscillator = sdof.on(np.linspace(100.0, 300.0, lines))
     measured = dovetail.Frf(oscillator.frequency, -3.0 * oscillator.frf(), "accelerance")
     assert said in fit_sentence(refine(oscillator, measured))
+
+
+@pytest.mark.parametrize(("missed", "by_chance"), [(1, True), (3, True), (4, False), (8, False)])
+def test_more_missed_truths_than_chance_explains_are_called_so(missed, by_chance):
+    """Of eight intervals of 90 % four or more lack the truth with a probability of 0.5 %, three or more with 3.8 %."""
+    rows = [SimpleNamespace(name=f"p{number}", within=number >= missed) for number in range(8)]
+    sentence = truth_sentence(rows)
+    assert ("as one of ten is expected to be" in sentence) is by_chance
+    assert ("more than the one of ten that is expected" in sentence) is not by_chance

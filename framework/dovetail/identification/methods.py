@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
@@ -162,10 +163,10 @@ def check_limits(model_error: float | None = None, cause_seconds: float = 0.0, f
     if form not in _FORMS:
         problem = f"'{form}' is no form of the posterior."
         raise ParameterError(Fault("form", problem, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
-    if model_error is not None and not (np.isfinite(model_error) and 0.0 <= model_error < 1.0):
-        raise ParameterError(Fault("model_error", f"{model_error:g} is no relative error.", "from 0 to 1"))
-    if not cause_seconds >= 0.0:
-        raise ParameterError(Fault("cause_seconds", f"{cause_seconds:g} s is no time.", "0, for none, or more"))
+    if model_error is not None and not (isinstance(model_error, Real) and 0.0 <= model_error < 1.0):
+        raise ParameterError(Fault("model_error", f"{model_error!r:.40} is no relative error.", "from 0 to 1"))
+    if not (isinstance(cause_seconds, Real) and cause_seconds >= 0.0):
+        raise ParameterError(Fault("cause_seconds", f"{cause_seconds!r:.40} s is no time.", "0, for none, or more"))
 
 
 def _network_answer(

@@ -50,6 +50,8 @@ _ELSEWHERE = ("description", "evaluation")
 _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a laboratory."
 
 
+_CHANCE = 0.01
+"""Probability below which as many intervals without the truth are more than expected."""
 _PIECES, _AGREES = 20, 0.995
 """Parts of the band of which the one with the least agreement is named, and the mean above which nothing is said."""
 
@@ -252,7 +254,10 @@ def truth_sentence(rows: Sequence[ParameterRow]) -> str:
         return ""
     if not missed:
         return f"All {len(known)} true values lie within their 90 % intervals."
-    return f"Outside their 90 % intervals, as one of ten is expected to be: the true values of {listing(missed)}."
+    count = len(known)
+    chance = sum(math.comb(count, k) * 0.1**k * 0.9 ** (count - k) for k in range(len(missed), count + 1))
+    expected = "as one of ten is expected to be" if chance > _CHANCE else "more than the one of ten that is expected"
+    return f"Outside their 90 % intervals, {expected}: the true values of {listing(missed)}."
 
 
 def misfit_sentence(result: Identification) -> str:

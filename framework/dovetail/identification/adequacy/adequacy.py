@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final, Literal, TypeAlias, get_args
 
+from dovetail.identification.parameters import IdentifiedParameter, place_on_range
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError, typical_model_error
 from dovetail.units import format_quantity
 
@@ -137,13 +138,23 @@ class Adequacy:
         heads = {"good": "The model fits well:", "rough": "The model fits roughly:"}
         return f"{heads.get(self.word, 'The model does not fit, unless')} {self.size.describe()}."
 
-    def doubts(self, intervals: Mapping[str, tuple[float, float]], units: Mapping[str, str]) -> dict[str, str]:
-        """Say with which cause a parameter is farther from the middle of its interval than that is wide, by name."""
+    def doubts(
+        self, intervals: Mapping[str, tuple[float, float]], parameters: Mapping[str, IdentifiedParameter]
+    ) -> dict[str, str]:
+        """Say where a parameter is farther from the middle of its interval than that is wide, by name.
+
+        With a cause, or in the best fit if the model errs: then what the errors hide decides, not the measurement.
+        """
+        cases = [(f"with {cause.words}", cause.theta) for cause in self.causes]
+        if self.size is not None:
+            cases.append(("in the best fit", tuple(parameter.value for parameter in parameters.values())))
         doubts = dict[str, str]()
-        for cause in self.causes:
-            for (name, (low, high)), value in zip(intervals.items(), cause.theta, strict=False):
-                if abs(value - 0.5 * (low + high)) > high - low:
-                    doubts.setdefault(name, f"with {cause.words} it is {format_quantity(value, units[name])}")
+        for case, theta in cases:
+            for parameter, (low, high), value in zip(parameters.values(), intervals.values(), theta, strict=False):
+                scale = parameter.lower, parameter.upper, parameter.scale
+                lower, upper, there = (place_on_range(number, *scale) for number in (low, high, value))
+                if abs(there - 0.5 * (lower + upper)) > upper - lower:
+                    doubts.setdefault(parameter.name, f"{case} it is {format_quantity(value, parameter.unit)}")
         return doubts
 
     def to_dict(self) -> dict[str, Any]:

@@ -73,6 +73,9 @@ def assess(
     """
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     noise = is_noise(assembly, target, fit)
+    if noise and target.residual_count(fit.used) <= len(fit.theta):
+        reason = "The measurement has no more values than there are unknowns: nothing is left to judge the fit by."
+        return Adequacy("not judged", allowed=model_error, reasons=(reason,)), fit
     if noise and not model_error:
         return Adequacy("to the noise", allowed=model_error), fit
     start = assembly.to_unit(fit.theta)
@@ -96,7 +99,7 @@ def assess(
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
     given_out = power_given_out(assembly, target, fit.variance)
     adequacy = Adequacy(
-        word_for(size),
+        "does not fit" if given_out > MOST_GIVEN_OUT else word_for(size),
         size,
         model_error,
         causes=causes,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -58,6 +58,8 @@ class Settings:
     a misplaced resonance raises the neighbours too."""
     neighbours: tuple[int, ...] = (2, 3, 4)
     """Distances, in lines, of the neighbours: the adjacent line is none, so that a bad pair is isolated too."""
+    rounded: float = 0.01
+    """Part of the lines with a coherence of exactly 1 above which the file has rounded away what it tells."""
     scattering: float = 0.5
     """Part of the scatter of a variance that was estimated line by line from which a stated one is taken for such."""
     least_coherence: float = 1e-3
@@ -81,7 +83,8 @@ def known_variance(frf: Frf) -> NDArray[np.float64] | None:
     """Return E|error|^2 of each line if the measurement has it, else None.
 
     Lines with a coherence of 0, of which nothing is known, get the largest known variance or the square of their own
-    value, whichever is larger.
+    value, whichever is larger. Coherences of 1 are the highest that are less, but for rounding: where a file rounds
+    more than a few so, they do not tell the variance.
 
     Notes
     -----
@@ -90,6 +93,11 @@ def known_variance(frf: Frf) -> NDArray[np.float64] | None:
     what it would be without that scatter. Where the coherences do scatter so, the variances are larger by this factor,
     and noise leaves a chi-squared of 1.
     """
+    if frf.variance is None and frf.coherence is not None:
+        rounded = frf.coherence == 1.0
+        if np.mean(rounded) > _SETTINGS.rounded:
+            return None
+        frf = replace(frf, coherence=np.minimum(frf.coherence, frf.coherence[~rounded].max()))
     variance = frf.random_variance
     if variance is None:
         return None

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
@@ -164,8 +165,8 @@ def check_options(samples: int) -> None:
     ------
     ParameterError
     """
-    if samples < 1:
-        raise ParameterError(Fault("samples", f"{samples} samples are none.", "1 or more"))
+    if not (isinstance(samples, Integral) and samples >= 1):
+        raise ParameterError(Fault("samples", f"{samples!r:.40} samples are none.", "1 or more"))
 
 
 def marginalised_squares(residuals: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:

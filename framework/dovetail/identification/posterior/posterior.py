@@ -239,8 +239,8 @@ class Posterior:
         reasons = [f"it presses against the {end} end of its range"] if end else []
         if word != "identified":
             reasons.append(self._explanation(index, word))
-        elif self.names[index] in self.doubts:
-            word = "weakly identified"
+        if self.names[index] in self.doubts:
+            word = "weakly identified" if word == "identified" else word
             reasons.append(self.doubts[self.names[index]])
         reason = "; ".join(reasons) or "the measurement fixes it"
         return Verdict(word, gain, f"{reason[0].upper()}{reason[1:]}.")
