@@ -158,3 +158,21 @@ def test_what_a_section_lacks_is_told_where_it_is_overridden(message, sound):
     assert message("extends: base.yaml\nresponse:\n  at: holder\n", base=base) == (
         "test.yaml:2:1  response.position\n  'response' lacks 'position'.\n  Accepted: a quantity in m"
     )
+
+
+@pytest.mark.parametrize(
+    ("base", "over", "expected"),
+    [
+        ("{about: 33 mm, sd: 5 %}", "{scale: log}", ("normal", "log")),
+        ("{about: 33 mm, sd: 5 %}", "{sd: 2 %}", ("normal", "linear")),
+        ("{range: [28 mm, 31 mm]}", "{scale: log}", ("uniform", "log")),
+        ("31 mm", "{scale: log}", ("uniform", "log")),
+    ],
+)
+def test_what_goes_with_a_prior_may_change_alone(read, sound, base, over, expected):
+    text = f"extends: sound.yaml\njoints: {{collet: {{parameters: {{Dc: {base}}}}}}}"
+    more = f"extends: base.yaml\njoints: {{collet: {{parameters: {{Dc: {over}}}}}}}"
+    [parameter] = [p for p in read(more, base=text, sound=sound).joints["collet"].parameters if p.name == "Dc"]
+    assert (parameter.prior, parameter.scale) == expected
+    if "sd: 2 %" in over:
+        assert parameter.upper - parameter.lower == pytest.approx(8 * 0.02 * 33e-3)

@@ -218,3 +218,21 @@ def test_an_unknown_sign_is_told_by_phases_however_small_the_model_is_on_some_li
         noise = random.standard_normal((2, len(values))) * 0.1 * np.abs(values).mean()
         noisy = dovetail.Frf(assembly.frequency, values + noise[0] + 1j * noise[1], "accelerance")
         assert _sign(assembly, theta, noisy) == -1.0
+
+
+@pytest.mark.parametrize("shape", ["response", "responses"])
+def test_what_all_responses_share_may_be_set_to_a_known_value(shape):
+    points = {"response": DRIVE} if shape == "response" else {"responses": [DRIVE, TRANSFER]}
+    assembly = dovetail.load({**MASSES, **points, "calibration": {"gain": {"range": [0.9, 1.1]}}})
+    known = dovetail.load(json.loads(assembly.description.with_known({("calibration", "gain"): 1.02}).text))
+    assert [p.name for p in assembly.parameters if p not in known.parameters] == ["calibration.gain"]
+
+
+def test_the_ratio_of_a_tie_may_change_alone(tmp_path):
+    (tmp_path / "base.yaml").write_text(json.dumps({**MASSES, "response": DRIVE}))
+    (tmp_path / "other.yaml").write_text("extends: base.yaml\njoints: {neck: {parameters: {k: {ratio: 0.25}}}}")
+    ties = dovetail.load(tmp_path / "other.yaml").description.joints["neck"].ties
+    assert ties == {
+        **dovetail.load(tmp_path / "base.yaml").description.joints["neck"].ties,
+        "k": replace(ties["k"], ratio=0.25),
+    }

@@ -230,3 +230,47 @@ RECORD = np.sin(np.arange(64.0))
 def test_faults(force, response, rate: float, options: dict, message: str) -> None:
     with pytest.raises(MeasurementError, match=message):
         frf_from_signals(force, response, rate, **options)
+
+
+@pytest.mark.parametrize(
+    ("header", "scales"),
+    [
+        ("time,force,response\nms,lbf,g", (1e-3, 4.4482216152605, 9.80665)),
+        ("time,force [lbf],response [g]", (1.0, 4.4482216152605, 9.80665)),
+        ("time [s],force [N],response [m/s^2]", (1.0, 1.0, 1.0)),
+        ("Time (ms),Force (lbf),Response (g)", (1e-3, 4.4482216152605, 9.80665)),
+        ("time,force,response", (1.0, 1.0, 1.0)),
+    ],
+)
+def test_units_of_a_table_are_those_that_it_states(tmp_path: Path, header: str, scales: tuple[float, ...]) -> None:
+    rows = [f"{number},{float(number == 0)},{number % 3}" for number in range(64)]
+    (tmp_path / "hit.csv").write_text("\n".join([header, *rows]))
+    signals = read_signals(tmp_path / "hit.csv", response_unit="m/s^2")
+    second, newton, acceleration = scales
+    assert signals.rate == pytest.approx(1.0 / second)
+    assert signals.force.max() == pytest.approx(newton)
+    assert signals.response.max() == pytest.approx(2.0 * acceleration)
+
+
+def test_a_time_in_no_unit_of_time_is_refused(tmp_path: Path) -> None:
+    rows = [f"{number},1,2" for number in range(64)]
+    (tmp_path / "hit.csv").write_text("\n".join(["time [V],force [N],response [g]", *rows]))
+    with pytest.raises(MeasurementError, match="the columns are in V, N, g"):
+        read_signals(tmp_path / "hit.csv")
+
+
+def test_an_archive_with_two_responses_does_not_say_which(tmp_path: Path) -> None:
+    force, response = struck(BENCH, 0)
+    np.savez(tmp_path / "hits.npz", force=force, displacement=response, acceleration=response, rate=BENCH.rate)
+    with pytest.raises(MeasurementError, match="displacement, acceleration may each be the response: say which"):
+        read_signals(tmp_path / "hits.npz")
+    chosen = read_signals(tmp_path / "hits.npz", names={"response": "acceleration"})
+    np.testing.assert_array_equal(chosen.response, response)
+
+
+@pytest.mark.parametrize("rate", [[], [1000.0, 2000.0]])
+def test_an_archive_has_one_rate(tmp_path: Path, rate: list[float]) -> None:
+    force, response = struck(BENCH, 0)
+    np.savez(tmp_path / "hits.npz", force=force, response=response, rate=np.array(rate))
+    with pytest.raises(MeasurementError, match=r"real numbers, and one rate"):
+        read_signals(tmp_path / "hits.npz")

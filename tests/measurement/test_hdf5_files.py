@@ -122,3 +122,11 @@ def test_a_unit_that_cannot_be_read_is_not_taken_for_none(tmp_path: Path) -> Non
     (tmp_path / "a.h5").write_bytes(content.replace(b"GCOL", b"GCOX"))
     with pytest.raises(MeasurementError, match="the HDF5 file is damaged"):
         read_frf(tmp_path / "a.h5", quantity="accelerance")
+
+
+@pytest.mark.parametrize("name", ["unit", "Unit", "Units", "UNITS"])
+@pytest.mark.parametrize("unit", ["um/N", ["um/N"], np.array([b"um/N"])])
+def test_a_unit_may_be_a_list_of_one_and_have_a_capital(tmp_path: Path, name: str, unit: object) -> None:
+    with saved(tmp_path / "a.h5", frequency=FREQUENCY, values=VALUES) as file:
+        file["values"].attrs[name] = unit
+    np.testing.assert_allclose(read_frf(tmp_path / "a.h5").values, 1e-6 * VALUES)

@@ -176,3 +176,9 @@ def test_millions_of_members_are_not_listed(refused) -> None:
         for number in range(2000):
             archive.writestr(f"array{number}.npy", b"")
     assert refused("a.npz", stream.getvalue()) == "a.npz\n  the archive has more than 1000 entries."
+
+
+def test_amplitudes_in_decibels(tmp_path: Path) -> None:
+    content = saved(frequency=AXIS, db=np.full(3, -20.0), phase_deg=np.array([0.0, 90.0, 180.0]), quantity="receptance")
+    (tmp_path / "a.npz").write_bytes(content)
+    np.testing.assert_allclose(read_frf(tmp_path / "a.npz").values, [0.1, 0.1j, -0.1], atol=1e-12)

@@ -165,3 +165,12 @@ def test_the_quantity_must_not_contradict_the_file(tmp_path: Path, measured: Frf
     assert read_frf(tmp_path / name, quantity="accelerance").quantity == "accelerance"
     with pytest.raises(MeasurementError, match="the file says that it holds accelerance, the argument says mobility"):
         read_frf(tmp_path / name, quantity="mobility")
+
+
+@pytest.mark.parametrize("unit", ["\N{MICRO SIGN}m/N", "\N{GREEK SMALL LETTER MU}m/N", "mm/s²/N"])
+def test_a_unit_with_signs_beyond_ascii_comes_back_from_a_universal_file(
+    tmp_path: Path, measured: Frf, unit: str
+) -> None:
+    frf = measured.to("accelerance" if "s" in unit else "receptance")
+    write_frf(frf, tmp_path / "a.uff", unit=unit, binary=True)
+    np.testing.assert_allclose(read_frf(tmp_path / "a.uff").values, frf.values, rtol=1e-12)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dovetail.errors import MeasurementError
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf
 
@@ -120,3 +121,22 @@ def test_names_that_are_not_there(refused) -> None:
     assert refused("a.csv", text, names={"reel": "Real X"}).startswith(
         "the argument names\n  'reel' is no part of an FRF.\n  Did you mean 'real'?"
     )
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "frequency,amplitude,phase_deg [rad]",
+        "frequency,amplitude,phase_rad [deg]",
+        "frequency,amplitude,phase_deg\nHz,m/N,rad",
+    ],
+)
+def test_a_phase_whose_name_and_unit_disagree_is_not_guessed(tmp_path: Path, header: str) -> None:
+    with pytest.raises(MeasurementError, match="may be in degrees or in radians"):
+        read(tmp_path, "a.csv", f"{header}\n10,1,1\n20,1,2\n", quantity="receptance")
+
+
+@pytest.mark.parametrize("header", ["frequency,amplitude,phase_deg [deg]", "frequency,amplitude,phase [deg]"])
+def test_a_phase_whose_name_and_unit_agree_is_read(tmp_path: Path, header: str) -> None:
+    frf = read(tmp_path, "a.csv", f"{header}\n10,1,90\n20,1,180\n", quantity="receptance")
+    np.testing.assert_allclose(frf.values, [1j, -1], atol=1e-12)

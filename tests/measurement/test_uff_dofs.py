@@ -148,3 +148,11 @@ def test_dofs_that_contradict_the_file_or_are_none(several: Path) -> None:
         "  Leave the argument out, or correct the file."
     )
     assert fault_of(several, index=3, dofs=("2+q", "1+x")).startswith("the argument dofs\n  '2+q' is no DOF.\n")
+
+
+@pytest.mark.parametrize(("response", "force"), [("5x", "5+x"), ("5X", "5x"), ("5-x", "5+x")])
+def test_the_mass_is_taken_off_a_drive_point_however_its_dof_is_spelt(tmp_path, response, force):
+    frf = Frf(FREQUENCY, VALUES, "accelerance", response=response, force=force)
+    write_frf(frf, tmp_path / "a.npz")
+    compensated = read_frf(tmp_path / "a.npz", accelerometer_mass=0.01)
+    np.testing.assert_allclose(compensated.values, VALUES / (1.0 - 0.01 * VALUES))

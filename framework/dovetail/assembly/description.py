@@ -268,9 +268,9 @@ class Description:
         if owner in self.joints:
             return whole["joints"][owner].setdefault("parameters", {}), name
         if owner in self.calibrations:
-            names = [response.name for response in self.responses]
-            section = whole["responses"][names.index(owner)] if "responses" in whole else whole["response"]
-            return section["calibration"], name
+            names = [*(response.name for response in self.responses), owner]  # the last is of all responses
+            sections = [*whole.get("responses", [whole.get("response")]), whole]
+            return sections[names.index(owner)]["calibration"], name
         section = whole["substructures"][owner]
         *steps, last = (int(step) if step.isdecimal() else step for step in name.split("."))
         for step in steps:

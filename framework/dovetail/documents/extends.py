@@ -131,7 +131,8 @@ def _displaced_keys(base: Item, over: Item, path: Path) -> set[str]:
     elif path == ("frequency",):
         exclusive = [("step", "lines"), ("lines", "step")]
     elif {*base.entries, *over.entries} <= {key for kind, beside in _KNOWN.items() for key in (kind, *beside)}:
-        kind = next((kind for kind in _KNOWN if kind in over.entries), "range")
+        kept = [kind for kind in _KNOWN if kind in base.entries and {*over.entries} <= {*_KNOWN[kind]}]
+        kind = next((kind for kind in _KNOWN if kind in over.entries), (*kept, "range")[0])
         return {*base.entries} - {*over.entries, kind, *_KNOWN[kind]}
     else:
         return set()

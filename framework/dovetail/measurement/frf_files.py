@@ -149,7 +149,7 @@ def _decode(source: Path, content: bytes, file_format: Format, options: ReadOpti
 
 def _check_drive_point(frf: Frf) -> None:
     """Refuse to take a mass off an FRF between two DOFs by the formula for one."""
-    ends = [end.replace("-", "+") for end in (frf.response, frf.force)]
+    ends = [end.lower().replace("-", "").replace("+", "") for end in (frf.response, frf.force)]
     if all(ends) and ends[0] != ends[1]:
         problem = f"the FRF is from {frf.force} to {frf.response}, and the mass is taken off a drive point."
         remedy = "Give the drive-point FRF at the accelerometer too: remove_accelerometer_mass(frf, mass, drive=...)."

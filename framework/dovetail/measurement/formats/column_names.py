@@ -108,8 +108,9 @@ def column_word(name: str, unit: str = "") -> str:
         tails = [spelling for spelling in spellings if word.endswith(f"_{spelling}")]
         tail = max(tails, key=len, default=word)
         word = word if _NO_FRF & set(word.removesuffix(tail).split("_")) else tail
-    if word in PHASES:
-        return _ANGLES.get(unit.strip().lower(), word)
+    angle = _ANGLES.get(unit.strip().lower(), "")
+    if word in PHASES or any(word in FIELD_NAMES[other] for other in _ANGLES.values() if angle not in ("", other)):
+        return angle if word in PHASES and angle else PHASES[0]
     return "db" if word in FIELD_NAMES["amplitude"] and unit.strip().lower().startswith("db") else word
 
 

@@ -131,13 +131,13 @@ def _text_attributes(item: h5py.Group | h5py.Dataset) -> Mapping[str, str]:
     texts = {}
     for name in list(item.attrs)[:50]:
         try:
-            value = item.attrs[name]
+            value = np.ravel(item.attrs[name])
         except Exception:  # one of a type that cannot be read says nothing, unless the numbers depend on it
             if name in _NEEDED:
                 raise
             continue
-        if isinstance(value, str | bytes):
-            texts[str(name)] = _decode_text(value)
+        if value.size == 1 and isinstance(value[0], str | bytes):
+            texts[name.lower() if name.lower() in _NEEDED else str(name)] = _decode_text(value[0])
     return texts
 
 

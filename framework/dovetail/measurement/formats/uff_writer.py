@@ -113,7 +113,7 @@ def _spacing(frequency: NDArray[np.float64]) -> int | None:
 
 
 def _id_line(label: str) -> str:
-    printable = "".join(character if 32 <= ord(character) < 127 else "?" for character in label)
+    printable = "".join(c if 32 <= ord(c) < 127 else {"µ": "u", "μ": "u", "²": "^2"}.get(c, "?") for c in label)
     return printable.strip()[:80] or "NONE"
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.atomic_files import read_bounded
-from dovetail.errors import Fault, MeasurementError, did_you_mean
+from dovetail.errors import Fault, MeasurementError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Quantity
-from dovetail.measurement.formats import guarded, lvm, npz, uff_reader
+from dovetail.measurement.formats import guarded, lvm, npz, tables, uff_reader
 from dovetail.measurement.formats.column_names import plain_name
 from dovetail.measurement.formats.named_arrays import Archive
 from dovetail.measurement.formats.text_tables import find_rows, find_table, read_rows, split_lines
@@ -80,7 +80,7 @@ def read_signals(
         ``.uff``, ``.unv``: time responses (function type 1) in pairs of a force (data type 13) and a motion.
         ``.lvm``: channels whose names begin with one of a force and one of a motion; a segment for each impact.
     force_unit, response_unit : str
-        Units of the numbers; ``"g"`` is the standard gravity. Labels of a universal or LabVIEW file come first.
+        Units of the numbers; ``"g"`` is the standard gravity. Labels of the file come first.
     rate : float, optional
         Samples per second, where the file does not say it.
     names : mapping of str to str, optional
@@ -112,14 +112,14 @@ def read_signals(
     file_rate: float | None
     if suffix in (".uff", ".unv"):
         force, response, file_rate, units = uff_reader.read_time_records(source, content)
-        force_unit, response_unit = units[0] or force_unit, units[1] or response_unit
     elif suffix == ".lvm":
         force, response, file_rate, units = _from_labview(source, content)
-        force_unit, response_unit = units[0] or force_unit, units[1] or response_unit
     elif suffix in _ARCHIVES:
-        force, response, file_rate = _from_archive(_open_archive(source, content, names or {}), names or {})
+        archive, units = _open_archive(source, content, names or {}), ("", "")
+        force, response, file_rate = _from_archive(archive, names or {})
     else:
-        force, response, file_rate = _from_table(source, content, columns)
+        force, response, file_rate, units = _from_table(source, content, columns)
+    force_unit, response_unit = units[0] or force_unit, units[1] or response_unit
     sampling_rate = file_rate if rate is None else rate
     if sampling_rate is None:
         raise MeasurementError(Fault(str(source), "the file does not say the sampling rate.", remedy="Give the rate."))
@@ -154,15 +154,16 @@ def _from_archive(archive: Archive, chosen: Mapping[str, str]) -> tuple[Array, A
     for signal, spellings in _NAMES.items():
         matching = [name for name in archive.entries if plain_name(name) in spellings]
         names = [chosen[signal]] if signal in chosen else matching
-        for name in names[:1]:
+        if len(names) > 1:
+            raise MeasurementError(Fault(str(archive.path), f"{listing(names)} may each be the {signal}: say which."))
+        for name in names:
             if name not in archive.entries:
                 hint = did_you_mean(name, archive.entries)
                 raise MeasurementError(Fault(str(archive.path), f"there is no '{name}' in the file.", remedy=hint))
             array = archive.entries[name].load()
-            if array.dtype.kind not in "fiu" or array.ndim > 2:
-                raise MeasurementError(
-                    Fault(str(archive.path), f"'{name}' has the type {array.dtype}.", "real numbers")
-                )
+            if array.dtype.kind not in "fiu" or array.ndim > 2 or (signal == "rate" and np.unique(array).size != 1):
+                problem = f"'{name}' has the shape {array.shape} and the type {array.dtype}."
+                raise MeasurementError(Fault(str(archive.path), problem, "real numbers, and one rate"))
             arrays[signal] = array.astype(np.float64)
     if not {"force", "response"} <= set(arrays):
         held = ", ".join(list(archive.entries)[:20]) or "nothing"
@@ -180,8 +181,8 @@ def _rows(array: Array) -> Array:
     return table.T if table.shape[0] > table.shape[1] else table
 
 
-def _from_table(path: Path, content: bytes, columns: Sequence[str]) -> tuple[Array, Array, float | None]:
-    lines = split_lines(path, content)
+def _from_table(path: Path, data: bytes, columns: Sequence[str]) -> tuple[Array, Array, float | None, tuple[str, str]]:
+    lines = split_lines(path, data)
     if columns:
         table = find_rows(str(path), lines, columns, [*chain(*_signal_columns(columns).values())])
     else:
@@ -194,7 +195,14 @@ def _from_table(path: Path, content: bytes, columns: Sequence[str]) -> tuple[Arr
     wanted = [*chain(*signals.values())]
     _, rows = read_rows(table, table.header, wanted)
     count = len(signals["force"])
-    return rows[:count], rows[count : 2 * count], _rate(path, rows[-1]) if signals["time"] else None
+    beside = tables.names_and_units(table.header)[1]
+    stated = [own or below.strip("[]()") for own, below in zip(beside, table.units or beside, strict=True)]
+    labels = [{stated[column] for column in part if not stated[column].isdigit()} for part in signals.values()]
+    second = conversion_factor("".join(labels[2]) or "s", "s")
+    if second is None or any(len(each) > 1 for each in labels):
+        raise MeasurementError(Fault(f"{path}:{table.line + 1}", f"the columns are in {', '.join(stated)}.", "s, N, g"))
+    units = "".join(labels[0]), "".join(labels[1])
+    return rows[:count], rows[count : 2 * count], _rate(path, rows[-1] * second) if signals["time"] else None, units
 
 
 def _from_labview(path: Path, content: bytes) -> tuple[Array, Array, float, tuple[str, str]]:
@@ -218,7 +226,7 @@ def _from_labview(path: Path, content: bytes) -> tuple[Array, Array, float, tupl
 
 def _signal_columns(cells: Sequence[str]) -> dict[str, list[int]]:
     """Return which columns hold forces, responses and, at most one, the time."""
-    names = [plain_name(cell) for cell in cells]
+    names = [plain_name(name) for name in tables.names_and_units(cells)[0]]
     columns = {part: [i for i, name in enumerate(names) if re.match(part, name)] for part in ("force", "response")}
     return columns | {"time": [i for i, name in enumerate(names) if name in _NAMES["time"]][:1]}
 
