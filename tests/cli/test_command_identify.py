@@ -461,3 +461,16 @@ def test_what_a_batch_does_not_take(run, bench, tmp_path, monkeypatch, arguments
 def test_a_folder_without_measurements(run, bench, tmp_path):
     (tmp_path / "empty").mkdir()
     assert "this folder holds no measurement" in run("identify", bench.description, tmp_path / "empty", code=1).stderr
+
+
+def test_files_of_one_name_that_cannot_be_read_are_all_named(run, bench, tmp_path):
+    for folder in ("first", "second", "third"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "m.csv").write_text("no table")
+    (tmp_path / "second" / "m.csv").write_bytes(bench.measured.read_bytes())
+    files = [tmp_path / folder / "m.csv" for folder in ("first", "second", "third")]
+    if bench.measured.suffix != ".csv":
+        dovetail.write_frf(dovetail.read_frf(bench.measured), files[1], overwrite=True)
+    done = run("identify", bench.description, *files, "--method", "refined", code=1)
+    for failed in (files[0], files[2]):
+        assert done.output.count(str(failed)) >= 1

@@ -66,3 +66,8 @@ def test_options_of_an_frf_do_not_go_with_it(run, modes):
 def test_a_wrong_unit_is_one_error(run, modes):
     modes.write_text("frequency [rpm],zeta\n212.1,0.31\n")
     assert "the unit of 'frequency' is 'rpm'" in run("identify", OSCILLATOR, modes, code=1).output
+
+
+def test_a_table_of_modes_is_divided_among_no_workers(run, modes):
+    done = run("identify", OSCILLATOR, modes, "--scheduler", "tcp://nowhere:1", code=2)
+    assert "a table of modal parameters takes no option of an FRF" in " ".join(done.output.split())

@@ -202,3 +202,14 @@ def test_a_fault_of_a_case_reaches_the_caller():
 
     with pytest.raises(ParameterError, match="this one cannot be"):
         list(side_by_side(work, 4, 2))
+
+
+def test_a_finer_mesh_leaves_the_force_where_it_is(collet, torque_100):
+    description = json.loads(collet.description.text)
+    description["response"] = {**description["response"], "force": {"at": "holder", "position": "62 mm"}}
+    transfer = dovetail.load(description)
+    finer_force = finer(transfer, 2).description.response.force
+    nodes = finer(transfer, 2).description.substructures["holder"].nodes
+    assert nodes[finer_force.node].position == pytest.approx(0.062)
+    coarse, fine = transfer.frf(torque_100), finer(transfer, 2).frf(torque_100)
+    assert np.linalg.norm(fine - coarse) < 0.1 * np.linalg.norm(coarse)

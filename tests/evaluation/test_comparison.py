@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import dovetail
 from dovetail.cli import app
 from dovetail.errors import DovetailError, ParameterError
 from dovetail.evaluation import compare, read_cases, read_truths
+from dovetail.report.comparison import write_comparison
 
 CASES = """\
 dovetail_cases: 1
@@ -114,3 +116,23 @@ def test_what_cannot_be_compared(cases):
     (cases / "truth.json").write_text("[]")
     with pytest.raises(DovetailError, match="no file of true parameters"):
         read_truths(cases / "truth.json")
+
+
+def test_amplitudes_are_compared_with_amplitudes(cases):
+    for name in ("soft", "stiff"):
+        frf = dovetail.read_frf(cases / f"{name}.csv")
+        alone = replace(frf, values=frf.amplitude.astype(complex), has_phase=False)
+        dovetail.write_frf(alone, cases / f"{name}.csv", overwrite=True)
+    for row in compare(read_cases(cases / "cases.yaml"), ("refined",)).rows:
+        assert row.mean_coherence == pytest.approx(row.identification.mean_coherence)
+        assert row.mean_coherence > 0.98
+
+
+def test_a_comparison_of_methods_that_identify_nothing_has_a_page_too(cases):
+    """As the rigid joint by itself."""
+    done = compare(read_cases(cases / "cases.yaml"), ("refined",))
+    nothing = replace(done, rows=tuple(replace(row, identification=None) for row in done.rows))
+    page = write_comparison(nothing, cases / "rigid.html").read_text(encoding="utf-8")
+    assert "Resonances" in page
+    assert "Identified parameters" not in page
+    assert "Identified parameters" in write_comparison(done, cases / "refined.html").read_text(encoding="utf-8")

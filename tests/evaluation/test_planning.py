@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 import dovetail
@@ -131,3 +132,12 @@ def test_what_cannot_be_planned(collet, assemblies):
         plan(collet, noise=0.0)
     with pytest.raises(ParameterError, match="nothing to measure for"):
         plan(dovetail.load(assemblies / "campaign" / "t0.yaml"))
+
+
+def test_a_planned_response_keeps_the_force_that_the_description_has(collet):
+    description = json.loads(collet.description.text)
+    description["response"] = {**description["response"], "force": {"at": "tool", "position": "10 mm"}}
+    section = plan(dovetail.load(description), ["tool"], samples=3).responses
+    assert section.count("force: {at: tool, position: 10 mm, direction: x}}") == 2
+    del description["response"]
+    dovetail.load({**description, **yaml.safe_load(section)})

@@ -7,6 +7,7 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import asdict
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from dovetail.errors import DovetailError
 from dovetail.evaluation.study import _Worker
 from dovetail.evaluation.study_ledger import Ledger, Proposal
 from dovetail.registry import components
+from dovetail.report.study import chosen
 
 SWEEPS: dict[str, Any] = {"reducer.n_components": [2, 4, 8], "regressor.options.alpha": [1e-4, 10.0]}
 RIDGE = {"model": "sklearn", "estimator": "KernelRidge", "options": {"alpha": 0.1, "kernel": "rbf"}}
@@ -244,3 +246,9 @@ def test_a_lock_is_held_as_long_as_its_process(tmp_path):
     (tmp_path / ".a.lock").write_text("")
     assert not is_held(tmp_path / "a")
     assert not (tmp_path / ".a.lock").exists()
+
+
+@pytest.mark.parametrize(("changes", "told"), [({"reducer.n_epochs": None}, False), ({}, True)])
+def test_a_best_value_of_null_is_told_as_it_is(changes, told):
+    study = SimpleNamespace(best=SimpleNamespace(changes=changes), described={"reducer.n_epochs": 100})
+    assert ("100" in chosen(study, "reducer.n_epochs")) is told

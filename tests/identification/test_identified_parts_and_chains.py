@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.identification.identify import _sign
+from dovetail.identification.identify import _sign, check_mass
 
 MASSES: dict[str, Any] = {
     "dovetail": 1,
@@ -236,3 +236,12 @@ def test_the_ratio_of_a_tie_may_change_alone(tmp_path):
         **dovetail.load(tmp_path / "base.yaml").description.joints["neck"].ties,
         "k": replace(ties["k"], ratio=0.25),
     }
+
+
+def test_no_mass_is_taken_off_a_transfer_frf_as_off_a_drive_point():
+    """A table does not say where it was measured; the description does."""
+    check_mass(dovetail.load({**MASSES, "response": DRIVE}), 0.02)
+    transfer = dovetail.load({**MASSES, "response": TRANSFER})
+    check_mass(transfer, 0.0)
+    with pytest.raises(dovetail.MeasurementError, match="is no drive point, from which no mass can be removed"):
+        check_mass(transfer, 0.02)

@@ -172,6 +172,7 @@ def test_a_batch_is_what_each_measurement_gives_alone(sdof, tmp_path):
     assert list(frame.index) == [(name, parameter) for name in batch.results for parameter in ("k", "c")]
     assert batch.believable
     assert repr(batch) == "<Batch: 3 identifications, 2 failures>"
+    assert list(pickle.loads(pickle.dumps(batch)).results) == list(batch.results)
 
 
 def test_an_empty_batch(sdof):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from html import unescape
 from types import SimpleNamespace
 
 import numpy as np
@@ -164,3 +165,11 @@ def test_more_missed_truths_than_chance_explains_are_called_so(missed, by_chance
     sentence = truth_sentence(rows)
     assert ("as one of ten is expected to be" in sentence) is by_chance
     assert ("more than the one of ten that is expected" in sentence) is not by_chance
+
+
+def test_the_report_says_how_to_do_it_again_with_the_options_that_were_given(sdof, tmp_path):
+    frf = dovetail.Frf(sdof.frequency, sdof.frf(), "accelerance", label="m.csv")
+    result = dovetail.identify(sdof, frf, "multistart", starts=3, weights="amplitude", phase=False, cause_seconds=0)
+    page = unescape(write_report(result, tmp_path / "report.html", assembly=sdof).read_text(encoding="utf-8"))
+    assert "\"multistart\", weights='amplitude', phase=False, starts=3, cause_seconds=0, seed=0)" in page
+    assert "--method multistart --weights amplitude --amplitude-only --starts 3 --cause-seconds 0 -o results/" in page

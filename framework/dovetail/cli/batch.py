@@ -61,11 +61,11 @@ def identify_batch(
     from dovetail.cli.result_files import writing
 
     frfs, unread = [], {}
-    for file in _files(measured, plugins):
+    for file in (files := _files(measured, plugins)):
         try:
             frfs.append(read(file))
         except DovetailError as error:
-            unread[file.name] = str(error)
+            unread[file.name if sum(other.name == file.name for other in files) == 1 else str(file)] = str(error)
     with progress_bars() as progress:
         done = identify_many(assembly, frfs, method, model=model, progress=progress, **options)
     batch = Batch(done.results, {**unread, **done.failures})

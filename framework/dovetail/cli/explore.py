@@ -61,11 +61,13 @@ def explore(
     saved as JSON, as a description and as a report. The command ends with Ctrl-C, or when the page is closed.
     """
     import dovetail
+    from dovetail.identification.identify import check_mass
     from dovetail.report.explorer import Explorer
     from dovetail.report.page_server import PageServer
 
     loaded = dovetail.load(assembly, plugins=plugin or ())
     note_doubts(loaded)
+    check_mass(loaded, accelerometer_mass)
     read = measured_reader(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
     frfs = read_selected(read, measured, index, response, force) if measured else []
     explorer = Explorer(loaded, frfs)

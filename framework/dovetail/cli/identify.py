@@ -162,6 +162,7 @@ def identify(
     """
     import dovetail
     from dovetail.cli.result_files import write_results, writing
+    from dovetail.identification.identify import check_mass
     from dovetail.measurement import is_modal_table
     from dovetail.report.truth import read_truth
 
@@ -179,7 +180,7 @@ def identify(
     by = chosen_method(method, plugin, assembly, options)
     if len(measured) == 1 and is_modal_table(measured[0]):
         of_frf = (weights, amplitude_only, quantity, unit, index, response, force, names, columns, reader)
-        of_methods = (network, retrain, cause_seconds is not None, method not in (None, "posterior"))
+        of_methods = (network, retrain, scheduler, cause_seconds is not None, method not in (None, "posterior"))
         if any((*of_frf, *of_methods, accelerometer_mass)):
             raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
         _identify_from_modes(assembly, measured[0], options, truth, output, as_json=as_json)
@@ -189,7 +190,7 @@ def identify(
     if by == "network" or (retrain and network is None):
         network = True
     if is_batch(measured, len(assembly.description.responses)):
-        _check_accelerometer(assembly, accelerometer_mass)
+        check_mass(assembly, accelerometer_mass)
         check_batch(truth, output, index, response, force)
         model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
         options["scheduler"] = scheduler
@@ -198,7 +199,8 @@ def identify(
     if scheduler is not None:
         raise typer.BadParameter("it divides several measurements, and this is one.", param_hint="--scheduler")
     frfs = read_selected(read, measured, index, response, force)
-    _check(assembly, frfs, bool(network), truth, output, accelerometer_mass)
+    check_mass(assembly, accelerometer_mass)
+    _check(assembly, frfs, bool(network), truth, output)
     model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
     known = None if truth is None else read_truth(truth, assembly.parameters)
     with progress_bars() as progress:
@@ -260,14 +262,12 @@ def _check(
     network: bool,
     truth: Path | None,
     output: Path | None,
-    accelerometer_mass: float,
 ) -> None:
     """Look at everything that could be wrong before any work."""
     from dovetail.cli.result_files import prepare_folder
     from dovetail.identification.fitting.observations import MeasuredLines
     from dovetail.report.truth import read_truth
 
-    _check_accelerometer(assembly, accelerometer_mass)
     lines = MeasuredLines.of(assembly, measured)
     if network:
         lines.resampled(assembly)
@@ -275,14 +275,6 @@ def _check(
         read_truth(truth, assembly.parameters)
     if output is not None:
         prepare_folder(output)
-
-
-def _check_accelerometer(assembly: Assembly, mass: float) -> None:
-    from dovetail.errors import Fault, MeasurementError
-
-    if mass and any(response.rotation for response in assembly.description.responses):
-        problem = f"the response of '{assembly.name}' is a rotation per moment, from which no mass can be removed."
-        raise MeasurementError(Fault("--accelerometer-mass", problem, remedy="Leave it out."))
 
 
 def _print(result: Identification, truth: Truth | None) -> None:

@@ -9,6 +9,8 @@ from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
 from dovetail.assembly import Assembly, load
@@ -21,7 +23,7 @@ from dovetail.evaluation.validation import PROMINENCE
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, Identifier, identify, train
 from dovetail.identification.fitting import one_per_response
-from dovetail.identification.identify import find_method
+from dovetail.identification.identify import check_mass, find_method
 from dovetail.identification.methods import METHODS
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
@@ -70,9 +72,15 @@ class Compared:
         return self.identification is None or self.identification.believable
 
     @property
+    def coherence(self) -> NDArray[np.float64]:
+        """(n_freq,) agreement of reconstruction and measurement (Eq. 15); of their amplitudes if there is no phase."""
+        model = self.frf.values if self.measured.has_phase else self.frf.amplitude
+        return coherence_spectrum(self.measured.values, model)
+
+    @property
     def mean_coherence(self) -> float:
-        """Mean agreement of reconstruction and measurement (Eq. 15)."""
-        return float(coherence_spectrum(self.measured.values, self.frf.values).mean())
+        """Mean agreement of reconstruction and measurement."""
+        return float(self.coherence.mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +208,7 @@ def _one_assembly(cases: Cases) -> Path:
 def _measurement(case: Case, assembly: Assembly) -> Frf:
     assert case.joint is not None
     assert case.joint.measured is not None
+    check_mass(assembly, case.joint.measured.accelerometer_mass)
     (read,) = one_per_response(assembly, case.joint.measured.read(compensated=True))
     left_out = assembly.description.left_out
     check_cover(within_band(read, assembly.frequency, left_out), assembly.frequency)

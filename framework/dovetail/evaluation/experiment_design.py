@@ -274,6 +274,9 @@ def _section(assembly: Assembly, first: PlannedPoint, second: PlannedPoint) -> s
     """Return the section of a description that has both points, with the quantity of the described response."""
     response = assembly.description.response
     keys = f"direction: {response.direction}, quantity: {response.quantity}"
+    if force := response.force:
+        at = format_quantity(assembly.description.substructures[force.substructure].nodes[force.node].position, "m", 8)
+        keys += f", force: {{at: {force.substructure}, position: {at}, direction: {force.direction}}}"
     entries = [
         f"at: {point.substructure}, position: {format_quantity(point.position, 'm', 8)}" for point in (first, second)
     ]

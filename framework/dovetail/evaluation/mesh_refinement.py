@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -57,13 +58,12 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
     )
     if same_joints and all(refined[name] is substructure for name, substructure in description.substructures.items()):
         raise ParameterError(Fault(assembly.name, "none of its parts has a mesh that can be made finer."))
-    responses = tuple(
-        replace(
-            response,
-            node=_node(description.substructures[response.substructure], response.node, refined[response.substructure]),
-        )
-        for response in description.responses
-    )
+
+    def moved(place: Any) -> Any:
+        name = place.substructure
+        return replace(place, node=_node(description.substructures[name], place.node, refined[name]))
+
+    responses = tuple(replace(moved(r), force=r.force and moved(r.force)) for r in description.responses)
     whole = replace(description, substructures=refined, joints=joints, responses=responses, unknown_parts=unknown_parts)
     return Assembly(whole)
 

@@ -15,6 +15,7 @@ from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, identify
+from dovetail.identification.identify import check_mass
 from dovetail.identification.prediction import joint_values, predicted_frf
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
@@ -204,7 +205,8 @@ class _Joints:
         if source.assembly is None or source.measured is None:
             assert source.result is not None
             return load_result(source.result)
-        return self._identify(load(source.assembly, plugins=self._plugins), source.measured.read(compensated=True))
+        check_mass(assembly := load(source.assembly, plugins=self._plugins), source.measured.accelerometer_mass)
+        return self._identify(assembly, source.measured.read(compensated=True))
 
 
 def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase:
@@ -216,6 +218,7 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
                 remedy="Add 'joint: {assembly: ..., measured: ...}' or 'joint: {result: ...}'.",
             )
         )
+    check_mass(assembly, case.measured.accelerometer_mass)
     joint = None if case.joint is None else joints.get(case.joint)
     known: AnyIdentification | dict[str, float] = {} if joint is None else joint
     quantity, left_out = assembly.description.response.quantity, assembly.description.left_out

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Self
 
 from dovetail.assembly import AssemblySource, as_assembly
@@ -289,8 +288,8 @@ def identify_many(
                 keep(first + index, outcome)
     ordered = [(name, outcomes[index]) for index, name in enumerate(names)]
     return Batch(
-        MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, Identification)}),
-        MappingProxyType({name: outcome for name, outcome in ordered if isinstance(outcome, str)}),
+        {name: outcome for name, outcome in ordered if isinstance(outcome, Identification)},
+        {name: outcome for name, outcome in ordered if isinstance(outcome, str)},
     )
 
 

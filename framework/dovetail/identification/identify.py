@@ -144,9 +144,22 @@ def identify(
         lines = MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase))
         lines = _with_signs(lines, report)
         if isinstance(chosen, str):
-            return METHODS[chosen](lines, model, progress=report, **options)
+            result = METHODS[chosen](lines, model, progress=report, **options)
+            given = {"weights": weights, "phase": None if phase else False, **options}
+            said = {name: value for name, value in given.items() if isinstance(value, (str, int, float))}
+            return replace(result, provenance={**result.provenance, **({"options": said} if said else {})})
         own = {name: options.pop(name) for name in list(options) if name in type(chosen.config).model_fields}
         return by_plugin(_with_options(chosen, own) if own else chosen, lines, progress=report, **options)
+
+
+def check_mass(assembly: Assembly, mass: float) -> None:
+    """Raise a MeasurementError where a mass [kg] cannot be taken off as from a displacement at a drive point."""
+    for response in assembly.description.responses if mass else ():
+        if response.rotation or not response.is_drive_point:
+            what = "a rotation per moment" if response.rotation else "no drive point"
+            problem = f"the response of '{assembly.name}' is {what}, from which no mass can be removed."
+            remedy = "Leave it out." if response.rotation else "State it as the response's 'calibration: {mass: ...}'."
+            raise MeasurementError(Fault("--accelerometer-mass", problem, remedy=remedy))
 
 
 def find_method(

@@ -8,7 +8,6 @@ from typing import Any
 
 from dovetail.evaluation import Compared, Comparison
 from dovetail.evaluation.cases import Case
-from dovetail.frf import coherence_spectrum
 from dovetail.identification.posterior import NOT_BELIEVED
 from dovetail.identification.result import caveats_of
 from dovetail.report.charts import as_data, chart_data
@@ -45,7 +44,7 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
         (case.name, f"chart-{index + 1}", as_data(_chart(comparison, case)), _case_caveat(comparison, case))
         for index, case in enumerate(comparison.cases)
     ]
-    figure = parameter_comparison(comparison)
+    figure = parameter_comparison(comparison) if any(row.identification for row in comparison.rows) else None
     content = {
         "title": comparison.title,
         "caveat": comparison.caveat,
@@ -56,7 +55,7 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
         "frequencies": [row[:shown] for row in frequency_rows(comparison)],
         "times": [row[:shown] for row in time_rows(comparison)],
         "verdicts": _verdicts(comparison),
-        "parameters": Markup(inline_svg(figure, "parameters", "Identified parameters", themed=True)),
+        "parameters": figure and Markup(inline_svg(figure, "parameters", "Identified parameters", themed=True)),
         "figures": figures,
         "truth": bool(comparison.truth),
     }
@@ -69,10 +68,7 @@ def _chart(comparison: Comparison, case: Case) -> dict[str, Any]:
     roles = {f"method-{index}": method for index, method in enumerate(rows)}
     curves = {"measured": ("measured", next(iter(rows.values())).measured)}
     curves |= {role: (method, rows[method].frf) for role, method in roles.items()}
-    agreement = {
-        role: coherence_spectrum(rows[method].measured.values, rows[method].frf.values)
-        for role, method in roles.items()
-    }
+    agreement = {role: rows[method].coherence for role, method in roles.items()}
     title = f"Measured and reconstructed FRFs of {case.name} and their agreement"
     return chart_data(title, curves, coherence=agreement, most=_MOST_LINES)
 

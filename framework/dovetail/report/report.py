@@ -179,8 +179,10 @@ def _again(result: Identification) -> str:
     origin, options = result.provenance, ""
     if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
         return ""
-    if origin.get("posterior_form") == "laplace":
-        options += ', form="laplace"'
+    chosen = {name: value for name, value in dict(origin.get("options", {})).items() if name != "seed"}
+    options += "".join(f", {name}={value!r}" for name, value in chosen.items())
+    words = {name: f" --{name.replace('_', '-')} {value}" for name, value in chosen.items()}
+    flags = "".join((words | {"phase": " --amplitude-only"} if "phase" in words else words).values())
     if "start" in origin:
         options += f", start={dict(origin['start'])!r}"
     labels = [str(response.measured.label) for response in result.responses]
@@ -194,7 +196,7 @@ def _again(result: Identification) -> str:
         f'result = dovetail.identify(assembly, {labels!r}, "{result.method}"{options}, seed={origin.get("seed", 0)})',
         'dovetail.write_report(result, "report.html", assembly=assembly)',
     ]
-    command = f"dovetail identify assembly.yaml {shlex.join(files)} --method {result.method} -o results/"
+    command = f"dovetail identify assembly.yaml {shlex.join(files)} --method {result.method}{flags} -o results/"
     return known + "\n".join(lines) + ("" if "start" in origin else f"\n\n# or, on the command line:\n# {command}")
 
 

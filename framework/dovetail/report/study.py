@@ -53,10 +53,7 @@ def option_rows(study: Study) -> list[list[str]]:
 
 def chosen(study: Study, option: str) -> str:
     """Return the value of an option in the best settings."""
-    value: Any = study.best.changes.get(option)
-    if value is None:
-        value = study.described.get(option)
-    return _text(value)
+    return _text(study.best.changes.get(option, study.described.get(option)))
 
 
 def study_markdown(study: Study) -> str:
