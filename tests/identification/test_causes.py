@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from dataclasses import replace
@@ -413,6 +414,16 @@ def test_power_is_not_told_from_transfer_frfs_amplitudes_and_noise():
     assert power_given_out(model.at(0), Observations((amplitude,)), variance[:lines]) == 0.0
     noise = np.full(lines, 1e4 * drive_point.amplitude.max() ** 2)
     assert power_given_out(model.at(0), Observations((drive_point,)), noise) == 0.0
+
+
+def test_power_is_not_told_where_a_measuring_chain_turns_the_phase(sdof):
+    """A delay or an unknown sign of the chain gives out power, and is part of the model."""
+    plain = json.loads(sdof.description.text)
+    plain["response"]["calibration"] = {"delay": {"range": ["-1 ms", "1 ms"]}}
+    reversed_sign = noisy(sdof, -sdof.frf(), 0.01, 1)
+    target, variance = Observations((reversed_sign,)), reversed_sign.variance
+    assert power_given_out(sdof, target, variance) > 0.95
+    assert power_given_out(dovetail.load(plain), target, variance) == 0.0
 
 
 def test_a_model_that_is_far_too_small_fits_worse_than_one_that_is_a_little(sdof):

@@ -194,7 +194,14 @@ def test_linear_algebra_takes_one_thread_while_a_joint_is_identified(small, meas
     def threads(*_, **__):
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
-    monkeypatch.setitem(METHODS, "refined", threads)
+    seen, refined = [], METHODS["refined"]
+
+    def watched(*lines, **options):
+        seen.append(threads())
+        return refined(*lines, **options)
+
+    monkeypatch.setitem(METHODS, "refined", watched)
     with threadpool_limits(2, user_api="blas"):
-        assert dovetail.identify(small, measured, "refined") == {1}
+        dovetail.identify(small, measured, "refined")
+        assert seen == [{1}]
         assert threads() == {2}

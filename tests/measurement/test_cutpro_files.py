@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dovetail.errors import MeasurementError
 from dovetail.measurement import read_frf
 
 ROWS = (
@@ -71,3 +72,9 @@ def test_it_is_read_and_not_written(tmp_path: Path, measured) -> None:
 
     with pytest.raises(MeasurementError, match=r"\.frf files are read, not written\.\n  Accepted: \.uff, \.unv, \.csv"):
         write_frf(measured, tmp_path / "a.frf")
+
+
+def test_a_line_without_a_number_at_its_end_is_no_truncated_one(tmp_path):
+    (tmp_path / "a.frf").write_text("0\t2E-005\t3\tFreq\tHz\t3\t4\t5;")
+    with pytest.raises(MeasurementError):
+        read_frf(tmp_path / "a.frf", quantity="accelerance")

@@ -222,7 +222,12 @@ def _estimates(
         apart = replace(size, natural_frequency=max(size.natural_frequency, least))
         if word_for(apart) != "does not fit":  # peaks may have been taken for each other
             size = apart
-        yield width, _Linearised(problem, fraction, size).with_other(size)  # by the averages that intervals will use
+        told = _Linearised(problem, fraction, size).with_other(size)  # by the averages that intervals will use
+        if word_for(told) == "does not fit":
+            size = _Linearised(problem, fraction, typical_model_error(width), most).estimate_beside_others()
+            moderate = _Linearised(problem, fraction, size).with_other(size)
+            told = told if word_for(moderate) == "does not fit" else moderate
+        yield width, told
 
 
 def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError:
@@ -319,6 +324,13 @@ class _Linearised:
             mean = (squares + prior) / (len(second[kind]) + _SETTINGS.pseudo_count)
             sizes[kind] = min(float(np.sqrt(mean)), _SETTINGS.most)
         return replace(size, natural_frequency=typical.natural_frequency, **sizes)
+
+    def estimate_beside_others(self) -> ModelError:
+        """Return the most probable sizes where other errors are as large as is no matter.
+
+        To explain the last of the residuals, errors of damping and magnitude that nearly cancel may become huge.
+        """
+        return self._estimate_shaped(replace(self._size, other=_SETTINGS.unexplained))
 
     def with_other(self, size: ModelError) -> ModelError:
         """Return with the size of other errors that makes chi-squared 1."""

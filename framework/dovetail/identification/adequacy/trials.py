@@ -335,12 +335,12 @@ def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[
     -------
     float
         Of the real parts that are clear of random error those below zero, over all, in magnitude; 0 if none is clear,
-        without drive points, and without phases.
+        without drive points, without phases, and where measuring chains with unknowns turn these.
     """
     given_out = total = 0.0
     of_responses = zip(target.frfs, assembly.description.responses, target.split(variance), strict=True)
     for frf, response, errors in of_responses:
-        if response.is_drive_point and frf.has_phase:
+        if response.is_drive_point and frf.has_phase and not assembly.description.calibrations:
             to_mobility = np.abs(conversion(frf.frequency, frf.quantity, "mobility"))
             power = frf.to("mobility").values.real
             power = power[np.abs(power) > _SETTINGS.clear * to_mobility * np.sqrt(0.5 * errors)]

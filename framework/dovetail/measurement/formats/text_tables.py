@@ -305,7 +305,9 @@ def check_end(where: str, lines: Sequence[str]) -> None:
     """
     if not lines[-1].strip():
         return
-    *others, last = (match[0].lstrip("+-") for line in lines[-_LAST_ROWS:] if (match := _LAST_NUMBER.search(line)))
+    matches = (_LAST_NUMBER.search(line) for line in lines[-_LAST_ROWS:])
+    numbers = [match[0].lstrip("+-") for match in matches if match]
+    others, last = numbers[:-1], "".join(numbers[-1:])
     shortest = min(map(len, others[1:]), default=0)
     if len(others) > _FEWEST_ROWS and shortest >= _MANY_DIGITS and len(last) < shortest:
         problem = f"the file ends within the row, or its last number, '{last}', is shorter than those above."
