@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
@@ -17,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, Theta
-from dovetail.errors import Fault, MeasurementError, ParameterError, PluginError, did_you_mean, listing
+from dovetail.errors import Fault, MeasurementError, ParameterError, PluginError, listing
 from dovetail.identification.adequacy import CAUSE_SECONDS, assess
+from dovetail.identification.adequacy.assess import check_limits
 from dovetail.identification.fitting import Objective, fit_at, multistart, refine
 from dovetail.identification.fitting.fit import fractions_within
 from dovetail.identification.fitting.observations import MeasuredLines, Observations
@@ -47,7 +47,7 @@ from dovetail.interfaces import (
     silent,
 )
 
-__all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin", "check_limits"]
+__all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin"]
 
 _CANNOT_TELL = (
     "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
@@ -151,22 +151,6 @@ def by_refined_fit(
     result = _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
     beside = None if network is None else MappingProxyType(dict(zip(result.parameters, network.tolist(), strict=True)))
     return replace(result, network=beside, warnings=(*result.warnings, *warnings))
-
-
-def check_limits(model_error: float | None = None, cause_seconds: float = 0.0, form: str = "samples") -> None:
-    """Make sure that the error that a model is allowed, the time for causes, and the form of the posterior are such.
-
-    Raises
-    ------
-    ParameterError
-    """
-    if form not in _FORMS:
-        problem = f"'{form}' is no form of the posterior."
-        raise ParameterError(Fault("form", problem, ", ".join(_FORMS), did_you_mean(form, _FORMS)))
-    if model_error is not None and not (isinstance(model_error, Real) and 0.0 <= model_error < 1.0):
-        raise ParameterError(Fault("model_error", f"{model_error!r:.40} is no relative error.", "from 0 to 1"))
-    if not (isinstance(cause_seconds, Real) and cause_seconds >= 0.0):
-        raise ParameterError(Fault("cause_seconds", f"{cause_seconds!r:.40} s is no time.", "0, for none, or more"))
 
 
 def _network_answer(

@@ -17,8 +17,8 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError, listing
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.adequacy.adequacy import word_for
+from dovetail.identification.adequacy.assess import check_limits
 from dovetail.identification.fitting.least_squares import Linearisation
-from dovetail.identification.methods import check_limits
 from dovetail.identification.posterior import LEVEL, TYPICAL, Form, ModelError, Posterior, typical_model_error
 from dovetail.identification.posterior.likelihood import (
     PosteriorResiduals,

@@ -102,8 +102,8 @@ class _Answer:
     def __post_init__(self) -> None:
         """Hand the caveat and what speaks against a parameter to the posterior, which may be used by itself."""
         if self.posterior is not None:
-            intervals = self.posterior.interval()
-            doubts = {} if self.adequacy is None else self.adequacy.doubts(intervals, self.parameters)
+            definitions, best = zip(*((p.definition, p.value) for p in self.parameters.values()), strict=True)
+            doubts = {} if self.adequacy is None else self.adequacy.doubts(self.posterior.interval(), definitions, best)
             object.__setattr__(self, "posterior", replace(self.posterior, caveat=self.caveat, doubts=doubts))
 
     def __repr__(self) -> str:

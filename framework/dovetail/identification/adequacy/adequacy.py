@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final, Literal, TypeAlias, get_args
 
-from dovetail.identification.parameters import IdentifiedParameter, place_on_range
+import numpy as np
+
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError, typical_model_error
+from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
 
 __all__ = ["Adequacy", "AdequacyWord", "Cause", "word_for"]
@@ -139,7 +141,7 @@ class Adequacy:
         return f"{heads.get(self.word, 'The model does not fit, unless')} {self.size.describe()}."
 
     def doubts(
-        self, intervals: Mapping[str, tuple[float, float]], parameters: Mapping[str, IdentifiedParameter]
+        self, intervals: Mapping[str, tuple[float, float]], parameters: Sequence[Parameter], best_fit: Sequence[float]
     ) -> dict[str, str]:
         """Say where a parameter is farther from the middle of its interval than that is wide, by name.
 
@@ -147,12 +149,12 @@ class Adequacy:
         """
         cases = [(f"with {cause.words}", cause.theta) for cause in self.causes]
         if self.size is not None:
-            cases.append(("in the best fit", tuple(parameter.value for parameter in parameters.values())))
+            cases.append(("in the best fit", tuple(best_fit)))
         doubts = dict[str, str]()
         for case, theta in cases:
-            for parameter, (low, high), value in zip(parameters.values(), intervals.values(), theta, strict=False):
-                scale = parameter.lower, parameter.upper, parameter.scale
-                lower, upper, there = (place_on_range(number, *scale) for number in (low, high, value))
+            for parameter, ends, value in zip(parameters, intervals.values(), theta, strict=False):
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    lower, upper, there = parameter.to_unit(np.array([*ends, value]))
                 if abs(there - 0.5 * (lower + upper)) > upper - lower:
                     doubts.setdefault(parameter.name, f"{case} it is {format_quantity(value, parameter.unit)}")
         return doubts

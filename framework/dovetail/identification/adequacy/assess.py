@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import Adequacy, word_for
 from dovetail.identification.adequacy.causes import CAUSE_SECONDS, find_causes
@@ -21,10 +24,10 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
 from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
-from dovetail.identification.posterior.model_error import typical_model_error
+from dovetail.identification.posterior import Form, typical_model_error
 from dovetail.interfaces import Progress, logged, silent
 
-__all__ = ["assess"]
+__all__ = ["assess", "check_limits"]
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,22 @@ class Settings:
 
 
 _SETTINGS = Settings()
+
+
+def check_limits(model_error: float | None = None, cause_seconds: float = 0.0, form: str = "samples") -> None:
+    """Make sure that the error that a model is allowed, the time for causes, and the form of the posterior are such.
+
+    Raises
+    ------
+    ParameterError
+    """
+    if form not in get_args(Form):
+        problem = f"'{form}' is no form of the posterior."
+        raise ParameterError(Fault("form", problem, listing(get_args(Form)), did_you_mean(form, get_args(Form))))
+    if model_error is not None and not (isinstance(model_error, Real) and 0.0 <= model_error < 1.0):
+        raise ParameterError(Fault("model_error", f"{model_error!r:.40} is no relative error.", "from 0 to 1"))
+    if not (isinstance(cause_seconds, Real) and cause_seconds >= 0.0):
+        raise ParameterError(Fault("cause_seconds", f"{cause_seconds!r:.40} s is no time.", "0, for none, or more"))
 
 
 def assess(
