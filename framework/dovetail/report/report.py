@@ -179,7 +179,8 @@ def _again(result: Identification) -> str:
     origin, options = result.provenance, ""
     if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
         return ""
-    chosen = {name: value for name, value in dict(origin.get("options", {})).items() if name != "seed"}
+    of_earlier = {"form": "laplace"} if origin.get("posterior_form") == "laplace" else {}
+    chosen = {name: value for name, value in (of_earlier | dict(origin.get("options", {}))).items() if name != "seed"}
     options += "".join(f", {name}={value!r}" for name, value in chosen.items())
     words = {name: f" --{name.replace('_', '-')} {value}" for name, value in chosen.items()}
     flags = "".join((words | {"phase": " --amplitude-only"} if "phase" in words else words).values())

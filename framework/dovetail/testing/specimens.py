@@ -122,9 +122,8 @@ class JointSpecimen(Specimen):
     def shown(self, vector: NDArray[np.float64]) -> str:
         """Write a parameter vector out for a message."""
         pairs = zip(self.component.parameters, vector, strict=True)
-        units = ["" if parameter.unit == "1" else f" {parameter.unit}" for parameter in self.component.parameters]
-        values = [f"{parameter.name} = {value:.4g}" for parameter, value in pairs]
-        return ", ".join(value + unit for value, unit in zip(values, units, strict=True))
+        values = [(f"{parameter.name} = {value:.4g}", parameter.unit) for parameter, value in pairs]
+        return ", ".join(value if unit == "1" else f"{value} {unit}" for value, unit in values)
 
     @property
     def lines(self) -> NDArray[np.float64]:
