@@ -10,10 +10,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.optimize import linear_sum_assignment
 
 import dovetail
+from dovetail.assembly.changed_joints import with_damping
 from dovetail.errors import DovetailError
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.identification.adequacy.perturbations import find_overhangs, list_perturbations
@@ -59,17 +59,12 @@ class Poles:
     def of(assembly: dovetail.Assembly, theta: np.ndarray) -> Poles:
         """Return those within the assembly's lines."""
         axis = np.linspace(*assembly.frequency[[0, -1]], _LINES)
-        frf = _frf_on(assembly, axis, theta)
+        frf = assembly.on(axis).frf(theta)
         found = fit_resonances([axis], [frf])
         strongest = np.abs(found.near[0]).argmax(axis=1)
         visible = np.abs(found.near[0]).max(axis=1) > _VISIBLE * np.abs(frf)[strongest]
         within = (found.poles.real > axis[0]) & (found.poles.real < axis[-1])
         return Poles(found.poles[visible & within])
-
-
-def _frf_on(assembly: dovetail.Assembly, axis: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    structural = assembly.of if isinstance(assembly, StructurallyDamped) else None
-    return StructurallyDamped(structural.on(axis)).frf(theta) if structural else assembly.on(axis).frf(theta)
 
 
 def pole_errors(one: Poles, other: Poles) -> tuple[float, float]:
@@ -85,33 +80,6 @@ def pole_errors(one: Poles, other: Poles) -> tuple[float, float]:
     damping = [poles.values.imag / poles.values.real for poles in (one, other)]
     of_damping = np.log(damping[0][first] / damping[1][second])
     return float(np.sqrt(np.mean(of_frequency**2))), float(np.sqrt(np.mean(of_damping**2)))
-
-
-class StructurallyDamped(dovetail.Assembly):
-    """An assembly whose joints are damped by the same force at every frequency: ``c`` holds in the middle of the band.
-
-    Parameters
-    ----------
-    assembly : Assembly
-    """
-
-    _SCALES = 25
-
-    def __init__(self, assembly: dovetail.Assembly) -> None:
-        super().__init__(assembly.description)
-        self.of = assembly
-
-    def frf(self, theta: Any = None) -> np.ndarray:
-        """Return the FRF (n_freq,) of parameters (n_params,), from those with dampers all over the scale."""
-        middle = np.sqrt(self.frequency[0] * self.frequency[-1])
-        wanted = np.log(middle / self.frequency)
-        scales = np.linspace(wanted.min(), wanted.max(), self._SCALES)
-        many = np.repeat(np.asarray(theta)[np.newaxis], self._SCALES, axis=0)
-        many[:, dampers(self.of)] *= np.exp(scales)[:, np.newaxis]
-        spline = CubicSpline(scales, self.of.frf(many), axis=0)
-        rows = np.clip(np.searchsorted(scales, wanted, side="right") - 1, 0, self._SCALES - 2)
-        steps = (wanted - scales[rows])[:, np.newaxis] ** np.arange(3, -1, -1)
-        return np.einsum("fk,kf->f", steps, spline.c[:, rows, np.arange(len(wanted))])
 
 
 def dampers(assembly: dovetail.Assembly) -> np.ndarray:
@@ -186,7 +154,13 @@ def _loss(assembly: dovetail.Assembly, theta: np.ndarray, rng: np.random.Generat
 
 
 def _law(assembly: dovetail.Assembly, _theta: np.ndarray, _rng: np.random.Generator) -> Apply | None:
-    return (lambda _amount: StructurallyDamped(assembly)) if dampers(assembly).any() else None
+    return (lambda _amount: _structurally_damped(assembly)) if dampers(assembly).any() else None
+
+
+def _structurally_damped(assembly: dovetail.Assembly) -> dovetail.Assembly:
+    """Structural damping in place of dampers, as strong in the middle of the band."""
+    middle = float(np.sqrt(assembly.frequency[0] * assembly.frequency[-1]))
+    return dovetail.Assembly(with_damping(assembly.description, middle)).on(assembly.frequency)
 
 
 SCALED: Mapping[str, Callable[..., Apply | None]] = {
@@ -261,6 +235,7 @@ ALTERATIONS = (
     "mass",
     "overhang",
     "range",
+    "damping",
 )
 
 
@@ -277,7 +252,8 @@ def altered(
     name : str
         One of `ALTERATIONS`: a gain of 1.2, g read as m/s^2, mm read as m, an FRF integrated once, or differentiated if
         it is a receptance, a delay of 20 microseconds, a point one to three nodes away, a mass of 5 % of the apparent
-        mass, an overhang 10 mm or 10 % longer, a parameter of twice the upper end of its range or half the lower one.
+        mass, an overhang 10 mm or 10 % longer, a parameter of twice the upper end of its range or half the lower one,
+        joints with structural damping.
     rng : numpy.random.Generator
     """
     factors = {"sign": -1.0, "gain": 1.2, "unit": 1.0 / 9.80665, "thousand": 1e3}
@@ -296,6 +272,8 @@ def altered(
     if name == "mass":
         mass = next(entry for entry in list_perturbations(assembly) if entry.kind == "mass")
         return mass.apply(0.05 * mass.upper)
+    if name == "damping":
+        return _structurally_damped(assembly) if dampers(assembly).any() else None
     kinds = {"point": _at_another_point, "overhang": _overhanging, "range": partial(_outside_its_range, theta=theta)}
     return kinds[name](assembly, rng)
 

@@ -31,7 +31,7 @@ CASES = {
         },
         "test.yaml:17:5  joints.collet.segment\n"
         "  'segment' is not a key of joint model 'clamp' (fake 1.0).\n"
-        "  Accepted: model, connect, parameters",
+        "  Accepted: model, connect, parameters, structural_damping",
     ),
     "ports_crash": (
         {

@@ -245,6 +245,19 @@ def test_levels_of_the_force_at_which_the_stiffness_falls_are_named():
             assert 0.98 < last / first < 0.999
 
 
+@pytest.mark.parametrize("structural", ["measured", "described"])
+def test_joints_damped_by_another_law_are_named(structural):
+    viscous, described = chain(MASSES, ["upper"]), json.loads(chain(MASSES, ["upper"]).description.text)
+    for joint in described["joints"].values():
+        joint["structural_damping"] = "90 Hz"
+    damped = dovetail.load(described)
+    structure, model = (damped, viscous) if structural == "measured" else (viscous, damped)
+    first, *_ = causes_of(model, noisy(structure, structure.frf(TRUTH | {"k1.c": 60.0, "k2.c": 50.0}), 0.005, 1))
+    by_law = "structurally ('structural_damping: 89 Hz' of each)"
+    words = by_law if structural == "measured" else "viscously (without 'structural_damping')"
+    assert (first.name, first.words) == ("damping", f"joints damped {words}")
+
+
 def test_the_damping_of_an_exponential_window_is_named():
     """The FRF of a response times exp(-a t) is that at the complex frequency s = i omega + a."""
     model = chain(MASSES, ["upper"], damping="known")

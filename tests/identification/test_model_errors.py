@@ -47,6 +47,15 @@ def test_each_error_is_the_derivative_of_a_pole_residue_frf(kind, index):
     assert error.max() < 0.02 * np.abs(shape).max()
 
 
+@pytest.mark.parametrize("change", [-1.5, 0.5, 1.5])
+def test_damping_that_is_far_off_is_a_linear_term_and_one_beyond(change):
+    resonances = fit_resonances([FREQUENCY], [frf_of(POLES, RESIDUES)])
+    changed = near(POLES.real + 1j * POLES.imag * np.exp(change), RESIDUES) - near(POLES, RESIDUES)
+    told = change * resonances.damped + resonances.damped_beyond(change)
+    assert np.abs(told - changed).max() < 0.02 * np.abs(changed).max()
+    assert np.abs(resonances.damped_beyond(change)).max() > 0.1 * np.abs(changed).max()
+
+
 @pytest.mark.parametrize("lines", [2, 5, 40])
 def test_frfs_without_a_resonance_err_smoothly(lines):
     frequency = np.linspace(100.0, 200.0, lines)

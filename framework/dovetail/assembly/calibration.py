@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.assembly.changed_joints import ChangedJoint, structurally_damped
 from dovetail.assembly.description import Description, JointEntry, ParameterEntry, Place, Tie
 from dovetail.assembly.parameter_sections import StatedParameters
 from dovetail.assembly.unknown_parts import NodesAlone, UnknownPart
@@ -67,45 +68,13 @@ class _SensorMass(JointModel):
         return matrices
 
 
-class _Windowed(JointModel):
-    """A joint or a part as a measurement under an exponential window shows it; the decay rate is the last parameter.
-
-    Parameters
-    ----------
-    model : JointModel
-    """
-
-    summary = "Seen through an exponential window"
-
-    def __init__(self, model: JointModel) -> None:
-        super().__init__()
-        self.name = model.name  # type: ignore[misc]  # for messages
-        self.model = model
+class _Windowed(ChangedJoint):
+    """A joint or a part as a measurement under an exponential window shows it; the decay rate is the last parameter."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Those of the model, and the decay rate."""
         return (*self.model.parameters, CHAIN[3])
-
-    @property
-    def ports(self) -> tuple[Port, ...]:
-        """Those of the model."""
-        return self.model.ports
-
-    @property
-    def internal_dofs(self) -> int:
-        """Those of the model."""
-        return self.model.internal_dofs
-
-    @property
-    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
-        """Those of the model."""
-        return self.model.merged_dofs
-
-    @property
-    def contact_dofs(self) -> tuple[tuple[int, int], ...]:
-        """Those of the model."""
-        return self.model.contact_dofs
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices (n, d, d) at the frequency omega - i s."""
@@ -249,6 +218,7 @@ def entries_at_response(description: Description) -> dict[str, JointEntry]:
         A window, and a part or a joint without matrices.
     """
     entries: dict[str, JointEntry] = {**description.joints, **description.unknown_parts}
+    entries |= {name: structurally_damped(joint) for name, joint in entries.items() if joint.structural_damping}
     response = description.response
     chain = description.calibrations.get(response.name, ParameterEntry())
     names = {parameter.name for parameter in chain.parameters}

@@ -72,9 +72,17 @@ class ParameterEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class JointEntry(ParameterEntry):
-    """A joint of a description, or a substructure with unknown options, which depends on parameters as a joint does."""
+    """A joint of a description, or a substructure with unknown options, which depends on parameters as a joint does.
+
+    Parameters
+    ----------
+    connection : Connection
+    structural_damping : float or None
+        Hz; where the structural damping that its dampers act as is as strong as they are. None for viscous ones.
+    """
 
     connection: Connection
+    structural_damping: float | None = None
 
 
 @dataclass(frozen=True)

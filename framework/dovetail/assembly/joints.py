@@ -6,7 +6,9 @@ Also the search for a node by its position or label, and the check that every pa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
+from dovetail.assembly.changed_joints import DampingSection, has_dampers
 from dovetail.assembly.component_sections import LabelledComponent, build_component
 from dovetail.assembly.description import JointEntry, Response
 from dovetail.assembly.parameter_sections import check_ranges, read_parameters
@@ -22,6 +24,9 @@ from dovetail.units import format_quantity
 
 __all__ = ["Substructures", "add_model_faults", "check_connected", "find_node", "is_at", "read_joint"]
 
+_KEYS = ("connect", "parameters", "structural_damping")
+"""Of a joint, beside the options of its model."""
+
 Substructures = Mapping[str, SubstructureModel | None]
 """Substructures by name; None in place of one with faults."""
 
@@ -30,7 +35,7 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
     """Return the joint of this name, or None if it has faults."""
     path = ("joints", name)
     before = len(faults)
-    model = build_component("joint", path, faults, registry, reserved=("connect", "parameters"))
+    model = build_component("joint", path, faults, registry, reserved=_KEYS)
     if model is None:
         return None
     add_model_faults(model, joint_faults(model.component), path, faults)
@@ -43,7 +48,22 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
     if len(faults) > before or None in attachments:
         return None
     complete = tuple(attachment for attachment in attachments if attachment is not None)
-    return JointEntry(connection=Connection(model.component, complete), **stated.entry)
+    joint = JointEntry(connection=Connection(model.component, complete), **stated.entry)
+    return _with_damping(joint, model, path, faults)
+
+
+def _with_damping(joint: JointEntry, model: LabelledComponent, path: Path, faults: FaultList) -> JointEntry | None:
+    """Return a joint with structural damping if its section states it, or None if that has faults."""
+    keys = [*model.component.Config.model_fields, "model", *_KEYS]
+    reserved = [key for key in keys if key not in DampingSection.model_fields]
+    section = validate(DampingSection, path, faults, model.label, reserved=reserved)
+    if section is None or section.structural_damping is None:
+        return None if section is None else joint
+    if not has_dampers(joint):
+        problem = f"{model.label} has no dampers that could act as structural damping."
+        faults.add((*path, "structural_damping"), problem, remedy="Leave it out.")
+        return None
+    return replace(joint, structural_damping=section.structural_damping)
 
 
 def add_model_faults(model: LabelledComponent, model_faults: Sequence[Fault], path: Path, faults: FaultList) -> None:

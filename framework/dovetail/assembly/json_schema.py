@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.assembly.calibration import CHAIN, SIGN
+from dovetail.assembly.changed_joints import DampingSection
 from dovetail.assembly.sections import (
     FORMAT,
     AttachmentSection,
@@ -59,7 +60,7 @@ def description_schema(registry: Registry) -> Schema:
     """
     definitions: dict[str, Schema] = {}
     sections = (FrequencySection, ForceSection, ResponseSection, SensorSection, AttachmentSection, ParameterSection)
-    for model in (*sections, IdentificationSection, StudySection):
+    for model in (*sections, DampingSection, IdentificationSection, StudySection):
         _define(definitions, model.__name__.removesuffix("Section").lower(), option_schema(model))
     _complete_sections(definitions)
     for kind in (kind for kind in KINDS if kind != "reader"):  # readers stand in no description
@@ -191,6 +192,7 @@ def _component_schema(offer: Offer) -> Schema:
     if issubclass(component, JointModel):
         schema["properties"]["connect"] = _connect(component)
         schema["properties"]["parameters"] = _parameters(component)
+        schema["properties"] |= option_schema(DampingSection)["properties"]
         schema["required"].append("connect")
     return schema
 

@@ -52,7 +52,7 @@ class Cause:
     ----------
     name : str
         Its kind: "sign", "gain", "unit", "quantity", "delay", "conjugate", "point", "mass", "overhang", "range",
-        "resonance", "order", "window", "part", "level".
+        "resonance", "order", "damping", "window", "part", "level".
     words : str
         What would be changed, after "with": "the sign reversed".
     coherence : (float, float)

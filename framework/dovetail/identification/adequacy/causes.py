@@ -364,6 +364,7 @@ _STAGES: tuple[tuple[str, Callable[[Trials], Iterator[Candidate]], bool], ...] =
     ("quantity", _quantities, True),
     ("delay", _delays, True),
     ("levels", model_causes.try_levels, False),
+    ("damping of joints", model_causes.try_damping, False),
     ("window", model_causes.try_window, False),
     ("ranges", model_causes.try_ranges, False),
     ("resonances", model_causes.try_missing_resonances, False),

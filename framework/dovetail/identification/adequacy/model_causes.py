@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
+from dovetail.assembly.changed_joints import has_dampers, with_damping
 from dovetail.assembly.description import Place
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
@@ -24,6 +25,7 @@ from dovetail.units import format_quantity
 __all__ = [
     "Candidate",
     "nearest_points",
+    "try_damping",
     "try_exchanges",
     "try_levels",
     "try_missing_resonances",
@@ -297,6 +299,21 @@ def _widened(parameter: Parameter, *, at_upper: bool) -> tuple[float, float]:
 def _with_range(assembly: Assembly, joint: str, name: str, lower: float, upper: float) -> Assembly:
     there = Assembly(assembly.description.with_range(joint, name, lower, upper))
     return there.on(*(each.frequency for each in assembly.each_response))
+
+
+def try_damping(trials: Trials) -> Iterator[Candidate]:
+    """Yield the fit with the dampers of all joints as structural damping, and with all viscous where some are not."""
+    description, axis = trials.assembly.description, trials.target.frequency
+    middle = float(f"{np.sqrt(axis.min() * axis.max()):.2g}")
+    others: list[tuple[float | None, str]] = []
+    if any(joint.structural_damping is None and has_dampers(joint) for joint in description.joints.values()):
+        others.append((middle, f"joints damped structurally ('structural_damping: {middle:g} Hz' of each)"))
+    if any(joint.structural_damping is not None for joint in description.joints.values()):
+        others.append((None, "joints damped viscously (without 'structural_damping')"))
+    for structural, words in others:
+        damped = Assembly(with_damping(description, structural)).on(*(frf.frequency for frf in trials.target.frfs))
+        starts = [trials.unchanged.theta, trials.search(damped, trials.unchanged.theta)]
+        yield "damping", words, trials.fit(damped, trials.target.frfs, starts)
 
 
 def try_window(trials: Trials) -> Iterator[Candidate]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,9 @@ class ModelErrorSettings:
     squares are 2/3 on average, the root of the mean square over all resonances is the size of the error."""
     moved: tuple[float, ...] = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
     """Sizes of the error by which resonances are moved, for what that adds beyond the linear term: a misplaced peak far
-    above the noise shows it."""
+    above the noise shows it, and one that is too broad."""
+    most_damped: float = 2.0
+    """Change of the logarithm of a damping ratio up to which this is done."""
     hat_functions: int = 6
     """Over the frequency axis: resonances nearer than a fifth of it err alike."""
     tolerance: float = 1e-6
@@ -195,9 +198,27 @@ class Resonances:
 
     def displaced_beyond(self, change: float) -> NDArray[np.complex128]:
         """Return what a relative change of each pole adds to the FRFs beyond `displaced`, (n, n_lines)."""
-        steps = [change * relative for relative in self.relative]
+        return self._moved(np.full(len(self.poles), change)) - self.displaced(change)
+
+    @property
+    def damped(self) -> NDArray[np.complex128]:
+        """The derivative (n, n_lines) of the FRFs by the logarithm of each resonance's damping ratio."""
+        pairs = zip(self.near, self.relative, strict=True)
+        return np.concatenate([1j * self._damping * near * relative for near, relative in pairs], axis=1)
+
+    def damped_beyond(self, change: float) -> NDArray[np.complex128]:
+        """Return what a change of the logarithm of each damping ratio adds beyond the linear term, (n, n_lines)."""
+        return self._moved(1j * self._damping[:, 0] * np.expm1(change)) - change * self.damped
+
+    @property
+    def _damping(self) -> NDArray[np.complex128]:
+        return np.asarray(self.poles.imag / self.poles)[:, np.newaxis]
+
+    def _moved(self, changes: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return what relative changes (n,) of the poles, one by one, add to the FRFs, (n, n_lines)."""
+        steps = [changes[:, np.newaxis] * relative for relative in self.relative]
         pairs = zip(self.near, steps, strict=True)
-        return np.concatenate([near * step / (1.0 - step) for near, step in pairs], axis=1) - self.displaced(change)
+        return np.concatenate([near * step / (1.0 - step) for near, step in pairs], axis=1)
 
 
 def fit_resonances(axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]]) -> Resonances:
@@ -300,7 +321,7 @@ def error_shapes(
     dict of str to (n_errors, n_lines) complex array
         The lines of each response behind those of the one before. Natural frequencies and damping are those of the
         structure, so that all responses err alike in them; magnitude and phase err in each response separately.
-        "higher" is what a misplaced resonance adds beyond the linear term.
+        "higher" is what a misplaced or too broad resonance adds beyond the linear term.
 
     Notes
     -----
@@ -318,33 +339,30 @@ def error_shapes(
     of_response = zip(hats, values, resonances.terms, strict=True)
     shapes = [np.concatenate([hat * frf, _SETTINGS.individual_magnitude * terms]) for hat, frf, terms in of_response]
     scaled = np.concatenate([_in_response(shape, index, counts) for index, shape in enumerate(shapes)])
-    higher = _higher(resonances, level)
+    higher = _higher(resonances, size)
     return {
         "natural_frequency": np.concatenate([together @ displaced, resonances.displaced(alone)]),
-        "damping": size.damping * _damped(resonances),
+        "damping": size.damping * resonances.damped,
         "magnitude": size.magnitude * scaled,
         "phase": 1j * size.phase * scaled,
         "higher": np.concatenate([higher, 1j * higher]),
     }
 
 
-def _higher(resonances: Resonances, level: float) -> NDArray[np.complex128]:
-    """Return what resonances that are displaced by about a level add beyond the linear term (n, n_lines).
+def _higher(resonances: Resonances, size: ModelError) -> NDArray[np.complex128]:
+    """Return what errors of natural frequencies and damping of a size add beyond the linear term (n, n_lines).
 
-    Its covariance under a normal distribution of the displacement, by quadrature.
+    Its covariance under normal distributions of both, by quadrature.
     """
     moved = np.array(_SETTINGS.moved)
     density = np.exp(-(moved**2) / 2.0)
-    weight = np.sqrt(density / (1.0 + density.sum()))  # 1 for those that are not displaced
-    pairs = zip(weight.tolist(), moved.tolist(), strict=True)
-    return np.concatenate([part * resonances.displaced_beyond(sizes * level) for part, sizes in pairs])
-
-
-def _damped(resonances: Resonances) -> NDArray[np.complex128]:
-    """Return the derivative (n, n_lines) of the FRFs by the logarithm of each resonance's damping ratio."""
-    ratio = resonances.poles.imag / resonances.poles.real
-    pairs = zip(resonances.near, resonances.relative, strict=True)
-    return np.concatenate([1j * ratio[:, np.newaxis] * near * relative for near, relative in pairs], axis=1)
+    weight = np.sqrt(density / (1.0 + density.sum()))  # 1 for those that are not moved
+    shapes = []
+    for part, sizes in zip(weight.tolist(), moved.tolist(), strict=True):
+        damping = float(np.clip(sizes * size.damping, -_SETTINGS.most_damped, _SETTINGS.most_damped))
+        shapes.append(part * resonances.displaced_beyond(sizes * size.natural_frequency))
+        shapes.append(part * resonances.damped_beyond(damping))
+    return np.concatenate(shapes)
 
 
 def _in_response(errors: NDArray[np.complex128], index: int, counts: Sequence[int]) -> NDArray[np.complex128]:

@@ -1,0 +1,120 @@
+"""Joints with other matrices than their model's; among them those whose dampers act as structural damping."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+from dovetail.assembly.description import Description, JointEntry
+from dovetail.interfaces import JointModel, Parameter, Port, StructuralMatrices
+from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
+from dovetail.units import Frequency
+
+__all__ = ["ChangedJoint", "DampingSection", "has_dampers", "structurally_damped", "with_damping"]
+
+
+class ChangedJoint(JointModel):
+    """A joint between the same nodes as another one, by the same parameters, with other matrices.
+
+    Parameters
+    ----------
+    model : JointModel
+        It gives matrices, and not its own dynamic stiffness.
+    """
+
+    def __init__(self, model: JointModel) -> None:
+        super().__init__()
+        self.name, self.summary = model.name, model.summary  # type: ignore[misc]  # for messages
+        self.model = model
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Those of the model."""
+        return self.model.parameters
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """Those of the model."""
+        return self.model.ports
+
+    @property
+    def internal_dofs(self) -> int:
+        """Those of the model."""
+        return self.model.internal_dofs
+
+    @property
+    def merged_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Those of the model."""
+        return self.model.merged_dofs
+
+    @property
+    def contact_dofs(self) -> tuple[tuple[int, int], ...]:
+        """Those of the model."""
+        return self.model.contact_dofs
+
+
+class _StructurallyDamped(ChangedJoint):
+    """A joint whose viscous damping C acts as the structural damping that is as strong at one frequency [Hz].
+
+    A damper c has the structural damping 2 pi f c then, and a spring k beside it the loss factor 2 pi f c / k.
+    """
+
+    def __init__(self, model: JointModel, frequency: float) -> None:
+        super().__init__(model)
+        self._omega = 2.0 * np.pi * frequency
+
+    def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
+        """Return the model's matrices (n, d, d), with D in place of C."""
+        return self._structural(self.model.matrices(theta))
+
+    def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
+        """Return their derivatives by each parameter, per unit of it."""
+        return [self._structural(derivative) for derivative in self.model.matrices_jacobian(theta)]
+
+    def _structural(self, viscous: StructuralMatrices) -> StructuralMatrices:
+        return StructuralMatrices(viscous.M, viscous.K, D=viscous.D + self._omega * viscous.C)
+
+
+class DampingSection(BaseModel):
+    """How a joint is damped.
+
+    Attributes
+    ----------
+    structural_damping : float
+        Frequency at which dampers, as structural damping, are as strong as viscous ones; these by default.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    structural_damping: Frequency | None = None
+
+
+def structurally_damped(joint: JointEntry) -> JointEntry:
+    """Return a joint with the model that its structural damping makes of it."""
+    assert joint.structural_damping is not None
+    model = _StructurallyDamped(joint.connection.model, joint.structural_damping)
+    return replace(joint, connection=replace(joint.connection, model=model))
+
+
+def has_dampers(joint: JointEntry) -> bool:
+    """Return whether a joint gives matrices, with viscous damping among them at the upper ends of its ranges."""
+    model = joint.connection.model
+    if depends_on_frequency(model):
+        return False
+    largest = [joint.fixed.get(parameter.name, parameter.upper) for parameter in joint.parameters]
+    matrices = joint_matrices(model.name, model, np.array([largest], dtype=np.float64))
+    return any(bool(np.any(each.C)) for each in matrices.sets)
+
+
+def with_damping(description: Description, structural: float | None) -> Description:
+    """Return the description with all dampers of joints as structural damping, equal at a frequency [Hz], or viscous.
+
+    Its text stays as it is.
+    """
+    joints = description.joints.items()
+    damped = {name for name, joint in joints if structural is None or has_dampers(joint)}
+    changed = {name: replace(joint, structural_damping=structural) for name, joint in joints if name in damped}
+    return replace(description, joints={**description.joints, **changed})
