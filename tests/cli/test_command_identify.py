@@ -156,6 +156,16 @@ def test_another_description_is_trained_anew(run, bench, tmp_path, trains_nothin
     assert len(trains_nothing) == 2
 
 
+def test_a_description_whose_file_has_changed_is_trained_anew(run, bench, tmp_path, trains_nothing):
+    other, file = tmp_path / "other.yaml", tmp_path / "like.csv"
+    other.write_text(f"extends: {bench.description}\nidentification: {{augmentation: {{like: like.csv}}}}\n")
+    for factor in (1.0, 1.0, 2.0):
+        frf = dovetail.read_frf(bench.measured)
+        dovetail.write_frf(dataclasses.replace(frf, values=factor * frf.values), file, overwrite=True)
+        run("identify", other, bench.measured, "--method", "network")
+    assert len(trains_nothing) == 2
+
+
 def test_a_damaged_kept_model_is_replaced(run, bench, tmp_path, trains_nothing):
     run("identify", bench.description, bench.measured, "--method", "network")
     (kept,) = (tmp_path / "cache" / "models").iterdir()

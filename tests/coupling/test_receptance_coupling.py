@@ -9,7 +9,7 @@ import pytest
 
 import dovetail
 from dovetail.coupling import couple, decouple, difference_receptance
-from dovetail.errors import DescriptionError, FileError, MeasurementError
+from dovetail.errors import DescriptionError, FileError, MeasurementError, ParameterError
 from dovetail.measurement import add_accelerometer_mass
 
 STEEL = {"young": 2.05e11, "density": 7850.0, "poisson": 0.3, "loss_factor": 0.01}
@@ -112,6 +112,17 @@ def test_a_test_on_other_lines_or_without_phase_is_refused(parts):
     amplitude = dovetail.Frf(aa.frequency, aa.amplitude, "accelerance", has_phase=False)
     with pytest.raises(MeasurementError, match="needs a phase"):
         dovetail.spindle_flange(stub, (amplitude, ab, bb), (0.0, 0.024), 0.072)
+
+
+def test_a_holder_that_is_not_known_and_a_single_point_are_refused(parts):
+    stub, _, whole = parts
+    described = json.loads(stub.description.text)
+    described["substructures"]["holder"]["material"]["young"] = {"range": ["190 GPa", "220 GPa"]}
+    unknown = dovetail.load(described)
+    with pytest.raises(ParameterError, match="the holder is not known"):
+        dovetail.spindle_flange(unknown, struck(whole), (0.0, 0.024), 0.072)
+    with pytest.raises(ParameterError, match="the points a and b are the same"):
+        dovetail.spindle_flange(stub, struck(whole), (0.024, 0.024), 0.072)
 
 
 @pytest.fixture

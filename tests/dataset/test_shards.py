@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 import shlex
@@ -153,6 +154,20 @@ def test_shards_of_another_plan_are_refused(assembly, tmp_path):
         dovetail.merge([first.path], tmp_path / "b.zarr")
     with pytest.raises(DatasetError, match="there are none"):
         dovetail.merge([], tmp_path / "data.zarr")
+
+
+def test_a_description_that_names_a_file_may_lie_elsewhere_on_another_machine(assembly, tmp_path):
+    frequency, description = np.linspace(5.0, 500.0, 200), json.loads(assembly.description.text)
+    receptance = np.array([[1e-7 + 0j, 0.0], [0.0, 1e-4]]) * np.ones((200, 1, 1))
+    description["substructures"]["base"] = {"model": "measured", "file": "base.npz"}
+    for number, machine in enumerate(("one", "other"), start=1):
+        folder = tmp_path / machine
+        folder.mkdir()
+        dovetail.write_receptance(dovetail.ReceptanceMatrix(frequency, receptance), folder / "base.npz")
+        (folder / "block.yaml").write_text(json.dumps(description))
+        dovetail.generate(folder / "block.yaml", tmp_path / f"{number}.zarr", samples=SAMPLES, shard=(number, 2))
+    merged = dovetail.merge([tmp_path / "1.zarr", tmp_path / "2.zarr"], tmp_path / "data.zarr")
+    merged.require(dovetail.load(folder / "block.yaml"))
 
 
 @pytest.mark.parametrize("shard", [(0, 3), (4, 3), (1, 0)])

@@ -152,6 +152,15 @@ CASES = {
         },
         "test.yaml:25:9  identification.seed\n  5000000000 must be at most 4294967295.",
     ),
+    "remaining_mass_without_a_drive_point": (
+        {
+            "position: 10 mm": "position: 10 mm, force: {position: 50 mm}",
+            "samples: 100": "augmentation: {mass: 2 g}",
+        },
+        "test.yaml:25:24  identification.augmentation.mass\n"
+        "  the mass is at the drive point, and a response is a rotation or has its force elsewhere.\n"
+        "  Leave it out.",
+    ),
 }
 
 

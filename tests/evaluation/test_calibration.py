@@ -204,6 +204,15 @@ def test_a_fault_of_a_case_reaches_the_caller():
         list(side_by_side(work, 4, 2))
 
 
+def test_a_finer_mesh_leaves_sensors_where_they_are(collet, torque_100):
+    sensor = {"mass": "20 g", "at": [{"at": "tool", "position": "30 mm"}]}
+    loaded = dovetail.load({**json.loads(collet.description.text), "calibration": sensor})
+    fine = finer(loaded, 2)
+    (place,) = fine.description.sensors
+    assert fine.description.substructures["tool"].nodes[place.node].position == pytest.approx(0.03)
+    assert fine.natural_frequencies(torque_100) == pytest.approx(loaded.natural_frequencies(torque_100), rel=5e-3)
+
+
 def test_a_finer_mesh_leaves_the_force_where_it_is(collet, torque_100):
     description = json.loads(collet.description.text)
     description["response"] = {**description["response"], "force": {"at": "holder", "position": "62 mm"}}

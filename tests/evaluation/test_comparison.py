@@ -118,6 +118,21 @@ def test_what_cannot_be_compared(cases):
         read_truths(cases / "truth.json")
 
 
+def test_a_mass_that_is_left_has_the_phases_that_it_needs(cases):
+    with (cases / "sdof.yaml").open("a") as file:
+        file.write("  augmentation: {mass: 1 g}\n")
+    done = compare(read_cases(cases / "cases.yaml"), ["none+robust"], samples=20)
+    assert done.methods == ("none+robust",)
+
+
+def test_what_would_be_ignored_is_refused(cases):
+    read = read_cases(cases / "cases.yaml")
+    with pytest.raises(ParameterError, match="a number was asked for, and a dataset given"):
+        compare(read, ("refined",), samples=20, data=cases / "data.zarr")
+    with pytest.raises(ParameterError, match="no case was measured in a file of these names"):
+        compare(read, ("refined",), truth={"other": {"k": 1e6}})
+
+
 def test_amplitudes_are_compared_with_amplitudes(cases):
     for name in ("soft", "stiff"):
         frf = dovetail.read_frf(cases / f"{name}.csv")

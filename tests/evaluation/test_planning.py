@@ -141,3 +141,12 @@ def test_a_planned_response_keeps_the_force_that_the_description_has(collet):
     assert section.count("force: {at: tool, position: 10 mm, direction: x}}") == 2
     del description["response"]
     dovetail.load({**description, **yaml.safe_load(section)})
+
+
+def test_a_planned_response_keeps_the_chain_that_the_description_has(collet):
+    description = json.loads(collet.description.text)
+    description["response"] = {**description["response"], "calibration": {"sign": -1, "mass": {"value": "2 g"}}}
+    section = plan(dovetail.load(description), ["tool"], samples=3).responses
+    del description["response"]
+    chains = dovetail.load({**description, **yaml.safe_load(section)}).description.calibrations
+    assert [chain.fixed for chain in chains.values()] == [{"sign": -1.0, "mass": 0.002}] * 2

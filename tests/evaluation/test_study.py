@@ -18,6 +18,7 @@ from dovetail.atomic_files import held, is_held
 from dovetail.errors import DovetailError
 from dovetail.evaluation.study import _Worker
 from dovetail.evaluation.study_ledger import Ledger, Proposal
+from dovetail.evaluation.study_plan import StudyPlan
 from dovetail.registry import components
 from dovetail.report.study import chosen
 
@@ -65,6 +66,26 @@ def test_the_test_part_is_used_once_by_the_best_settings(swept):
     assert not np.isin(test.parameters[:, 0], tuned.parameters[:, 0]).any()
     made = [path.stat().st_mtime for path in (folder / "samples-20-seed-4.zarr" / "zarr.json", folder / "ledger.json")]
     assert made[0] <= made[1]
+
+
+@pytest.mark.parametrize(
+    ("stated", "changes"),
+    [
+        ({}, {"reducer.n_components": 3}),  # the reducer by default, with robust training
+        ({"augmentation": {"gain": 0.5}}, {"augmentation": {"additive": 0.01}}),
+        ({"augmentation": {"gain": 0.5}}, {"augmentation": None}),
+    ],
+)
+def test_the_best_settings_are_those_that_were_tried(sdof, tmp_path, stated, changes):
+    description = {**json.loads(sdof.description.text), "identification": stated}
+    (tmp_path / "old.yaml").write_text(json.dumps({**description, "study": {"sweeps": {"augmentation": [None]}}}))
+    plan = StudyPlan(dovetail.load(tmp_path / "old.yaml"), components(()))
+    best = {"extends": "old.yaml", "identification": plan.complete_sections(changes)}
+    (tmp_path / "best.yaml").write_text(json.dumps(best))
+    tried, read = plan.variant(changes), dovetail.load(tmp_path / "best.yaml")
+    for name in ("reducer", "regressor", "augmentation"):
+        known, found = (repr(getattr(one.description.identification, name)) for one in (tried, read))
+        assert found == known
 
 
 def test_a_finished_study_is_read_back_and_tries_nothing(swept, sdof):

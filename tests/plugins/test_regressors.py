@@ -237,6 +237,14 @@ def test_one_cycle_makes_every_epoch_and_ends_in_a_minimum(training):
     assert np.std(cycle.losses[-5:]) < 0.2 * np.std(steady.losses[-5:])
 
 
+@pytest.mark.parametrize("schedule", ["plateau", "one_cycle"])
+def test_more_time_than_all_epochs_take_does_no_harm(training, rows, schedule):
+    context = dovetail.FeatureContext(np.arange(1.0, 5.0), ("one",), ("a", "b"), seconds=3600.0)
+    fitted = recipe(schedule=schedule, max_epochs=30).fit(*training, seed=0, context=context)
+    error, wanted = fitted.predict(rows) - samples(80, 1)[1], samples(80, 1)[1]
+    assert np.all(1.0 - (error**2).mean(axis=0) / wanted.var(axis=0) > 0.95)
+
+
 def test_l2_regularisation_makes_the_weights_smaller(training):
     free, held = (recipe(max_epochs=10, weight_decay=decay).fit(*training, seed=0) for decay in (0.0, 0.1))
     assert np.linalg.norm(held.state()["weight0"]) < 0.5 * np.linalg.norm(free.state()["weight0"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -316,7 +317,16 @@ def _as_json(whole: Mapping[str, Any]) -> str:
 
 def fingerprint(text: str) -> str:
     """Return the fingerprint of a description that is given as JSON."""
-    whole = json.loads(text)
+    whole = _without_folders(json.loads(text))
     physics = {key: whole.get(key) for key in ("frequency", "substructures", "joints", "response")}
     physics |= {key: whole[key] for key in ("responses", "calibration") if key in whole}
     return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()
+
+
+def _without_folders(value: Any) -> Any:
+    """Return plain values in which files have their names alone: on another machine they are in another folder."""
+    if isinstance(value, dict):
+        return {key: _without_folders(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_without_folders(entry) for entry in value]
+    return os.path.basename(value) if isinstance(value, str) and os.path.isabs(value) else value

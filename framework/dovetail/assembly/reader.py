@@ -16,12 +16,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly.calibration import SHARED
 from dovetail.assembly.component_sections import build_component, locate_files, read_property
-from dovetail.assembly.description import (
-    Description,
-    IdentificationSettings,
-    JointEntry,
-    ParameterEntry,
-)
+from dovetail.assembly.description import Description, IdentificationSettings, JointEntry, ParameterEntry, Response
 from dovetail.assembly.joints import Substructures, add_model_faults, check_connected, read_joint
 from dovetail.assembly.parameter_sections import check_ties
 from dovetail.assembly.responses import RESPONSE, RESPONSES, calibration_place, read_responses
@@ -90,6 +85,8 @@ def read_description(
     joints = _read_joints(substructures, faults, registry)
     responses, calibrations, sensors = read_responses(substructures, faults)
     identification = _read_identification(faults, registry)
+    augmentation = identification and identification.augmentation
+    _check_remaining_mass(responses, augmentation.mass if augmentation else 0.0, faults)
     study = read_study(faults)
     faults.raise_if_any()
     sound_substructures = {key: model for key, model in substructures.items() if model is not None}
@@ -236,6 +233,13 @@ def _read_identification(faults: FaultList, registry: Registry) -> Identificatio
         section.correction,
         None if method is None else method.component,
     )
+
+
+def _check_remaining_mass(responses: Iterable[Response], mass: float, faults: FaultList) -> None:
+    """Report a mass that training FRFs are to get at a point where they do not tell what it does."""
+    if mass and any(response.rotation or not response.is_drive_point for response in responses):
+        problem = "the mass is at the drive point, and a response is a rotation or has its force elsewhere."
+        faults.add(("identification", "augmentation", "mass"), problem, remedy="Leave it out.")
 
 
 def _add_defaults(path: Path, faults: FaultList, registry: Registry) -> Iterable[str]:

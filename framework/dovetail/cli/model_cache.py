@@ -90,11 +90,12 @@ def _key(assembly: Assembly, plugins: Sequence[Path]) -> str:
     """Return a hash of everything that the model depends on."""
     from dovetail.identification.provenance import component_sources, package_versions
 
+    files = (*plugins, *map(Path, assembly.description.files.values()))
     origin = {
         "description": assembly.description.text,
         "dovetail": package_versions().get("dovetail-frf"),
         "components": component_sources(assembly),
-        "plugins": [hashlib.sha256(file.read_bytes()).hexdigest() for file in plugins],
+        "files": [hashlib.sha256(file.read_bytes()).hexdigest() for file in files],
     }
     return hashlib.sha256(json.dumps(origin, sort_keys=True).encode()).hexdigest()[:32]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.coupling.receptance import decouple
 from dovetail.coupling.receptance_matrix import ReceptanceMatrix
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, MeasurementError, ParameterError, listing
 from dovetail.frf import Frf
 
 __all__ = ["ROTATIONS", "Rotations", "difference_receptance", "spindle_flange"]
@@ -57,14 +57,21 @@ def spindle_flange(
     ------
     MeasurementError
         A test is on other lines or has no phase.
+    ParameterError
+        The holder has parameters to seek, or a and b are the same node.
 
     References
     ----------
     Processes 14 (2026) 1875, doi:10.3390/pr14121875, Eqs. 16 to 18; with ``"model"`` the same decoupling over two
     translations in place of a translation and a rotation.
     """
-    aa, ab, bb = _without_accelerometer(tests, holder.frequency, accelerometer_mass)
     part = holder.description.response.substructure
+    if holder.parameters:
+        unknown = listing(parameter.name for parameter in holder.parameters)
+        raise ParameterError(Fault(holder.name, f"the holder is not known: {unknown} are sought.", "known values"))
+    if holder.point(part, points[0]) == holder.point(part, points[1]):
+        raise ParameterError(Fault("points", "the points a and b are the same.", "two points of the holder"))
+    aa, ab, bb = _without_accelerometer(tests, holder.frequency, accelerometer_mass)
     ends = [(part, flange, "x"), (part, flange, "rz")]
     if rotations == "model":
         measured = np.stack([np.stack([aa, ab], -1), np.stack([ab, bb], -1)], -2)

@@ -15,8 +15,8 @@ from pydantic import BaseModel, ValidationError
 
 from dovetail.assembly import Assembly, load
 from dovetail.atomic_files import read_bounded
-from dovetail.dataset import Dataset, generate
-from dovetail.errors import DovetailError, Fault, ParameterError
+from dovetail.dataset import Dataset, Storage, generate
+from dovetail.errors import DovetailError, Fault, ParameterError, listing
 from dovetail.evaluation.cases import Case, Cases
 from dovetail.evaluation.robustness import variant
 from dovetail.evaluation.validation import PROMINENCE
@@ -25,6 +25,7 @@ from dovetail.identification import Identification, Identifier, identify, train
 from dovetail.identification.fitting import one_per_response
 from dovetail.identification.identify import check_mass, find_method
 from dovetail.identification.methods import METHODS
+from dovetail.identification.network.training import needs_phase
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
@@ -166,13 +167,21 @@ def compare(
     Raises
     ------
     DovetailError
-        A case or a method cannot be used, or a measurement does not reach both ends of the assembly's band.
+        A case or a method cannot be used, or a measurement does not reach both ends of the assembly's band; `samples`
+        and `data` are both given; or `truth` knows none of the cases.
 
     Notes
     -----
     Each measurement is compared on its own lines. Only the features of networks are interpolated from it.
     """
     source = _one_assembly(cases)
+    if samples is not None and data is not None:
+        problem = "a number was asked for, and a dataset given, which has its own."
+        raise ParameterError(Fault("samples", problem, remedy="Leave one of the two out."))
+    known = {case.name: truth[stem] for case in cases.cases if truth and (stem := _stem(case)) in truth}
+    if truth and not known:
+        problem = "no case was measured in a file of these names."
+        raise ParameterError(Fault("truth", problem, listing(map(_stem, cases.cases))))
     files = tuple(plugins)
     assembly, registry = load(source, plugins=files), components(files)
     methods = methods or registry.defaults.get("compare", (*_FITS, RIGID))
@@ -191,7 +200,6 @@ def compare(
                 for method in methods
             ]
         report("cases", len(cases.cases), len(cases.cases))
-    known = {case.name: truth[stem] for case in cases.cases if truth and (stem := _stem(case)) in truth}
     return Comparison(cases.title, cases.series, tuple(methods), tuple(rows), training, seconds, known)
 
 
@@ -232,7 +240,9 @@ def _trained(
     with TemporaryDirectory(prefix="dovetail-") as folder:
         began = time.perf_counter()
         if data is None:
-            dataset = generate(assembly, Path(folder) / "dataset.zarr", samples=samples, progress=progress)
+            storage: Storage = "complex" if any(map(needs_phase, variants.values())) else "amplitude"
+            file = Path(folder) / "dataset.zarr"
+            dataset = generate(assembly, file, samples=samples, storage=storage, progress=progress)
         else:
             dataset = Dataset(data)
         seconds = time.perf_counter() - began if data is None else 0.0

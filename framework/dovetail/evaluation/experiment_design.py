@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -271,12 +272,15 @@ def _point(
 
 
 def _section(assembly: Assembly, first: PlannedPoint, second: PlannedPoint) -> str:
-    """Return the section of a description that has both points, with the quantity of the described response."""
+    """Return the section of a description that has both points, with quantity and chain of the described response."""
     response = assembly.description.response
     keys = f"direction: {response.direction}, quantity: {response.quantity}"
     if force := response.force:
         at = format_quantity(assembly.description.substructures[force.substructure].nodes[force.node].position, "m", 8)
         keys += f", force: {{at: {force.substructure}, position: {at}, direction: {force.direction}}}"
+    stated = json.loads(assembly.description.at(0).text)["response"]
+    if chain := stated.get("calibration"):
+        keys += f", calibration: {json.dumps(chain, ensure_ascii=False)}"
     entries = [
         f"at: {point.substructure}, position: {format_quantity(point.position, 'm', 8)}" for point in (first, second)
     ]

@@ -64,8 +64,9 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
         return replace(place, node=_node(description.substructures[name], place.node, refined[name]))
 
     responses = tuple(replace(moved(r), force=r.force and moved(r.force)) for r in description.responses)
+    sensors = tuple(map(moved, description.sensors))
     whole = replace(description, substructures=refined, joints=joints, responses=responses, unknown_parts=unknown_parts)
-    return Assembly(whole)
+    return Assembly(replace(whole, sensors=sensors))
 
 
 def _refined_part(connection: Connection, name: str, factor: int) -> Connection:

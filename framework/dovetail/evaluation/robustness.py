@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.assembly.reader import read_description
-from dovetail.dataset import Dataset, generate
+from dovetail.dataset import Dataset, Storage, generate
 from dovetail.errors import Fault, PluginError
 from dovetail.identification import Identifier, train
 from dovetail.identification.network.preprocessing import draw_test_samples
+from dovetail.identification.network.training import needs_phase
 from dovetail.identification.provenance import parameter_metrics
 from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import data_noise
@@ -108,7 +109,8 @@ def robustness(
     rows: list[RobustnessRow] = []
     with progress_reporter(progress) as report, TemporaryDirectory(prefix="dovetail-") as folder:
         if dataset is None:
-            dataset = generate(assembly, Path(folder) / "dataset.zarr", progress=report)
+            storage: Storage = "complex" if any(map(needs_phase, variants.values())) else "amplitude"
+            dataset = generate(assembly, Path(folder) / "dataset.zarr", storage=storage, progress=report)
         for name, described in variants.items():
             identifier = train(described, dataset, progress=report)
             rows.extend(_evaluate(name, identifier, dataset, levels, seed, report))

@@ -158,14 +158,20 @@ class StudyPlan:
     def complete_sections(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the changed sections as a description that extends this one must have them.
 
-        A section that was exchanged as a whole has all its options then, so that nothing of the old one is left.
+        A section that was exchanged as a whole has all its options then, so that nothing of the old one is left. Beside
+        a reducer stands the augmentation, which a description that names a reducer does not have by default.
         """
         sections, settings = self.identification(changes), self.variant(changes).description.identification
+        if "augmentation" in changes and settings.augmentation is not None:
+            sections["augmentation"] = settings.augmentation.model_dump(mode="json")
         for name in ("reducer", "regressor"):
             if name in changes:
                 options = getattr(settings, name).config.model_dump(mode="json", by_alias=True)
                 sections[name] = {"model": sections[name]["model"], **options}
-        return {name: sections[name] for name in dict.fromkeys(place.partition(".")[0] for place in changes)}
+        names = dict.fromkeys(place.partition(".")[0] for place in changes)
+        if "reducer" in names and settings.augmentation is not None:
+            names["augmentation"] = None
+        return {name: sections[name] for name in names}
 
     def propose(self, trials: Sequence[Trial]) -> Proposal | None:
         """Return the next trial: one known from the start, the best of each sweep together, a search's, or the test."""

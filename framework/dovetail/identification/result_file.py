@@ -66,6 +66,7 @@ class _StoredSamples(_Stored):
 
 
 class _StoredParameter(_Stored):
+    estimate: float | None = None
     doubtful: bool = False
 
 
@@ -224,12 +225,14 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
     ranges = [parameter.definition for parameter in parameters.values()]
     fraction = np.stack([parameter.to_unit(column) for parameter, column in zip(ranges, theta.T, strict=True)], axis=1)
     mean = (weight / total) @ fraction
+    means = [parameter.from_unit(value) for parameter, value in zip(ranges, mean, strict=True)]
+    stated = [stored.parameters.get(name, _StoredParameter()).estimate for name in parameters]
     return Posterior(
         names=tuple(parameters),
         theta=theta,
         fraction=fraction,
         weight=weight / total,
-        estimate=np.array([parameter.from_unit(value) for parameter, value in zip(ranges, mean, strict=True)]),
+        estimate=np.array([value if told is None else told for told, value in zip(stated, means, strict=True)]),
         model_error=(
             stored.model_error
             if isinstance(stored.model_error, ModelError)

@@ -177,7 +177,8 @@ class NetworkRegressor(dovetail.Regressor):
     ) -> tuple[torch.nn.Module, Tensors]:
         """Return the network of the lowest validation loss, and the samples of that.
 
-        Within a time the learning rate falls like half a cosine, so that the end of it is a minimum.
+        Within a time the learning rate falls like half a cosine, so that the end of it, or of `max_epochs` where these
+        come first, is a minimum.
         """
         import torch
 
@@ -202,7 +203,7 @@ class NetworkRegressor(dovetail.Regressor):
             for number, batch in enumerate(batches):
                 if not may_end:
                     part = (epoch - 1 + number / len(batches)) / config.max_epochs
-                    part = part if seconds is None else min((time.monotonic() - began) / seconds, 1.0)
+                    part = part if seconds is None else max(part, min((time.monotonic() - began) / seconds, 1.0))
                     rise = _RISE if config.schedule == "one_cycle" else 0.0
                     optimizer.param_groups[0]["lr"] = config.learning_rate * _cycle(part, rise)
                     if part == 1.0:
