@@ -213,11 +213,13 @@ Position = Annotated[float, InUnit("m")]
 Mass = Annotated[float, Field(ge=0), InUnit("kg")]
 Frequency = Annotated[float, Field(gt=0), InUnit("Hz")]
 
-_DISPLAY = {"m": (1e3, "mm")}
-"""Units that are easier to read than the SI unit: factor and name."""
+_DISPLAY = {"m": (1e3, "mm", 0.0), "Pa": (1e-9, "GPa", 1e8)}
+"""Units that are easier to read than the SI unit: factor, name, and the least SI value that is given in them."""
 
 
 def format_quantity(value: float, unit: str, digits: int = 5) -> str:
-    """Return an SI value as a text: lengths in mm, all others in their SI unit."""
-    factor, name = _DISPLAY.get(unit, (1.0, unit))
+    """Return an SI value as a text: lengths in mm, moduli of solids in GPa, all others in their SI unit."""
+    factor, name, least = _DISPLAY.get(unit, (1.0, unit, 0.0))
+    if abs(value) < least:
+        factor, name = 1.0, unit
     return f"{value * factor:.{digits}g} {name}".rstrip() if name != "1" else f"{value:.{digits}g}"

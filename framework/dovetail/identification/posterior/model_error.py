@@ -55,8 +55,8 @@ class ModelErrorSettings:
     moved: tuple[float, ...] = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
     """Sizes of the error by which resonances are moved, for what that adds beyond the linear term: a misplaced peak far
     above the noise shows it, and one that is too broad."""
-    most_damped: float = 2.0
-    """Change of the logarithm of a damping ratio up to which this is done."""
+    damped: tuple[float, float] = (0.1, 2.0)
+    """Error of damping from which this matters, and the change of its logarithm up to which it is done."""
     hat_functions: int = 6
     """Over the frequency axis: resonances nearer than a fifth of it err alike."""
     tolerance: float = 1e-6
@@ -354,14 +354,14 @@ def _higher(resonances: Resonances, size: ModelError) -> NDArray[np.complex128]:
 
     Its covariance under normal distributions of both, by quadrature.
     """
-    moved = np.array(_SETTINGS.moved)
+    moved, (least, most) = np.array(_SETTINGS.moved), _SETTINGS.damped
     density = np.exp(-(moved**2) / 2.0)
     weight = np.sqrt(density / (1.0 + density.sum()))  # 1 for those that are not moved
     shapes = []
     for part, sizes in zip(weight.tolist(), moved.tolist(), strict=True):
-        damping = float(np.clip(sizes * size.damping, -_SETTINGS.most_damped, _SETTINGS.most_damped))
         shapes.append(part * resonances.displaced_beyond(sizes * size.natural_frequency))
-        shapes.append(part * resonances.damped_beyond(damping))
+        if size.damping >= least:
+            shapes.append(part * resonances.damped_beyond(float(np.clip(sizes * size.damping, -most, most))))
     return np.concatenate(shapes)
 
 
