@@ -163,8 +163,11 @@ def _factor(unit: str, target: str, text: str) -> float:
         if not _UNIT.fullmatch(spelled):
             raise ValueError(unit)
         source = registry.Unit(spelled)
+        one, four = (registry.convert(number, source, registry.Unit(target)) for number in (1.0, 4.0))
+        if four != 4.0 * one:  # a decibel is no factor
+            raise ValueError(unit)
         angular = target == "Hz" and "radian" in dict(registry.Quantity(1.0, source).to_root_units().unit_items())
-        return float(registry.convert(1.0, source, registry.Unit(target))) / (2.0 * math.pi if angular else 1.0)
+        return float(one) / (2.0 * math.pi if angular else 1.0)
     except pint.DimensionalityError as error:
         raise UnitError(
             f"{text!r} has the dimension {error.dim1}, but a unit of {target} {error.dim2} was expected."

@@ -122,6 +122,26 @@ def test_ranges_that_fit_one_by_one_and_not_together():
     assert message in str(raised.value)
 
 
+def test_an_option_that_follows_another_is_tried_with_it():
+    changed = with_value(INNER, {"same_as": "arm.sections.0.outer", "ratio": 0.5})
+    changed["substructures"]["arm"]["sections"][0]["outer"] = {"range": ["10 mm", "40 mm"]}
+    assert [parameter.name for parameter in dovetail.load(changed).parameters][-1] == "arm.sections.0.outer"
+    changed = with_value("substructures.arm.material.loss_factor", {"same_as": "arm.material.poisson", "ratio": 4})
+    changed["substructures"]["arm"]["material"]["poisson"] = {"range": [0, 0.3]}
+    with pytest.raises(dovetail.DescriptionError, match=r"material.poisson = 0.3, material.loss_factor = 1.2: it must"):
+        dovetail.load(changed)
+
+
+def test_a_tied_parameter_is_held_against_its_model_at_the_ends_of_what_it_follows():
+    changed = copy.deepcopy(SOUND)
+    stiff = {**copy.deepcopy(SOUND["joints"]["foot"]), "parameters": {"k": {"same_as": "foot.k", "ratio": -1}}}
+    changed["joints"]["stiff"] = stiff
+    with pytest.raises(dovetail.DescriptionError, match=r"joints.stiff.parameters.k.*\n  k must not be negative"):
+        dovetail.load(changed)
+    stiff["parameters"]["k"]["ratio"] = 0.5
+    assert not [parameter for parameter in dovetail.load(changed).parameters if parameter.name == "stiff.k"]
+
+
 def test_a_part_with_very_many_degrees_of_freedom():
     changed = with_value(YOUNG, {"range": [1e11, 2e11]})
     changed["substructures"]["arm"]["sections"][0]["elements"] = 400

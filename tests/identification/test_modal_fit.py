@@ -93,6 +93,20 @@ def test_the_poles_are_those_of_the_dense_system_and_so_are_their_derivatives():
         np.testing.assert_allclose(derivatives["c"][:, 1], slope, atol=1e-5 * abs(slope).max())
 
 
+def test_a_rigid_joint_has_no_parameters_and_the_derivatives_by_the_others_stay():
+    welded, whole = copy.deepcopy(CHAIN), copy.deepcopy(CHAIN)
+    welded["substructures"]["plate"] = {"model": "lumped", "masses": [{"mass": "0.5 kg"}]}
+    ends = {"a": {"to": "third", "at": 0}, "b": {"to": "plate", "at": 0}}
+    welded["joints"]["weld"] = {"model": "rigid", "connect": ends}
+    whole["substructures"]["third"]["masses"][0]["mass"] = "2 kg"
+    (poles, by_joint), (expected, expected_by_joint) = (
+        DampedModes(assembly.graph).at(assembly.by_joint(), 3) for assembly in map(dovetail.load, (welded, whole))
+    )
+    np.testing.assert_allclose(poles, expected, rtol=1e-9)
+    np.testing.assert_allclose(by_joint["c"], expected_by_joint["c"], rtol=1e-9)
+    assert by_joint["weld"].shape == (3, 0)
+
+
 @pytest.mark.parametrize("form", ["laplace", "samples"])
 def test_intervals_hold_the_truth_as_often_as_they_say(chain, form, capsys):
     random, inside = np.random.default_rng(1), []

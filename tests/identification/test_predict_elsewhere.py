@@ -59,6 +59,15 @@ def test_beside_a_joint_that_is_known(sdof: dovetail.Assembly, result: dovetail.
     np.testing.assert_allclose(dovetail.predict(other, result).values, expected, rtol=1e-9)
 
 
+def test_a_joint_that_is_damped_in_another_way_is_refused(
+    sdof: dovetail.Assembly, result: dovetail.Identification
+) -> None:
+    description = json.loads(sdof.description.text)
+    description["joints"]["mount"]["structural_damping"] = "20 Hz"
+    with pytest.raises(ParameterError, match="its structural damping was none where it was identified, and is 20 Hz"):
+        dovetail.predict(dovetail.load(description), result)
+
+
 def test_what_the_other_description_fixes_stays(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
     other = another(sdof, {"mount": {"c": {"value": 7.0}}})
     np.testing.assert_allclose(dovetail.predict(other, result).values, exact(other, result.theta[0], 7.0), rtol=1e-9)

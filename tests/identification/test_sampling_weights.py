@@ -10,6 +10,7 @@ from noisy_measurements import noisy
 
 from dovetail.identification.fitting import refine
 from dovetail.identification.posterior import sample_posterior, sampling
+from dovetail.identification.posterior.posterior import half_about_the_fit
 
 
 @pytest.mark.parametrize(("effective", "moved"), [(36, True), (44, False)])
@@ -62,3 +63,22 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
     share = np.mean(chosen[0][:, 0] < 20)
     weight = np.exp(log_weight)
     assert share == pytest.approx(weight[:20].sum() / weight.sum() if kept else 0.02, abs=0.002)
+
+
+def test_half_of_the_samples_lie_about_the_best_fit_where_the_measurement_tells_it():
+    """The first coordinate is told to 0.1, the second not at all; the best fit is far from both means."""
+    z = np.random.default_rng(3).standard_normal((4000, 2)) * [0.1, 1.0] + [0.5, 0.0]
+    moved, weight = half_about_the_fit(z, np.full(len(z), 2.0), np.array([1.5, 2.0]))
+    assert weight.sum() == pytest.approx(1.0)
+    np.testing.assert_array_equal(moved[::2], z[::2])
+    assert moved[1::2].mean(axis=0) == pytest.approx([0.99 * 1.5, 0.0], abs=0.1)
+    assert moved[1::2].std(axis=0) == pytest.approx([0.1, 1.0], rel=0.05)
+
+
+def test_halves_weigh_alike_however_uneven_the_weights_are():
+    uneven = np.array([0.9, 0.02, 0.05, 0.03])
+    _, weight = half_about_the_fit(np.arange(8.0).reshape(4, 2), uneven, np.zeros(2))
+    assert weight[::2].sum() == pytest.approx(0.5)
+    assert weight[1::2] == pytest.approx([0.2, 0.3])
+    single, one = half_about_the_fit(np.ones((1, 2)), np.array([3.0]), np.zeros(2))
+    assert (single.tolist(), one.tolist()) == ([[1.0, 1.0]], [1.0])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.report.drawing import mode_shapes
 from dovetail.synthesis import assembly_matrices
 
 MATERIAL = {"young": "206 GPa", "density": "7850 kg/m^3", "poisson": 0.3, "loss_factor": 0.004}
@@ -198,6 +199,17 @@ def test_a_chain_changes_the_frf_as_its_formulas_say():
     _, jacobian = assembly.frf_jacobian(theta)
     for column in range(4):
         assert difference(jacobian[:, column], by_differences(assembly, theta, column)) < 1e-6
+
+
+@pytest.mark.parametrize("window", ["50 1/s", {"range": ["0 1/s", "100 1/s"]}])
+def test_a_window_changes_no_natural_frequency_and_adds_none(window):
+    free = copy.deepcopy(PLAIN)
+    del free["substructures"]["wall"], free["joints"]["foot"]
+    seen = dovetail.load({**free, "response": {**PLAIN["response"], "calibration": {"window": window}}})
+    expected = dovetail.load(free).natural_frequencies(count=4)
+    assert seen.natural_frequencies(count=4) == pytest.approx(expected, rel=1e-9)
+    shapes = mode_shapes(seen, seen.vector(None), 2)
+    assert [mode["frequency"] for mode in shapes] == pytest.approx(expected[:2], rel=1e-4)
 
 
 def test_known_values_of_a_chain_and_a_sign():

@@ -99,6 +99,29 @@ def test_an_exported_beam_is_the_beam_in_every_format(form, tmp_path):
     np.testing.assert_allclose(found.natural_frequencies(), whole.natural_frequencies(), rtol=1e-7)
 
 
+def test_inner_dofs_may_be_tied_by_a_multiplier_without_stiffness_of_its_own(tmp_path):
+    """Two stars of four masses; a Lagrange multiplier ties a tip of one to a tip of the other."""
+    star = 1e6 * (4.0 * np.eye(4) - np.ones((4, 4)))
+    springs = np.kron(np.eye(2), star)
+    tie = 1e6 * (np.eye(8)[1] - np.eye(8)[6])
+    K = np.block([[springs, tie[:, None]], [tie[None], np.zeros((1, 1))]])
+    M, D = np.diag([0.2] * 8 + [0.0]), np.pad(0.01 * springs, (0, 1))
+    nodes = [*map(str, range(1, 9)), "L"]
+    columns = {"nodes": nodes, "directions": ["x"] * 8 + ["force"], "positions": [*(0.1 * np.arange(8)), 0.0]}
+    tied = write(tmp_path, "npz", matrices={"M": M, "K": K, "D": D}, columns=columns) | {"nodes": ["1", "8"]}
+    found = load(tmp_path, tied, at=("node 1", "node 8")).frf()
+    one = np.delete(np.eye(8), 6, axis=1)
+    one[6, 1] = 1.0
+    merged = {name: one.T @ matrix[:8, :8] @ one for name, matrix in (("M", M), ("K", springs), ("D", D))}
+    columns = {
+        "nodes": [n for n in nodes[:8] if n != "7"],
+        "directions": ["x"] * 7,
+        "positions": [0.1 * i for i in range(7)],
+    }
+    whole = write(tmp_path, "npz", matrices=merged, columns=columns) | {"nodes": ["1", "8"]}
+    np.testing.assert_allclose(found, load(tmp_path, whole, at=("node 1", "node 8")).frf(), rtol=1e-9)
+
+
 def test_few_nodes_by_their_names_and_the_rest_inside(tmp_path):
     """Without positions, nodes are addressed by name; DOFs of all others are inner ones."""
     columns = {name: values for name, values in table().items() if name != "positions"}
@@ -109,6 +132,16 @@ def test_few_nodes_by_their_names_and_the_rest_inside(tmp_path):
     assert model.matrices().size == 18
     assert model.dof_label(3) == "node 'n1' rz"
     np.testing.assert_allclose(found.frf(), truth(tmp_path).frf(), rtol=1e-7)
+
+
+def test_an_option_of_a_part_without_rotations_may_be_sought(tmp_path):
+    springs = 1e6 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    columns = {"nodes": ["1", "2"], "directions": ["x", "x"], "positions": [0.0, 0.1]}
+    part = write(tmp_path, "npz", matrices={"M": np.diag([0.2, 0.4]), "K": springs, "D": None}, columns=columns)
+    sought = load(tmp_path, part | {"loss_factor": {"range": [0.0, 0.1]}}, at=(0.0, 0.1))
+    known = load(tmp_path, part | {"loss_factor": 0.03}, at=(0.0, 0.1))
+    found = sought.frf({"part.loss_factor": 0.03})
+    np.testing.assert_allclose(found, known.frf(), rtol=1e-9)
 
 
 def test_units_of_the_file_and_another_plane(tmp_path):

@@ -69,6 +69,13 @@ def test_a_measured_part_stands_for_the_part_itself(tmp_path):
     np.testing.assert_allclose(found.frf(), whole.frf(), rtol=1e-6)
 
 
+def test_it_is_not_seen_through_an_exponential_window(tmp_path):
+    description = json.loads(coupled(written(tmp_path, receptance())).description.text)
+    description["response"]["calibration"] = {"window": "5 1/s"}
+    with pytest.raises(dovetail.DovetailError, match=r"^response.window\n  'part' has no matrices, so that the effect"):
+        dovetail.load(description)
+
+
 def test_what_is_measured_is_reciprocal_and_passive_and_met_at_its_lines(tmp_path):
     model = components().find("substructure", "measured").component
     section = written(tmp_path, receptance())

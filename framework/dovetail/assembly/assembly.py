@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.calibration import entries_at_response, graph_of
+from dovetail.assembly.calibration import entries_at_response, graph_of, matrices_without_window
 from dovetail.assembly.description import Description, Response
 from dovetail.assembly.joints import is_at
 from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, points_and_pairs
@@ -19,7 +19,7 @@ from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.interfaces import DIRECTIONS, Parameter
 from dovetail.plain_text import html_table
-from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, assembly_matrices, elastic_frequencies
+from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, elastic_frequencies
 
 __all__ = ["Assembly"]
 
@@ -327,7 +327,7 @@ class Assembly:
         batch, single = self._space.batch(theta)
         frequencies = np.full((len(batch), count), np.nan)
         for row, vector in zip(frequencies, batch, strict=True):
-            modes = elastic_frequencies(assembly_matrices(self.graph, self.by_joint(vector)), count)
+            modes = elastic_frequencies(matrices_without_window(self.graph, self.by_joint(vector)), count)
             row[: len(modes)] = modes
         return frequencies[0] if single else frequencies
 

@@ -23,8 +23,8 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import QUANTITIES, Quantity
-from dovetail.interfaces import JointModel, Parameter, Port, StructuralMatrices, SubstructureModel
-from dovetail.synthesis import Attachment, Connection, Graph
+from dovetail.interfaces import JointModel, Parameter, Port, SparseMatrices, StructuralMatrices, SubstructureModel
+from dovetail.synthesis import Attachment, Connection, Graph, assembly_matrices
 from dovetail.synthesis.joint_evaluation import depends_on_frequency
 from dovetail.units import format_quantity
 
@@ -35,6 +35,7 @@ __all__ = [
     "Chain",
     "entries_at_response",
     "graph_of",
+    "matrices_without_window",
     "read_calibration",
     "shared_by",
     "unknown_signs",
@@ -243,8 +244,9 @@ def _sensor(place: Place, owner: str) -> JointEntry:
 
 def _windowed(name: str, entry: JointEntry, window: Tie) -> JointEntry:
     model = entry.connection.model
-    if depends_on_frequency(model):
-        problem = f"'{name}' has no matrices, so that the effect of the exponential window cannot be computed."
+    if depends_on_frequency(model) or (isinstance(model, UnknownPart) and model.part.matrices() is None):
+        owner = name.removeprefix("part ")
+        problem = f"'{owner}' has no matrices, so that the effect of the exponential window cannot be computed."
         remedy = "Remove the window from the measured FRF, or leave 'window' out."
         raise ParameterError(Fault(f"{window.owner}.window", problem, remedy=remedy))
     ties = {parameter.name: entry.ties.get(parameter.name, Tie(name, parameter.name)) for parameter in model.parameters}
@@ -275,6 +277,15 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
         name: NodesAlone(part) if name in alone else part for name, part in description.substructures.items()
     }
     return Graph(parts, connections)
+
+
+def matrices_without_window(
+    graph: Graph, theta: Mapping[str, NDArray[np.float64]]
+) -> StructuralMatrices | SparseMatrices:
+    """Return the structure's matrices as they are, not as an exponential window shows them, by `assembly_matrices`."""
+    windowed = {name for name, connection in graph.connections.items() if isinstance(connection.model, _Windowed)}
+    rates_of_zero = {name: np.append(theta[name][:-1], 0.0) for name in windowed}
+    return assembly_matrices(graph, {**theta, **rates_of_zero})
 
 
 def _is_sought(joint: JointEntry) -> bool:

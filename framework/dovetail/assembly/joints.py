@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from dovetail.assembly.changed_joints import DampingSection, has_dampers
 from dovetail.assembly.component_sections import LabelledComponent, build_component
-from dovetail.assembly.description import JointEntry, Response
-from dovetail.assembly.parameter_sections import check_ranges, read_parameters
+from dovetail.assembly.description import JointEntry, ParameterEntry, Response
+from dovetail.assembly.parameter_sections import check_ranges, ends_of, read_parameters
 from dovetail.assembly.sections import AttachmentSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_value
@@ -43,8 +43,9 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
         return None
     attachments = _Connect(model, path, substructures, faults).read(model.component.ports)
     stated = read_parameters(model, path, model.component.parameters, faults)
-    if len(faults) == before:
-        check_ranges(model, path, stated, faults)
+    if len(faults) == before and not stated.ties:  # those of tied ones are known when all has been read
+        entries = {name: ParameterEntry(**stated.entry)}
+        check_ranges(model, path, {p: ends_of(entries, name, p) for p in stated.known}, faults)
     if len(faults) > before or None in attachments:
         return None
     complete = tuple(attachment for attachment in attachments if attachment is not None)

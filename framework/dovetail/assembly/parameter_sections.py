@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from dovetail.assembly.component_sections import LabelledComponent
-from dovetail.assembly.description import ParameterEntry, Tie
+from dovetail.assembly.description import ParameterEntry, Tie, follow
 from dovetail.assembly.sections import ParameterSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
@@ -17,7 +17,7 @@ from dovetail.errors import UnitError, did_you_mean, listing
 from dovetail.interfaces import Parameter, plugin_errors
 from dovetail.units import to_si
 
-__all__ = ["StatedParameters", "check_ranges", "check_ties", "read_parameters", "steps_of"]
+__all__ = ["StatedParameters", "check_ranges", "check_ties", "ends_of", "read_parameters", "steps_of"]
 
 _KINDS = ("value", "about", "same_as", "range")
 """Keys of which a parameter's section has one."""
@@ -131,7 +131,9 @@ def read_parameters(
     return stated
 
 
-def check_ranges(model: LabelledComponent, joint: Path, stated: StatedParameters, faults: FaultList) -> None:
+def check_ranges(
+    model: LabelledComponent, joint: Path, ends: Mapping[str, tuple[float, float]], faults: FaultList
+) -> None:
     """Report the ranges and values to which the joint model objects.
 
     Parameters
@@ -139,14 +141,12 @@ def check_ranges(model: LabelledComponent, joint: Path, stated: StatedParameters
     model : LabelledComponent
         The joint model.
     joint : Path
-    stated : StatedParameters
-        With the description's ranges and values.
+    ends : mapping of str to (float, float)
+        Lowest and highest value of each parameter.
     faults : FaultList
         Collects the faults.
     """
-    fixed = stated.fixed
-    lower = {name: fixed.get(name, p.lower) for name, p in stated.known.items()}
-    upper = {name: fixed.get(name, p.upper) for name, p in stated.known.items()}
+    lower, upper = ({name: pair[end] for name, pair in ends.items()} for end in (0, 1))
     with plugin_errors(model.component, model.label):
         objections = model.component.range_objections(lower, upper)
     if not isinstance(objections, Mapping):
@@ -154,6 +154,18 @@ def check_ranges(model: LabelledComponent, joint: Path, stated: StatedParameters
         return
     for name, objection in objections.items():
         faults.add((*joint, "parameters", name), objection, key=True)
+
+
+def ends_of(entries: Mapping[str, ParameterEntry], owner: str, name: str) -> tuple[float, float]:
+    """Return the lowest and the highest value of a parameter; of a tied one, those that follow from the other's."""
+    tie = follow(entries, Tie(owner, name))
+    entry = entries[tie.owner]
+    parameter = next(p for p in entry.parameters if p.name == tie.parameter)
+    known = entry.fixed.get(tie.parameter)
+    low, high = sorted(
+        tie.ratio * end for end in ((parameter.lower, parameter.upper) if known is None else (known,) * 2)
+    )
+    return low, high
 
 
 def check_ties(entries: Mapping[str, ParameterEntry], sections: Mapping[str, Path], faults: FaultList) -> None:

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly.calibration import SHARED
-from dovetail.assembly.component_sections import build_component, locate_files, read_property
+from dovetail.assembly.component_sections import LabelledComponent, build_component, locate_files, read_property
 from dovetail.assembly.description import Description, IdentificationSettings, JointEntry, ParameterEntry, Response
 from dovetail.assembly.joints import Substructures, add_model_faults, check_connected, read_joint
-from dovetail.assembly.parameter_sections import check_ties
+from dovetail.assembly.parameter_sections import check_ranges, check_ties, ends_of
 from dovetail.assembly.responses import RESPONSE, RESPONSES, calibration_place, read_responses
 from dovetail.assembly.sections import (
     FORMAT,
@@ -136,7 +136,13 @@ def _check_parameters(
     places: dict[str, Path] = {name: ("joints", name, "parameters") for name in joints}
     places |= {name: ("substructures", name) for name in substructures}
     places |= {name: calibration_place(name, faults) for name in calibrations}
-    check_ties({**joints, **substructures, **calibrations}, places, faults)
+    entries = {**joints, **substructures, **calibrations}
+    check_ties(entries, places, faults)
+    for name, joint in joints.items() if not len(faults) else ():
+        if joint.ties:
+            model = joint.connection.model
+            ends = {parameter.name: ends_of(entries, name, parameter.name) for parameter in joint.parameters}
+            check_ranges(LabelledComponent(model, f"joint '{name}' ({model.name})"), ("joints", name), ends, faults)
 
 
 def _check_format(faults: FaultList) -> None:

@@ -122,7 +122,7 @@ class UnknownPart(JointModel):
             The part's options do not allow them.
         """
         changed = self.part.config.with_options(options)
-        return type(self.part)(type(changed).model_validate(changed.model_dump(by_alias=True)))
+        return type(self.part)(type(changed).model_validate(changed.model_dump(by_alias=True, exclude_unset=True)))
 
     def _each(self, theta: NDArray[np.float64]) -> Iterator[SubstructureModel]:
         """Yield the part with the options of each row."""
@@ -320,7 +320,9 @@ def add_unknown_part(
         )
         faults.add(("substructures", name), problem, f"{_MOST_DOFS} DOFs or fewer", key=True)
         return None
-    for corner in _corners(stated):
+    for sought in _corners(stated):
+        own = {option: tie for option, tie in stated.ties.items() if tie.owner == name and tie.parameter in sought}
+        corner = {**sought, **{option: tie.ratio * sought[tie.parameter] for option, tie in own.items()}}
         if problem := _objection(model, corner):
             faults.add(("substructures", name, *steps_of(next(iter(corner)))), problem)
             return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from dovetail.frf import Frf
 from dovetail.identification.posterior import LEVEL, error_shapes
 from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.identification.result_file import AnyIdentification, load_result
+from dovetail.units import to_si
 
 __all__ = ["Band", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]
 
@@ -40,7 +42,8 @@ def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | M
     Raises
     ------
     ParameterError
-        The assembly needs a parameter that `result` does not have, or has in another unit.
+        The assembly needs a parameter that `result` does not have, or has in another unit; or a joint has another
+        structural damping.
 
     Warns
     -----
@@ -98,7 +101,7 @@ def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, fl
     values = _values(result)
     names = assembly.description.identified_parameters
     matched: dict[str, float] = {}
-    faults, missing = [], []
+    faults, missing = _changed_damping(assembly, result), []
     for parameter, (joint, name) in zip(assembly.parameters, names, strict=True):
         shared = joint not in assembly.description.joints or sum(other == name for _, other in names) > 1
         value = _match(values, joint, name, shared)
@@ -119,6 +122,20 @@ def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, fl
     if faults:
         raise ParameterError(*faults)
     return matched
+
+
+def _changed_damping(assembly: Assembly, result: AnyIdentification | Mapping[str, float]) -> list[Fault]:
+    """Return the joints of the same name whose dampers act otherwise than where they were identified."""
+    identified = {} if isinstance(result, Mapping) else json.loads(result.provenance.get("description", "{}"))
+    faults = []
+    for name, section in (identified.get("joints") or {}).items():
+        stated, joint = section.get("structural_damping"), assembly.description.joints.get(name)
+        before = None if stated is None else to_si(stated, "Hz")
+        if joint is not None and joint.identified and joint.structural_damping != before:
+            kinds = ["none" if at is None else f"{at:g} Hz" for at in (before, joint.structural_damping)]
+            problem = f"its structural damping was {kinds[0]} where it was identified, and is {kinds[1]} here."
+            faults.append(Fault(f"joint {name}", problem, remedy="State the same 'structural_damping' here."))
+    return faults
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dovetail.assembly import Assembly, Description
+from dovetail.assembly.calibration import matrices_without_window
 from dovetail.assembly.description import Place
 from dovetail.errors import DovetailError, Fault, PluginError, listing
 from dovetail.interfaces import DIRECTIONS, StructuralMatrices, SubstructureModel, plugin_errors
 from dovetail.plain_text import terminal_text
 from dovetail.report.figures import INK, LINES, WIDTH, new_figure, set_title, style_axes
-from dovetail.synthesis import Attachment, assembly_matrices, elastic_shapes
+from dovetail.synthesis import Attachment, elastic_shapes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -192,7 +193,7 @@ def mode_shapes(assembly: Assembly, theta: ArrayLike, count: int) -> list[dict[s
         and their motion ``across`` it, of which the largest is 1. Empty where the assembly has no dense matrices.
     """
     try:
-        matrices = assembly_matrices(assembly.graph, assembly.by_joint(theta))
+        matrices = matrices_without_window(assembly.graph, assembly.by_joint(theta))
         modes = elastic_shapes(matrices, count) if isinstance(matrices, StructuralMatrices) else []
     except DovetailError:
         return []

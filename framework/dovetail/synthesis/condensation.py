@@ -105,12 +105,17 @@ def _condense_symbolically(
     omega = 2.0 * np.pi * frequency
     M, K, C, D = (matrix[rows, columns, None] for matrix in (matrices.M, matrices.K, matrices.C, matrices.D))
     slots = (K - omega**2 * M) + 1j * (D + omega * C)
-    run_elimination(program, slots)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a pivot that vanishes leaves no finite number
+        run_elimination(program, slots)
     condensed = np.zeros((len(frequency), len(dofs), len(dofs)), dtype=np.complex128)
     index = {int(dof): position for position, dof in enumerate(dofs)}
     for slot, (row, column) in enumerate(zip(rows, columns, strict=True)):
         if row in index and column in index:
             condensed[:, index[row], index[column]] = condensed[:, index[column], index[row]] = slots[slot]
+    lost = ~np.isfinite(condensed).all(axis=(1, 2))
+    if lost.any():
+        sparse = SparseMatrices(matrices.M, matrices.K, matrices.C, matrices.D)
+        condensed[lost] = PartitionedMatrices(sparse, dofs).condense(frequency[lost])
     return condensed
 
 

@@ -219,7 +219,7 @@ class DampedModes:
         derivatives = {}
         for name, model, L in self._joints if differentiate else ():
             x, columns = X @ L[:, active].T, []
-            for d in joint_jacobian(name, model, theta[name][None]).sets:
+            for d in joint_jacobian(name, model, theta[name][None]).sets if model.parameters else ():
                 m, k, c, eta = (np.einsum("ni,ij,nj->n", x, getattr(d, kind)[0], x) for kind in "MKCD")
                 columns.append(-(k + 1j * eta + poles * (c + poles * m)) / slopes)
             derivatives[name] = np.stack(columns, axis=-1) if columns else np.empty((len(poles), 0), np.complex128)

@@ -293,21 +293,24 @@ class _Linearised:
         return {kind: getattr(size, kind) / (getattr(self._size, kind) or 1.0) for kind in KINDS}
 
     def _estimate_shaped(self, size: ModelError) -> ModelError:
-        """Return the sizes of the errors that have a shape, by EM."""
+        """Return the sizes of the errors that have a shape, by EM.
+
+        What has no size to be told, parameters and terms beyond the linear ones, is marginalised before.
+        """
         residuals, changes = self._whitened(size)
-        columns = np.concatenate(list(changes.values()))
-        gram, along = columns @ columns.T, columns @ residuals
-        counts = {name: len(change) for name, change in changes.items()}
+        known = np.concatenate([change for name, change in changes.items() if name not in KINDS])
+        both = np.concatenate([*(changes[kind] for kind in KINDS), residuals[np.newaxis]])
+        cross = known @ both.T
+        products = both @ both.T - cross.T @ np.linalg.solve(np.eye(len(known)) + known @ known.T, cross)
+        gram, along = products[:-1, :-1], products[:-1, -1]
+        counts = [len(changes[kind]) for kind in KINDS]
         for _ in range(_SETTINGS.em_steps):
-            factors = {"parameters": 1.0, "higher": 1.0, **self._factors(size)}
-            scale = np.concatenate([np.full(count, factors[name]) for name, count in counts.items()])
+            scale = np.repeat(list(self._factors(size).values()), counts)
             squares, axes = np.linalg.eigh(gram * np.outer(scale, scale))
             covariance = (axes / (1.0 + np.maximum(squares, 0.0))) @ axes.T  # no eigenvalue is negative but by rounding
             mean = covariance @ (scale * along)
-            second = dict(
-                zip(counts, np.split(mean**2 + np.diag(covariance), np.cumsum(list(counts.values()))[:-1]), strict=True)
-            )
-            before, size = size, self._em_step(size, second)
+            moments = np.split(mean**2 + np.diag(covariance), np.cumsum(counts)[:-1])
+            before, size = size, self._em_step(size, dict(zip(KINDS, moments, strict=True)))
             if _change(size, before) < _SETTINGS.em_settled:
                 break
         return size

@@ -21,7 +21,7 @@ from dovetail.identification.posterior.likelihood import (
 )
 from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, start_near
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
-from dovetail.identification.posterior.posterior import Posterior
+from dovetail.identification.posterior.posterior import Posterior, half_about_the_fit
 from dovetail.interfaces import Progress, silent
 
 __all__ = ["LaplaceApproximation", "laplace_posterior"]
@@ -143,10 +143,13 @@ def laplace_posterior(
     residuals = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
     modes = maximise_posterior(residuals, start_near(best)[np.newaxis], tolerance=_SETTINGS.tolerance)
     approximation = LaplaceApproximation.at(residuals, modes[0])
+    z, weight = approximation.draw(samples, seed), np.full(samples, 1.0 / samples)
+    if model_error.quantities:
+        z, weight = half_about_the_fit(z, weight, start_near(assembly.to_unit(fit.theta)))
     posterior = Posterior.from_fractions(
         assembly,
-        unit_from_normal(approximation.draw(samples, seed)),
-        np.full(samples, 1.0 / samples),
+        unit_from_normal(z),
+        weight,
         model_error=model_error,
         searches=samples,
         lines=sum(likelihood.model.counts),

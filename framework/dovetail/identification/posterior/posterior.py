@@ -22,6 +22,7 @@ __all__ = [
     "Verdict",
     "Word",
     "drawn_by_weight",
+    "half_about_the_fit",
     "quantiles",
     "split_half_difference",
 ]
@@ -300,6 +301,41 @@ class Posterior:
                 "log_likelihood": None if self.log_likelihood is None else self.log_likelihood.tolist(),
             },
         }
+
+
+def half_about_the_fit(
+    z: NDArray[np.float64], weight: NDArray[np.float64], best: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Move every other sample as if the measurement told the best fit, and let both halves weigh alike.
+
+    Where a model errs, its errors decide what the measurement tells, and their shapes are known roughly: best fit and
+    posterior are two answers then, and neither is nearer to the truth as a rule.
+
+    Parameters
+    ----------
+    z : (n, p) array
+        Samples, as normal quantiles of the fractions of the ranges.
+    weight : (n,) array
+    best : (p,) array
+        The best fit.
+
+    Returns
+    -------
+    z : (n, p) array
+    weight : (n,) array
+        Sums to 1.
+    """
+    if len(z) < 2:
+        return z, weight / weight.sum()
+    part = weight / weight.sum()
+    mean = part @ z
+    variances, axes = np.linalg.eigh((z - mean).T @ ((z - mean) * part[:, np.newaxis]))
+    told = (axes * np.maximum(0.0, 1.0 - variances)) @ axes.T  # the rest is the prior's
+    moved, halves = z.copy(), part.copy()
+    moved[1::2] += told @ best - mean
+    for half in (slice(None, None, 2), slice(1, None, 2)):
+        halves[half] *= 0.5 / max(float(part[half].sum()), np.finfo(float).tiny)
+    return moved, halves
 
 
 def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.Generator) -> NDArray[np.intp]:

@@ -26,9 +26,14 @@ from dovetail.identification.posterior.likelihood import (
     marginalised_squares,
     unit_from_normal,
 )
-from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
+from dovetail.identification.posterior.mode_search import (
+    likelihood_at_mode,
+    maximise_posterior,
+    search_modes,
+    start_near,
+)
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
-from dovetail.identification.posterior.posterior import Form, Posterior, drawn_by_weight
+from dovetail.identification.posterior.posterior import Form, Posterior, drawn_by_weight, half_about_the_fit
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
 from dovetail.interfaces import Progress, logged, silent
 
@@ -126,7 +131,10 @@ def sample_posterior(
         converged = len(z)
         if _effective_sample_size(log_weight) < _SETTINGS.even_weights * samples:
             z, log_weight = sampler.move(z, log_weight, samples)
-    weight, fraction = np.exp(log_weight - log_weight.max()), unit_from_normal(z)
+    weight = np.exp(log_weight - log_weight.max())
+    if model_error.quantities:
+        z, weight = half_about_the_fit(z, weight, start_near(assembly.to_unit(fit.theta)))
+    fraction = unit_from_normal(z)
     return Posterior.from_fractions(
         assembly,
         fraction,
