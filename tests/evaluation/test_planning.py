@@ -150,3 +150,11 @@ def test_a_planned_response_keeps_the_chain_that_the_description_has(collet):
     del description["response"]
     chains = dovetail.load({**description, **yaml.safe_load(section)}).description.calibrations
     assert [chain.fixed for chain in chains.values()] == [{"sign": -1.0, "mass": 0.002}] * 2
+
+
+def test_nodes_of_a_part_with_unknown_options_are_ranked_too(collet):
+    description = json.loads(collet.description.text)
+    description["substructures"]["tool"]["material"]["young"] = {"range": ["500 GPa", "600 GPa"]}
+    assert len(plan(dovetail.load(description), ["tool"], samples=3).points) == len(
+        plan(collet, ["tool"], samples=3).points
+    )

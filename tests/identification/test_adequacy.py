@@ -293,18 +293,3 @@ def test_where_nothing_is_left_to_judge_by_nothing_is_judged(sdof):
     assert adequacy.reasons == (
         "The measurement has no more values than there are unknowns: nothing is left to judge the fit by.",
     )
-
-
-def test_a_parameter_whose_best_fit_is_far_from_its_interval_is_not_called_identified(sdof, with_gain, tmp_path):
-    """Where the model errs: there the errors that it is allowed decide."""
-    result = dovetail.identify(sdof, with_gain, form="laplace")
-    away = result.posterior.fraction - np.array([0.3, 0.0])
-    samples = replace(result.posterior, fraction=away, theta=sdof.from_unit(away))
-    result = replace(result, posterior=samples, adequacy=replace(result.adequacy, causes=()))
-    (tmp_path / "result.json").write_text(json.dumps(result.to_dict(), allow_nan=False))
-    for answer in (result, load_result(tmp_path / "result.json")):
-        stiffness, damping = answer.table
-        assert (stiffness.verdict, damping.verdict) == ("weakly identified", "identified")
-        assert stiffness.why.startswith("In the best fit it is ")
-    noise = replace(result, adequacy=Adequacy("to the noise"))
-    assert noise.posterior.verdicts["k"].word == "identified"

@@ -245,3 +245,11 @@ def test_no_mass_is_taken_off_a_transfer_frf_as_off_a_drive_point():
     check_mass(transfer, 0.0)
     with pytest.raises(dovetail.MeasurementError, match="is no drive point, from which no mass can be removed"):
         check_mass(transfer, 0.02)
+
+
+def test_no_mass_is_taken_off_before_a_calibration():
+    """A reversed sign, a gain or a delay would be in what it is taken off from."""
+    reversed_there = dovetail.load({**MASSES, "response": {**DRIVE, "calibration": {"sign": -1}}})
+    check_mass(reversed_there, 0.0)
+    with pytest.raises(dovetail.MeasurementError, match="states a 'calibration', and a mass is removed before it"):
+        check_mass(reversed_there, 0.02)

@@ -123,6 +123,10 @@ def test_causes_are_tried_as_long_as_is_wanted(run, sdof, wrong):
     assert find_causes(*arguments, seconds=1e-9, progress=lambda *what: told.append(what)) == ()
     assert {done for _, done, *_ in told} == {0, 13}  # one was tried, which was no cause
     assert find_causes(*arguments, seconds=0, progress=pytest.fail) == ()
+    late = "The time for causes ended before all were tried"
+    for seconds, said in ((1e-9, True), (0.0, False), (200.0, False)):
+        adequacy = dovetail.identify(sdof, wrong, "refined", cause_seconds=seconds).adequacy
+        assert any(reason.startswith(late) for reason in adequacy.reasons) == said
     with pytest.raises(dovetail.ParameterError, match="-1 s is no time"):
         dovetail.identify(sdof, wrong, cause_seconds=-1)
 

@@ -198,7 +198,7 @@ def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assemb
             raise ParameterError(Fault("substructures", f"there is no substructure '{name}'.", ", ".join(available)))
     chosen = list(substructures) or [name for name, substructure in available.items() if not substructure.grounded]
     response = description.response
-    attachments = [port for connection in assembly.graph.connections.values() for port in connection.attachments]
+    attachments = [port for joint in description.joints.values() for port in joint.connection.attachments]
     inside = {(port.substructure, dof) for port in attachments for dof in port.dofs}
     if response.substructure not in chosen:
         chosen.append(response.substructure)

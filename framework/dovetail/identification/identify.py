@@ -153,13 +153,16 @@ def identify(
 
 
 def check_mass(assembly: Assembly, mass: float) -> None:
-    """Raise a MeasurementError where a mass [kg] cannot be taken off as from a displacement at a drive point."""
+    """Raise a MeasurementError where a mass [kg] cannot be taken off an FRF as it was measured."""
     for response in assembly.description.responses if mass else ():
         if response.rotation or not response.is_drive_point:
             what = "a rotation per moment" if response.rotation else "no drive point"
             problem = f"the response of '{assembly.name}' is {what}, from which no mass can be removed."
             remedy = "Leave it out." if response.rotation else "State it as the response's 'calibration: {mass: ...}'."
             raise MeasurementError(Fault("--accelerometer-mass", problem, remedy=remedy))
+    if mass and assembly.description.calibrations:
+        problem = f"'{assembly.name}' states a 'calibration', and a mass is removed before it."
+        raise MeasurementError(Fault("--accelerometer-mass", problem, remedy="State the mass there, as 'mass'."))
 
 
 def find_method(

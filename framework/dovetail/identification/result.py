@@ -102,8 +102,8 @@ class _Answer:
     def __post_init__(self) -> None:
         """Hand the caveat and what speaks against a parameter to the posterior, which may be used by itself."""
         if self.posterior is not None:
-            definitions, best = zip(*((p.definition, p.value) for p in self.parameters.values()), strict=True)
-            doubts = {} if self.adequacy is None else self.adequacy.doubts(self.posterior.interval(), definitions, best)
+            definitions = [parameter.definition for parameter in self.parameters.values()]
+            doubts = {} if self.adequacy is None else self.adequacy.doubts(self.posterior.interval(), definitions)
             object.__setattr__(self, "posterior", replace(self.posterior, caveat=self.caveat, doubts=doubts))
 
     def __repr__(self) -> str:

@@ -140,23 +140,19 @@ class Adequacy:
         heads = {"good": "The model fits well:", "rough": "The model fits roughly:"}
         return f"{heads.get(self.word, 'The model does not fit, unless')} {self.size.describe()}."
 
-    def doubts(
-        self, intervals: Mapping[str, tuple[float, float]], parameters: Sequence[Parameter], best_fit: Sequence[float]
-    ) -> dict[str, str]:
-        """Say where a parameter is farther from the middle of its interval than that is wide, by name.
+    def doubts(self, intervals: Mapping[str, tuple[float, float]], parameters: Sequence[Parameter]) -> dict[str, str]:
+        """Say where, with a cause, a parameter is farther from the middle of its interval than that is wide, by name.
 
-        With a cause, or in the best fit if the model errs: then what the errors hide decides, not the measurement.
+        Then what the errors hide decides, not the measurement.
         """
-        cases = [(f"with {cause.words}", cause.theta) for cause in self.causes]
-        if self.size is not None:
-            cases.append(("in the best fit", tuple(best_fit)))
         doubts = dict[str, str]()
-        for case, theta in cases:
-            for parameter, ends, value in zip(parameters, intervals.values(), theta, strict=False):
+        for cause in self.causes:
+            for parameter, ends, value in zip(parameters, intervals.values(), cause.theta, strict=False):
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    lower, upper, there = parameter.to_unit(np.array([*ends, value]))
-                if abs(there - 0.5 * (lower + upper)) > upper - lower:
-                    doubts.setdefault(parameter.name, f"{case} it is {format_quantity(value, parameter.unit)}")
+                    lower, upper, at = parameter.to_unit(np.array([*ends, value]))
+                if abs(at - 0.5 * (lower + upper)) > upper - lower:
+                    there = format_quantity(value, parameter.unit)
+                    doubts.setdefault(parameter.name, f"with {cause.words} it is {there}")
         return doubts
 
     def to_dict(self) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
@@ -41,6 +42,8 @@ class Settings:
 
 
 _SETTINGS = Settings()
+
+_LATE = "The time for causes ended before all were tried; '--cause-seconds' (in Python cause_seconds) gives more."
 
 
 def check_limits(model_error: float | None = None, cause_seconds: float = 0.0, form: str = "samples") -> None:
@@ -114,15 +117,17 @@ def assess(
     if estimated is None:
         return Adequacy("to the noise", allowed=model_error), refitted
     size = replace(estimated.size, magnitude=max(estimated.size.magnitude, _typical_ratio(target, estimated.values)))
+    began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
+    is_late = 0.0 < cause_seconds < time.monotonic() - began
     given_out = power_given_out(assembly, target, fit.variance)
     adequacy = Adequacy(
         "does not fit" if given_out > MOST_GIVEN_OUT else word_for(size),
         size,
         model_error,
         causes=causes,
-        reasons=tuple(_reasons(target, fit, estimated, model_error, given_out)),
+        reasons=(*_reasons(target, fit, estimated, model_error, given_out), *([_LATE] if is_late else [])),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted

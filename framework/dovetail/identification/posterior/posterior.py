@@ -325,17 +325,14 @@ def half_about_the_fit(
     weight : (n,) array
         Sums to 1.
     """
-    if len(z) < 2:
-        return z, weight / weight.sum()
-    part = weight / weight.sum()
-    mean = part @ z
+    part, mean = weight / weight.sum(), weight @ z / weight.sum()
     variances, axes = np.linalg.eigh((z - mean).T @ ((z - mean) * part[:, np.newaxis]))
     told = (axes * np.maximum(0.0, 1.0 - variances)) @ axes.T  # the rest is the prior's
     moved, halves = z.copy(), part.copy()
     moved[1::2] += told @ best - mean
     for half in (slice(None, None, 2), slice(1, None, 2)):
-        halves[half] *= 0.5 / max(float(part[half].sum()), np.finfo(float).tiny)
-    return moved, halves
+        halves[half] /= max(float(part[half].sum()), np.finfo(float).tiny)
+    return moved, halves / halves.sum()
 
 
 def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.Generator) -> NDArray[np.intp]:
