@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from dovetail.errors import MeasurementError
 from dovetail.measurement.impact_test import signal_quality
+from dovetail.measurement.impact_test.signal_files import _rate
 from dovetail.measurement.impact_test.signal_quality import check_signals
 
 RATE = 1000.0
@@ -59,3 +63,13 @@ def test_the_spectrum_is_asked_for_two_hits_where_it_can_tell(monkeypatch, sampl
     monkeypatch.setattr(signal_quality, "_pyfrf_checker", lambda _: Never())
     told = problems(*records(second=0.1, samples=samples))
     assert told == ([] if asked else ["impact 1: a second hit of 10 % at 0.4 s."])
+
+
+@pytest.mark.parametrize("decimals", [8, 7, 6])
+def test_times_of_few_decimals_are_even(decimals):
+    """A step is 61.035 us. Where a sample is lacking, those behind it are one step late."""
+    times = np.round(np.arange(4096) / 16384.0, decimals)
+    assert _rate(Path("hits.csv"), times) == pytest.approx(16384.0, rel=1e-5)
+    times[2000:] += 1.0 / 16384.0
+    with pytest.raises(MeasurementError, match="does not increase in even steps"):
+        _rate(Path("hits.csv"), times)

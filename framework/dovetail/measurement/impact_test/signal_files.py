@@ -33,8 +33,8 @@ _ARCHIVES = (".npz", ".mat", ".h5", ".hdf5")
 _TABLES = (".csv", ".tsv", ".txt")
 _SUFFIXES = (*_ARCHIVES, *_TABLES, ".lvm", ".uff", ".unv")
 _HEADERS = "time,force,response | time,force 1,response 1,..."
-_EVEN = 1e-3
-"""How unequal steps of the time may be."""
+_EVEN = 0.1
+"""Part of a step by which a time may be off its place: files have few decimals."""
 
 Array = NDArray[np.float64]
 
@@ -232,8 +232,8 @@ def _signal_columns(cells: Sequence[str]) -> dict[str, list[int]]:
 
 
 def _rate(path: Path, time: Array) -> float:
-    steps = np.diff(time)
-    mean = float(np.mean(steps)) if steps.size else 0.0
-    if not (np.isfinite(mean) and mean > 0 and np.all(np.abs(steps - mean) <= _EVEN * mean)):
+    mean = float(np.mean(np.diff(time))) if len(time) > 1 else 0.0
+    even = time[:1] + mean * np.arange(len(time))
+    if not (np.isfinite(mean) and mean > 0 and np.all(np.abs(time - even) <= _EVEN * mean)):
         raise MeasurementError(Fault(str(path), "the time does not increase in even steps."))
     return 1.0 / mean
