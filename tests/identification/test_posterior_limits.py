@@ -40,7 +40,7 @@ def test_the_errors_at_a_resonance_have_the_stated_sizes():
     sizes = level * np.concatenate([HATS * frf, ALONE_IN_HEIGHT * frf[np.newaxis]])
     expected = {
         "natural_frequency": np.concatenate([halves[:, np.newaxis] * linear, ALONE * linear[np.newaxis]]),
-        "damping": 100.0 * level * 1j * pole.imag * (near / (FREQUENCY - pole))[np.newaxis],
+        "damping": 100.0 * level * 1j * 0.01 * (near * pole / (FREQUENCY - pole))[np.newaxis],
         "magnitude": 20.0 * sizes,
         "phase": 2.0j * sizes,
     }

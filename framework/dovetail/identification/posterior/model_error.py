@@ -203,16 +203,13 @@ class Resonances:
     @property
     def damped(self) -> NDArray[np.complex128]:
         """The derivative (n, n_lines) of the FRFs by the logarithm of each resonance's damping ratio."""
+        ratio = 1j * (self.poles.imag / self.poles.real)[:, np.newaxis]
         pairs = zip(self.near, self.relative, strict=True)
-        return np.concatenate([1j * self._damping * near * relative for near, relative in pairs], axis=1)
+        return np.concatenate([ratio * near * relative for near, relative in pairs], axis=1)
 
     def damped_beyond(self, change: float) -> NDArray[np.complex128]:
         """Return what a change of the logarithm of each damping ratio adds beyond the linear term, (n, n_lines)."""
-        return self._moved(1j * self._damping[:, 0] * np.expm1(change)) - change * self.damped
-
-    @property
-    def _damping(self) -> NDArray[np.complex128]:
-        return np.asarray(self.poles.imag / self.poles)[:, np.newaxis]
+        return self._moved(1j * self.poles.imag / self.poles * np.expm1(change)) - change * self.damped
 
     def _moved(self, changes: NDArray[Any]) -> NDArray[np.complex128]:
         """Return what relative changes (n,) of the poles, one by one, add to the FRFs, (n, n_lines)."""
