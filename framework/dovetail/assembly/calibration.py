@@ -244,7 +244,7 @@ def _sensor(place: Place, owner: str) -> JointEntry:
 
 def _windowed(name: str, entry: JointEntry, window: Tie) -> JointEntry:
     model = entry.connection.model
-    if depends_on_frequency(model) or (isinstance(model, UnknownPart) and model.part.matrices() is None):
+    if depends_on_frequency(model) or (isinstance(model, UnknownPart) and not model.has_matrices):
         owner = name.removeprefix("part ")
         problem = f"'{owner}' has no matrices, so that the effect of the exponential window cannot be computed."
         remedy = "Remove the window from the measured FRF, or leave 'window' out."

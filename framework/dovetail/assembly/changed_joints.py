@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
 
 from dovetail.assembly.description import Description, JointEntry
-from dovetail.interfaces import JointModel, Parameter, Port, StructuralMatrices
+from dovetail.interfaces import ComponentConfig, JointModel, Parameter, Port, StructuralMatrices
 from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matrices
 from dovetail.units import Frequency
 
@@ -79,7 +78,7 @@ class _StructurallyDamped(ChangedJoint):
         return StructuralMatrices(viscous.M, viscous.K, D=viscous.D + self._omega * viscous.C)
 
 
-class DampingSection(BaseModel):
+class DampingSection(ComponentConfig):
     """How a joint is damped.
 
     Attributes
@@ -88,7 +87,6 @@ class DampingSection(BaseModel):
         Frequency at which dampers, as structural damping, are as strong as viscous ones; these by default.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
     structural_damping: Frequency | None = None
 
 

@@ -90,6 +90,7 @@ class UnknownPart(JointModel):
         self._parameters = tuple(parameters)
         with plugin_errors(part, f"substructure model '{part.name}'"):
             matrices = substructure_matrices(part)
+        self.has_matrices = matrices is not None
         self._internal = 0 if matrices is None else matrices.size - 2 * len(part.nodes)
         self._latest: tuple[NDArray[np.float64], StructuralMatrices] | None = None
 

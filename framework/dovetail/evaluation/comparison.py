@@ -15,17 +15,16 @@ from pydantic import BaseModel, ValidationError
 
 from dovetail.assembly import Assembly, load
 from dovetail.atomic_files import read_bounded
-from dovetail.dataset import Dataset, Storage, generate
+from dovetail.dataset import Dataset, generate
 from dovetail.errors import DovetailError, Fault, ParameterError, listing
 from dovetail.evaluation.cases import Case, Cases
-from dovetail.evaluation.robustness import variant
+from dovetail.evaluation.robustness import storage_for, variant
 from dovetail.evaluation.validation import PROMINENCE
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, Identifier, identify, train
 from dovetail.identification.fitting import one_per_response
 from dovetail.identification.identify import check_mass, find_method
 from dovetail.identification.methods import METHODS
-from dovetail.identification.network.training import needs_phase
 from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
@@ -240,8 +239,7 @@ def _trained(
     with TemporaryDirectory(prefix="dovetail-") as folder:
         began = time.perf_counter()
         if data is None:
-            storage: Storage = "complex" if any(map(needs_phase, variants.values())) else "amplitude"
-            file = Path(folder) / "dataset.zarr"
+            file, storage = Path(folder) / "dataset.zarr", storage_for(variants.values())
             dataset = generate(assembly, file, samples=samples, storage=storage, progress=progress)
         else:
             dataset = Dataset(data)

@@ -24,7 +24,7 @@ from dovetail.interfaces import Progress, progress_reporter
 from dovetail.measurement import data_noise
 from dovetail.registry import Registry, components
 
-__all__ = ["LEVELS", "RobustnessRow", "robustness", "variant", "with_noise"]
+__all__ = ["LEVELS", "RobustnessRow", "robustness", "storage_for", "variant", "with_noise"]
 
 _ROBUST = "robust"
 
@@ -109,12 +109,17 @@ def robustness(
     rows: list[RobustnessRow] = []
     with progress_reporter(progress) as report, TemporaryDirectory(prefix="dovetail-") as folder:
         if dataset is None:
-            storage: Storage = "complex" if any(map(needs_phase, variants.values())) else "amplitude"
-            dataset = generate(assembly, Path(folder) / "dataset.zarr", storage=storage, progress=report)
+            file, storage = Path(folder) / "dataset.zarr", storage_for(variants.values())
+            dataset = generate(assembly, file, storage=storage, progress=report)
         for name, described in variants.items():
             identifier = train(described, dataset, progress=report)
             rows.extend(_evaluate(name, identifier, dataset, levels, seed, report))
     return tuple(rows)
+
+
+def storage_for(variants: Iterable[Assembly]) -> Storage:
+    """Return what a dataset must hold on which all of these are trained."""
+    return "complex" if any(map(needs_phase, variants)) else "amplitude"
 
 
 def variant(assembly: Assembly, name: str, registry: Registry) -> Assembly:
