@@ -81,3 +81,23 @@ def test_a_joint_without_dampers_is_refused():
     joints = {"mount": {"model": "rigid", "connect": base, "structural_damping": "159 Hz"}}
     with pytest.raises(DescriptionError, match="has no dampers that could act as structural damping"):
         dovetail.load(json.loads(dovetail.load(ASSEMBLIES / "sdof.yaml").description.text) | {"joints": joints})
+
+
+def test_a_model_may_have_an_option_of_that_name(tmp_path):
+    """Then it is the model's own, as any other option."""
+    (tmp_path / "pad.py").write_text(
+        "import dovetail\n"
+        "from dovetail_plugins.joints.spring_damper import SpringDamper\n\n\n"
+        "class Pad(SpringDamper):\n"
+        "    name = 'pad'\n\n"
+        "    class Config(SpringDamper.Config):\n"
+        "        structural_damping: float = 0.1\n\n\n"
+        "@dovetail.hookimpl\n"
+        "def dovetail_components():\n"
+        "    return [Pad]\n"
+    )
+    description = json.loads(dovetail.load(ASSEMBLIES / "sdof.yaml").description.text)
+    description["joints"]["mount"] |= {"model": "pad", "structural_damping": 0.3}
+    joint = dovetail.load(description, plugins=[tmp_path / "pad.py"]).description.joints["mount"]
+    assert joint.connection.model.config.structural_damping == 0.3
+    assert joint.structural_damping is None

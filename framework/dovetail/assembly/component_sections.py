@@ -45,7 +45,7 @@ def build_component(
         Collects the faults.
     registry : Registry
     reserved : collection of str
-        Keys of the section, beside ``model``, that are not options of the component.
+        Keys of the section, beside ``model``, that are not options of the component, unless it has one of that name.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def build_component(
     if offer is None:
         return None
     label = f"{kind} model '{offer.component.name}' ({offer.source})"
-    keys = ("model", *reserved)
+    keys = ("model", *(key for key in reserved if key not in offer.component.Config.model_fields))
     if not locate_files(offer.component.Config, path, faults):
         return None
     config = validate(offer.component.Config, path, faults, label, reserved=keys, data={})

@@ -55,6 +55,8 @@ def read_joint(name: str, substructures: Substructures, faults: FaultList, regis
 
 def _with_damping(joint: JointEntry, model: LabelledComponent, path: Path, faults: FaultList) -> JointEntry | None:
     """Return a joint with structural damping if its section states it, or None if that has faults."""
+    if not DampingSection.model_fields.keys().isdisjoint(model.component.Config.model_fields):
+        return joint  # the model has an option of that name
     keys = [*model.component.Config.model_fields, "model", *_KEYS]
     reserved = [key for key in keys if key not in DampingSection.model_fields]
     section = validate(DampingSection, path, faults, model.label, reserved=reserved)

@@ -192,7 +192,7 @@ def _component_schema(offer: Offer) -> Schema:
     if issubclass(component, JointModel):
         schema["properties"]["connect"] = _connect(component)
         schema["properties"]["parameters"] = _parameters(component)
-        schema["properties"] |= option_schema(DampingSection)["properties"]
+        schema["properties"] = option_schema(DampingSection)["properties"] | schema["properties"]
         schema["required"].append("connect")
     return schema
 
