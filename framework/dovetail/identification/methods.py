@@ -242,7 +242,8 @@ def by_posterior(
     trained : TrainedNetwork, optional
         The fit begins with its answer, if the measurement covers its frequencies.
     form : {"samples", "laplace"}
-        Samples of the posterior, or a Gaussian at its most probable place: faster, and straight.
+        Samples of the posterior, or a Gaussian at its most probable place: faster, and straight. Where the model does
+        not fit no interval is believed, and the Gaussian is taken in any case.
     samples : int
     start : (n_params,) array or mapping of names to values, optional
         Where the fit begins.
@@ -260,7 +261,9 @@ def by_posterior(
     fitted = by_refined_fit(measured, trained, start=start, **limits, seed=seed, progress=progress)
     assert fitted.fit is not None
     allowed = TYPICAL if fitted.adequacy is None else fitted.adequacy.error_in_intervals
-    posterior = _FORMS[form](
+    believed = fitted.adequacy is None or fitted.adequacy.fits
+    used: Form = form if believed else "laplace"
+    posterior = _FORMS[used](
         measured.assembly,
         measured.frfs,
         fitted.fit,
@@ -269,8 +272,8 @@ def by_posterior(
         seed=fitted.provenance["seed"],
         progress=progress,
     )
-    origin = {**fitted.provenance, "posterior_form": form, "model_error": allowed.natural_frequency}
-    warnings = (*fitted.warnings, *posterior.warnings)
+    origin = {**fitted.provenance, "posterior_form": used, "model_error": allowed.natural_frequency}
+    warnings = (*fitted.warnings, *(posterior.warnings if believed else ()))
     return replace(fitted, method="posterior", posterior=posterior, provenance=origin, warnings=warnings)
 
 
