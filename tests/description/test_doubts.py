@@ -55,6 +55,10 @@ def test_no_shipped_description_has_any(file):
     ("changes", "said"),
     [
         (
+            {"material": {"young": "206 MPa"}, "frequency": {"start": 1.0, "stop": 200.0}},
+            ["substructures.bar: material.young is 206 MPa", "nothing of 7850 kg/m^3 is as soft", "Was 206 GPa meant?"],
+        ),
+        (
             {"material": {"young": 580.0}, "frequency": {"start": 0.01, "stop": 1.0}},
             ["substructures.bar.material.young: 580 Pa is not within", "Was 580 GPa or 580 MPa meant?"],
         ),
@@ -90,7 +94,7 @@ def test_no_shipped_description_has_any(file):
             ["Was 206000 MPa meant?", "Was 7.85e-09 t/mm^3 meant?", "Was 200 mm meant?"],
         ),
     ],
-    ids=["modulus", "density", "length", "below", "above", "elements", "range", "mm, N, t"],
+    ids=["soft steel", "modulus", "density", "length", "below", "above", "elements", "range", "mm, N, t"],
 )
 def test_a_fault_is_named_with_what_was_probably_meant(changes, said):
     text = "\n".join(dovetail.find_doubts(bar(**changes)))

@@ -47,6 +47,15 @@ def test_what_pandas_writes_of_complex_numbers(tmp_path: Path) -> None:
     assert frf.quantity == "accelerance"
 
 
+def test_a_column_of_real_values_is_no_frf(tmp_path: Path) -> None:
+    text = "frequency,accelerance\n10,1.5\n20,3\n30,5\n"
+    with pytest.raises(MeasurementError, match="'accelerance' holds real numbers only"):
+        read(tmp_path, "a.csv", text)
+    frf = read(tmp_path, "a.csv", text, names={"amplitude": "accelerance"})
+    assert not frf.has_phase
+    np.testing.assert_array_equal(frf.amplitude, [1.5, 3.0, 5.0])
+
+
 def test_columns_by_their_names(tmp_path: Path) -> None:
     text = "f;PSD;H1 Re;H1 Im;H2 Re;H2 Im\n1;9;1;2;3;4\n2;9;5;6;7;8\n"
     names = {"real": "H2 Re", "imag": "H2 Im"}

@@ -18,6 +18,10 @@ __all__ = ["Section", "TimoshenkoBeam"]
 
 _Side = Annotated[float, Field(gt=0), InUnit("m")]
 _Bore = Annotated[float, Field(ge=0), InUnit("m")]
+_NO_PLASTIC = 2500.0
+"""Density [kg/m^3] above which there are metals, ceramics and concrete, but no plastic."""
+_SOFTEST_METAL = 5e9
+"""Modulus [Pa] that all of these exceed: lead has 16 GPa."""
 
 
 class Section(ComponentConfig):
@@ -118,7 +122,13 @@ class TimoshenkoBeam(SubstructureModel):
         return {"material": steel, "sections": [tube, taper]}, {"material": steel, "sections": [bar]}
 
     def doubts(self, frequency: float) -> list[str]:
-        """Name the sections whose elements are longer than a sixth of a bending wave at this frequency [Hz]."""
+        """Name a modulus that no metal has, and sections with elements above a sixth of a bending wave at this [Hz]."""
+        young, density = self.config.material.young, self.config.material.density
+        if density > _NO_PLASTIC and 1e6 <= young < _SOFTEST_METAL:
+            return [
+                f"material.young is {1e-6 * young:.4g} MPa; nothing of {density:.4g} kg/m^3 is as soft. "
+                f"Was {1e-6 * young:.4g} GPa meant?"
+            ]
         too_long = []
         for number, section in enumerate(self.config.sections):
             shape, material = section.cross_section(self.config.material.poisson), self.config.material

@@ -109,6 +109,11 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
     wanted = sorted(header.columns.values())
     numbers, rows = read_rows(table, header.names, wanted, header.columns.get("values"))
     arrays = {field: rows[wanted.index(column)] for field, column in header.columns.items()}
+    if "values" in arrays and not arrays["values"].imag.any():
+        name = header.names[header.columns["values"]]
+        problem = f"'{name}' holds real numbers only: amplitudes, or the real parts alone."
+        remedy = f"If they are amplitudes, say so: --name 'amplitude={name}' (in Python names={{'amplitude': ...}})."
+        raise MeasurementError(Fault(where, problem, "complex numbers in one column, or real and imag in two", remedy))
 
     def locate(index: int) -> str:
         return f"{path}:{numbers[index]}"
