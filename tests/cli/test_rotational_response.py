@@ -88,3 +88,25 @@ def test_no_accelerometer_mass_is_removed_from_a_rotation(run, turned, tmp_path)
     with pytest.raises(MeasurementError, match="changes no rotation per moment"):
         remove_accelerometer_mass(replace(frf, rotation=True), 0.001)
     assert np.array_equal(remove_accelerometer_mass(replace(frf, rotation=True), 0.0).values, frf.values)
+
+
+CROSSED = TURNED.replace("direction: rz\n    connect", "nodes: 1\n    direction: both\n    connect").replace(
+    "parameters: {kr", "parameters: {k: 1 MN/m, c: 1 N s/m, kr"
+)
+
+
+@pytest.mark.parametrize(
+    ("response", "unit", "other"),
+    [
+        ("direction: rz, force: {at: wheel, position: 0, direction: x}", "rad/(N s^2)", "a displacement per moment"),
+        ("direction: x, force: {at: wheel, position: 0, direction: rz}", "m/(N m s^2)", "a rotation per force"),
+    ],
+)
+def test_an_frf_that_is_half_a_rotation_has_its_own_unit(turned, response, unit, other):
+    turned.write_text(CROSSED.replace("direction: rz}\nidentification", f"{response}}}\nidentification"))
+    assembly = dovetail.load(turned)
+    frf = assembly.simulate({"kr": 1e5, "cr": 10.0})
+    assert (frf.unit, dovetail.predict(assembly, {"kr": 1e5, "cr": 10.0}).unit) == (unit, unit)
+    wrong = replace(frf, values=frf.values + 1.0, rotation=not frf.rotation, moment=not frf.moment)
+    with pytest.raises(MeasurementError, match=f"is that of {other}, and the response is a {frf.kind}"):
+        dovetail.identify(assembly, wrong)

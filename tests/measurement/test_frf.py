@@ -74,6 +74,16 @@ def test_amplitude_and_phase_by_hand():
     np.testing.assert_allclose(frf.phase, [np.arctan2(4, 3), -np.pi / 2, np.pi])
 
 
+def test_units_of_what_is_half_a_rotation():
+    per_force, per_moment = ({"rotation": turns, "moment": not turns} for turns in (True, False))
+    assert Frf(AXIS, VALUES, "accelerance", **per_force).unit == "rad/(N s^2)"
+    assert (Frf(AXIS, VALUES, "receptance", **per_force).unit, unit_of("receptance", **per_moment)) == (
+        "rad/N",
+        "m/(N m)",
+    )
+    assert Frf(AXIS, VALUES, "mobility", **per_moment).kind == "displacement per moment"
+
+
 @pytest.mark.parametrize(
     ("quantity", "rotation", "unit"),
     [

@@ -58,6 +58,26 @@ def test_a_rotation_stays_one(tmp_path: Path, measured: Frf, name: str, options:
         write_frf(replace(measured, rotation=True), tmp_path / "c.csv", unit="um/N")
 
 
+@pytest.mark.parametrize(("name", "options"), EXACT)
+@pytest.mark.parametrize(("rotation", "moment", "unit"), [(True, False, "mrad/N"), (False, True, "um/(N m)")])
+def test_what_is_half_a_rotation_stays_so(
+    tmp_path: Path, measured: Frf, name: str, options: dict, rotation: bool, moment: bool, unit: str
+) -> None:
+    frf = replace(measured, rotation=rotation, moment=moment, response="", force="")
+    for path, written in ((tmp_path / name, None), (tmp_path / f"b{name}", unit)):
+        write_frf(frf, path, unit=written, **options)
+        back = read_frf(path)
+        assert (back.rotation, back.by_moment, back.kind, back.to("accelerance").unit) == (
+            rotation,
+            moment,
+            frf.kind,
+            frf.unit,
+        )
+        np.testing.assert_allclose(back.to("accelerance").values, measured.values, rtol=1e-14)
+    with pytest.raises(MeasurementError, match=f"is a {frf.kind}, and 'um/N' is no unit of that"):
+        write_frf(frf, tmp_path / "c.csv", unit="um/N")
+
+
 @pytest.mark.parametrize("name", ["a.csv", "a.npz", "a.uff"])
 def test_an_amplitude_stays_one(tmp_path: Path, measured: Frf, name: str) -> None:
     write_frf(replace(measured, values=measured.amplitude, has_phase=False, coherence=None), tmp_path / name)

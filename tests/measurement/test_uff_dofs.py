@@ -122,8 +122,15 @@ def test_dofs_that_are_not_known_are_not_invented(tmp_path: Path, measured: Frf)
             np.testing.assert_allclose(back.values, measured.values, rtol=1e-11)
 
 
-def test_half_a_rotation_is_refused(tmp_path: Path) -> None:
-    for directions in ((4, 0), (0, -5), (6, 1)):
+def test_a_rotation_per_force(tmp_path: Path) -> None:
+    labels = {"ordinate_axis_units_lab": "mrad/s^2", "orddenom_axis_units_lab": "N"}
+    frf = read_frf(write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=6, ref_dir=1, **labels)))
+    np.testing.assert_allclose(frf.values, VALUES * 1e-3, rtol=1e-11)
+    assert (frf.kind, frf.unit, frf.response, frf.force) == ("rotation per force", "rad/(N s^2)", "1+rz", "1+x")
+
+
+def test_half_a_rotation_beside_a_direction_that_is_not_known_is_refused(tmp_path: Path) -> None:
+    for directions in ((4, 0), (0, -5)):
         path = write_sets(tmp_path / "a.uff", set_58(FREQUENCY, VALUES, rsp_dir=directions[0], ref_dir=directions[1]))
         assert "either the response or the reference is a rotation" in fault_of(path)
 

@@ -18,7 +18,7 @@ from dovetail.measurement import read_frf, write_frf
 FREQUENCY = 10.0 + 2.5 * np.arange(7)
 VALUES = np.array([1 + 2j, -3, 4j, 5.5 - 1j, 1e-9j, 7e5, -8 - 8j])
 
-ROTATIONS = "  Accepted: a translation over a force, or a rotation over a moment"
+ROTATIONS = "  Accepted: directions of both, 1 to 3 or 4 to 6; or 'Force' or 'Moment' on the axis of the denominator"
 
 
 def file_of(tmp_path: Path, *sets: dict, **options: bool) -> Path:
@@ -175,8 +175,8 @@ def test_unit_labels(tmp_path: Path, labels: dict, factor: float) -> None:
             "the data are of type 13 over type 12.\n"
             "  Accepted: displacement (8), velocity (11) or acceleration (12) over excitation force (13)",
         ),
-        ({"rsp_dir": 4}, "either the response or the reference is a rotation.\n" + ROTATIONS),
-        ({"ref_dir": -5}, "either the response or the reference is a rotation.\n" + ROTATIONS),
+        ({"rsp_dir": 4, "ref_dir": 0}, "either the response or the reference is a rotation.\n" + ROTATIONS),
+        ({"ref_dir": -5, "rsp_dir": 0}, "either the response or the reference is a rotation.\n" + ROTATIONS),
         (
             {"x": FREQUENCY[::-1]},
             "line 2 of its data\n  the frequency 22.5 Hz comes after 25 Hz.\n"

@@ -207,8 +207,8 @@ class Assembly:
 
     def simulate(self, theta: Theta = None) -> Frf:
         """Return `frf` for one parameter vector as a measurement would be given."""
-        response, values, label = self.description.response, self.frf(self.vector(theta)), f"{self.name}, simulated"
-        return Frf(self.frequency, values, response.quantity, label=label, rotation=response.rotation)
+        values, label = self.frf(self.vector(theta)), f"{self.name}, simulated"
+        return self.description.response.frf(self.frequency, values, label=label)
 
     def frfs(self, theta: Theta = None) -> NDArray[np.complex128]:
         """FRFs of all responses, each in its own quantity.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly.sections import AugmentationSection, CorrectionSection
 from dovetail.assembly.study_section import StudySection
-from dovetail.frf import Quantity
+from dovetail.frf import Frf, Quantity
 from dovetail.interfaces import DIRECTIONS, IdentificationMethod, Parameter, Reducer, Regressor, SubstructureModel
 from dovetail.synthesis import Connection, Point
 from dovetail.units import format_quantity
@@ -117,6 +117,15 @@ class Response(Place):
     def force_point(self) -> Point:
         """The substructure and the number of the DOF where the force acts."""
         return self.point if self.force is None else self.force.point
+
+    @property
+    def moment(self) -> bool:
+        """Whether a moment acts in place of a force."""
+        return (self.force or self).rotation
+
+    def frf(self, frequency: NDArray[np.float64], values: NDArray[np.complex128], **fields: Any) -> Frf:
+        """Return values (n_freq,) at frequencies (n_freq,) [Hz] as an FRF of this response."""
+        return Frf(frequency, values, self.quantity, rotation=self.rotation, moment=self.moment, **fields)
 
     @property
     def is_drive_point(self) -> bool:

@@ -121,8 +121,8 @@ def describe_frf(frf: Frf) -> str:
         f"{frf.frequency.size} lines from {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz",
         frf.quantity,
     ]
-    if frf.rotation:
-        known.append("rotation per moment")
+    if frf.rotation or frf.by_moment:
+        known.append(frf.kind)
     if not frf.has_phase:
         known.append("amplitude alone")
     if frf.coherence is not None:

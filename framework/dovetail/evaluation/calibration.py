@@ -329,7 +329,7 @@ class _Study:
         theta = self._assembly.from_unit(fraction)
         responses = self._assembly.description.responses
         clean = [
-            Frf(assembly.frequency, assembly.frf(theta), response.quantity, rotation=response.rotation)
+            response.frf(assembly.frequency, assembly.frf(theta))
             for assembly, response in zip(self._true.each_response, responses, strict=True)
         ]
         setting = self._setting

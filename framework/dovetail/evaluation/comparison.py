@@ -260,7 +260,7 @@ def _compared(
     began = time.perf_counter()
     if way is None:
         result, values = None, assembly.on(measured.frequency).rigid().frf()
-        frf = Frf(measured.frequency, values, measured.quantity, label="rigid joint", rotation=measured.rotation)
+        frf = assembly.description.response.frf(measured.frequency, values, label="rigid joint")
     else:
         result = way.identify(whole, "network") if isinstance(way, Identifier) else identify(assembly, whole, way)
         frf = result.frf

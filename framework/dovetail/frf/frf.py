@@ -47,6 +47,8 @@ class Frf:
         coherence and averages.
     rotation : bool
         True for a rotation per moment, False for a displacement per force.
+    moment : bool, optional
+        Where it is otherwise: False for a rotation per force, True for a displacement per moment.
     response, force : str
         Names of the DOFs where the motion was measured and where the force acted, such as ``"5+x"``; empty if
         unknown.
@@ -72,6 +74,7 @@ class Frf:
     response: str = ""
     force: str = ""
     origin: str = ""
+    moment: bool | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frequency", _frozen(self.frequency, np.float64))
@@ -139,7 +142,17 @@ class Frf:
     @property
     def unit(self) -> str:
         """SI unit of the values."""
-        return unit_of(self.quantity, rotation=self.rotation)
+        return unit_of(self.quantity, rotation=self.rotation, moment=self.moment)
+
+    @property
+    def by_moment(self) -> bool:
+        """Whether a moment acts in place of a force."""
+        return self.rotation if self.moment is None else self.moment
+
+    @property
+    def kind(self) -> str:
+        """In words, such as ``"displacement per force"``."""
+        return f"{'rotation' if self.rotation else 'displacement'} per {'moment' if self.by_moment else 'force'}"
 
     @property
     def amplitude(self) -> NDArray[np.float64]:

@@ -13,13 +13,22 @@ Quantity = Literal["receptance", "mobility", "accelerance"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 
 _DERIVATIVES: dict[str, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
-_UNITS: dict[str, str] = {"receptance": "m/N", "mobility": "m/(N s)", "accelerance": "m/(N s^2)"}
-_UNITS_OF_ROTATION = {"receptance": "rad/(N m)", "mobility": "rad/(N m s)", "accelerance": "rad/(N m s^2)"}
+_PER_TIME: dict[str, str] = {"receptance": "", "mobility": " s", "accelerance": " s^2"}
 
 
-def unit_of(quantity: Quantity, *, rotation: bool = False) -> str:
-    """Return the SI unit of an FRF of this quantity: a displacement per force, or a rotation per moment."""
-    return (_UNITS_OF_ROTATION if rotation else _UNITS)[quantity]
+def unit_of(quantity: Quantity, *, rotation: bool = False, moment: bool | None = None) -> str:
+    """Return the SI unit of an FRF of this quantity.
+
+    Parameters
+    ----------
+    quantity : Quantity
+    rotation : bool
+        Of a rotation in place of a displacement.
+    moment : bool, optional
+        By a moment in place of a force; by default as `rotation`.
+    """
+    below = ("N m" if (rotation if moment is None else moment) else "N") + _PER_TIME[quantity]
+    return f"{'rad' if rotation else 'm'}/{f'({below})' if ' ' in below else below}"
 
 
 def conversion(frequency: NDArray[np.float64], source: Quantity, target: Quantity) -> NDArray[np.complex128]:

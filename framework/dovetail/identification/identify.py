@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.assembly.calibration import unknown_signs, with_signs
+from dovetail.assembly.description import Response
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting import refine
@@ -247,8 +248,9 @@ def _prepared(
 ) -> tuple[Frf, ...]:
     """Return the measurements with the weights that are wanted, and without phase where that is not to count."""
     frfs = one_per_response(assembly, measured)
-    for frf in frfs:
+    for frf, response in zip(frfs, assembly.description.responses, strict=True):
         _check_numbers(frf)
+        _check_kind(frf, response)
     if weights is not None:
         each: list[Any] = list(weights) if isinstance(weights, (list, tuple)) else [weights] * len(frfs)
         if len(each) != len(frfs):
@@ -273,6 +275,15 @@ def _check_numbers(frf: Frf) -> None:
     if frf.amplitude[line] > _LARGEST_SPIKE * float(np.median(frf.amplitude)):
         problem = f"its amplitude is {frf.amplitude[line]:.3g} at {frf.frequency[line]:g} Hz, a damaged number."
         raise MeasurementError(Fault(frf.label, problem, remedy="Leave this line out: 'frequency: {without: ...}'."))
+
+
+def _check_kind(frf: Frf, response: Response) -> None:
+    """Raise a MeasurementError where a unit says that an FRF is of a rotation, or by a moment, and it should not be."""
+    expected = response.frf(frf.frequency, frf.values)
+    if (frf.rotation or frf.by_moment) and frf.kind != expected.kind:
+        problem = f"its unit, {frf.unit}, is that of a {frf.kind}, and the response is a {expected.kind}."
+        remedy = "Correct the response's 'direction' or that of its 'force', or the unit."
+        raise MeasurementError(Fault(frf.label, problem, remedy=remedy))
 
 
 def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:

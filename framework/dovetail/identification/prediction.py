@@ -64,14 +64,7 @@ def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, f
     """Return what `predict` does, without a warning: its callers show the note of the FRF."""
     values, caveat = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.caveat
     response, label = assembly.description.response, f"{assembly.name}, predicted"
-    return Frf(
-        assembly.frequency,
-        assembly.frf(values),
-        response.quantity,
-        label=label,
-        note=caveat,
-        rotation=response.rotation,
-    )
+    return response.frf(assembly.frequency, assembly.frf(values), label=label, note=caveat)
 
 
 def _warn(result: AnyIdentification | Mapping[str, float]) -> None:

@@ -107,8 +107,9 @@ def _at_points(
     responses = zip(description.responses, description.response_labels, assembly.each_response, measured, strict=True)
     for response, point, alone, frf in responses:
         name = label if len(measured) == 1 else f"{label}, {point}"
-        values = Frf(alone.frequency, alone.frf(theta), response.quantity, label=name, rotation=response.rotation)
-        at_points.append(AtPoint(point, values, replace(frf.to(response.quantity), rotation=response.rotation)))
+        values = response.frf(alone.frequency, alone.frf(theta), label=name)
+        there = replace(frf.to(response.quantity), rotation=response.rotation, moment=response.moment)
+        at_points.append(AtPoint(point, values, there))
     return tuple(at_points)
 
 

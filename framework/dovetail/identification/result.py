@@ -395,4 +395,4 @@ def caveats_of(results: Iterable[tuple[str, _Answer | None]]) -> str:
 
 def _plain(frf: Frf) -> dict[str, Any]:
     values = {"real": frf.values.real.tolist(), "imag": frf.values.imag.tolist()}
-    return {"label": frf.label, "has_phase": frf.has_phase, "rotation": frf.rotation, **values}
+    return {"label": frf.label, "has_phase": frf.has_phase, "rotation": frf.rotation, "moment": frf.by_moment, **values}

@@ -44,6 +44,7 @@ class _StoredFrf(_Stored):
     label: str
     has_phase: bool
     rotation: bool = False  # not in those of an earlier version
+    moment: bool | None = None
     real: list[float]
     imag: list[float]
 
@@ -269,7 +270,15 @@ def _frf(file: Path, frequency: list[float], quantity: Quantity, frf: _StoredFrf
     if len(frf.real) != len(frf.imag):
         raise DovetailError(Fault(str(file), f"the FRF '{frf.label}' has real and imaginary parts of unlike length."))
     values = np.array(frf.real) + 1j * np.array(frf.imag)
-    return Frf(np.array(frequency), values, quantity, has_phase=frf.has_phase, label=frf.label, rotation=frf.rotation)
+    return Frf(
+        np.array(frequency),
+        values,
+        quantity,
+        has_phase=frf.has_phase,
+        label=frf.label,
+        rotation=frf.rotation,
+        moment=frf.moment,
+    )
 
 
 def _faults(file: Path, error: ValidationError) -> list[Fault]:

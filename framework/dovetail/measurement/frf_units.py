@@ -9,11 +9,12 @@ from dovetail.errors import Fault, MeasurementError, UnitError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
 from dovetail.units import to_si
 
-__all__ = ["UnitMeaning", "conversion_factor", "meaning_of_unit", "motion_unit", "pint_spelling"]
+__all__ = ["UnitMeaning", "conversion_factor", "is_angular", "meaning_of_unit", "motion_unit", "pint_spelling"]
 
 _SQUARE = re.compile(r"(?<=[a-z])2(?![\d.])|²")
 _GRAVITY = re.compile(r"^\(?[gG]\)?(?=\s*/|$)")
 _NO_LABEL = ("", "none")
+_ANGLE = re.compile(r"rad|deg|°", re.IGNORECASE)
 _DECIBEL = re.compile(r"\bdb", re.IGNORECASE)
 _SHOWN = 60
 _MOTION: dict[tuple[Quantity, bool], str] = {
@@ -34,13 +35,19 @@ class UnitMeaning(NamedTuple):
     quantity : Quantity
     factor : float
         Makes the values SI.
-    rotation : bool
-        A rotation per moment, not a displacement per force.
+    rotation, moment : bool
+        Of a rotation, not of a displacement; by a moment, not by a force.
     """
 
     quantity: Quantity
     factor: float
     rotation: bool
+    moment: bool
+
+    @property
+    def kind(self) -> tuple[bool, bool]:
+        """Whether it is of a rotation, and whether by a moment."""
+        return self.rotation, self.moment
 
 
 def meaning_of_unit(label: str, where: str) -> UnitMeaning:
@@ -57,14 +64,20 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
         problem = f"the unit '{label[:_SHOWN]}' is in decibels."
         raise MeasurementError(Fault(where, problem, remedy="Give the unit of the amplitude, and call its column db."))
     text = pint_spelling(label)
-    kinds = [(quantity, rotation) for rotation in (False, True) for quantity in QUANTITIES]
-    spelled_so = [kind for kind in kinds if unit_of(kind[0], rotation=kind[1]) == text]
-    for quantity, rotation in spelled_so or kinds:  # the spelling of Dovetail's own files needs no pint
-        factor = conversion_factor(text, unit_of(quantity, rotation=rotation))
+    turns = is_angular(text)  # an angle has no dimension, by which rad/N and m/(N m) would be alike
+    kinds = [(q, *pair) for pair in ((False, False), (True, True), (turns, not turns)) for q in QUANTITIES]
+    spelled_so = [(q, r, m) for q, r, m in kinds if unit_of(q, rotation=r, moment=m) == text]
+    for quantity, rotation, moment in spelled_so or kinds:  # the spelling of Dovetail's own files needs no pint
+        factor = conversion_factor(text, unit_of(quantity, rotation=rotation, moment=moment))
         if factor is not None:
-            return UnitMeaning(quantity, factor, rotation)
+            return UnitMeaning(quantity, factor, rotation, moment)
     accepted = "a motion per force or moment, such as um/N, mm/s/N, m/s^2/N, g/N, in/lbf, rad/(N m)"
     raise MeasurementError(Fault(where, f"the unit '{label[:_SHOWN]}' is not understood.", accepted))
+
+
+def is_angular(label: str) -> bool:
+    """Return whether a unit is one of a rotation, by its spelling."""
+    return _ANGLE.search(label) is not None
 
 
 def motion_unit(quantity: Quantity, *, rotation: bool) -> str:

@@ -78,8 +78,8 @@ class Recording:
     averages : int or None
     variance : (n_freq,) array or None
         E|error|^2 of each value, in the square of the values' unit.
-    rotation : bool
-        A rotation per moment.
+    rotation, moment : bool
+        Of a rotation, not of a displacement; by a moment, not by a force.
     response, force : str
         Names of the DOFs.
     taken : sequence of str
@@ -102,6 +102,7 @@ class Recording:
     averages: int | None = None
     variance: NDArray[np.float64] | None = None
     rotation: bool = False
+    moment: bool = False
     response: str = ""
     force: str = ""
     taken: Sequence[str] = ()
@@ -140,6 +141,7 @@ class Recording:
             averages=self.averages,
             variance=None if self.variance is None else self.variance[first:] * factor**2,
             rotation=self.rotation,
+            moment=self.moment,
             response=self.response,
             force=self.force,
             origin=self._origin(first),
@@ -180,6 +182,7 @@ class Recording:
                 is_stated=True,
                 factor=self.factor * meaning.factor,
                 rotation=meaning.rotation,
+                moment=meaning.moment,
                 unit=label,
             )
         if not math.isclose(abs(self.factor), meaning.factor, rel_tol=1e-6):
@@ -189,8 +192,9 @@ class Recording:
     def _check_against(self, meaning: UnitMeaning) -> Recording:
         if self.quantity is not None and self.quantity != meaning.quantity:
             raise self._contradiction(self.quantity, f"a unit of {meaning.quantity}")
-        if self.unit and self.rotation != meaning.rotation:
-            raise self._contradiction(f"unit {self.unit}", unit_of(meaning.quantity, rotation=meaning.rotation))
+        if self.unit and (self.rotation, self.moment) != meaning.kind:
+            unit = unit_of(meaning.quantity, rotation=meaning.rotation, moment=meaning.moment)
+            raise self._contradiction(f"unit {self.unit}", unit)
         return self
 
     def _contradiction(self, stated: str, argument: str) -> MeasurementError:
@@ -372,7 +376,7 @@ def prepare_for_writing(frf: Frf, path: Path, unit: str | None) -> FrfToWrite:
     if unit is None:
         return FrfToWrite(frf, frf.unit, 1.0)
     meaning = meaning_of_unit(unit, "the argument unit")
-    if meaning.rotation != frf.rotation:
-        kind = "a rotation per moment" if frf.rotation else "a displacement per force"
-        raise MeasurementError(Fault("the argument unit", f"{frf.label} is {kind}, and '{unit}' is no unit of that."))
+    if meaning.kind != (frf.rotation, frf.by_moment):
+        problem = f"{frf.label} is a {frf.kind}, and '{unit}' is no unit of that."
+        raise MeasurementError(Fault("the argument unit", problem))
     return FrfToWrite(frf.to(meaning.quantity), unit, meaning.factor)

@@ -162,7 +162,7 @@ def measured_figure(frfs: Sequence[Frf]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    drawn = [frf if frf.rotation else frf.to(frfs[0].quantity) for frf in frfs]
+    drawn = [frf if frf.rotation or frf.by_moment else frf.to(frfs[0].quantity) for frf in frfs]
     with_phase, with_coherence = any(frf.has_phase for frf in drawn), any(frf.coherence is not None for frf in drawn)
     figure, panels = _stacked([2.6] + [1.5] * with_phase + [1.2] * with_coherence)
     for number, frf in enumerate(drawn):

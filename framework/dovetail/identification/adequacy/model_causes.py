@@ -216,7 +216,7 @@ def try_exchanges(trials: Trials) -> Iterator[Candidate]:
         responses = list(description.responses)
         first, second = responses[former], responses[latter]
         alike = (first.point, first.force_point) == (second.point, second.force_point)
-        if alike or frfs[former].rotation != frfs[latter].rotation:
+        if alike or (first.rotation, first.moment) != (second.rotation, second.moment):
             continue
         responses[former] = replace(second, quantity=first.quantity)
         responses[latter] = replace(first, quantity=second.quantity)

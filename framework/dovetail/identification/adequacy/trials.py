@@ -355,7 +355,7 @@ def values_of(frfs: Sequence[Frf]) -> NDArray[np.complex128]:
 
 
 def _amplitude(frf: Frf) -> Frf:
-    return Frf(frf.frequency, np.abs(frf.values), frf.quantity, has_phase=False, rotation=frf.rotation)
+    return Frf(frf.frequency, np.abs(frf.values), frf.quantity, has_phase=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,7 +106,7 @@ class Observations:
         pairs = zip(self.frfs, split_by_response(lines, self.counts), strict=True)
         return Observations(
             tuple(
-                Frf(frf.frequency[rows], frf.values[rows], frf.quantity, has_phase=frf.has_phase, rotation=frf.rotation)
+                Frf(frf.frequency[rows], frf.values[rows], frf.quantity, has_phase=frf.has_phase)
                 for frf, rows in pairs
                 if len(rows)
             )

@@ -98,6 +98,7 @@ def decode(path: Path, content: bytes, reader: FrfReader, options: ReadOptions) 
         unit=frf.unit,
         averages=frf.averages,
         rotation=meaning is not None and meaning.rotation,
+        moment=meaning is not None and meaning.moment,
         taken=(f"read by {reader.name}",),
     )
     return recording.with_dofs(frf.response, frf.force) if frf.response and frf.force else recording

@@ -102,6 +102,7 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
         averages=_read_averages(archive, names),
         variance=fields.get("variance"),
         rotation=meaning is not None and meaning.rotation,
+        moment=meaning is not None and meaning.moment,
         response=_read_text(archive, names, "response"),
         force=_read_text(archive, names, "force"),
         taken=taken_for(names, list(archive.entries)),

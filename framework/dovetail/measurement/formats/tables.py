@@ -190,6 +190,7 @@ def recording_of(
         averages=_averages(header.comments),
         variance=fields.get("variance"),
         rotation=meaning is not None and meaning.rotation,
+        moment=meaning is not None and meaning.moment,
         response=header.comments.get("response", ""),
         force=header.comments.get("force", ""),
         taken=header.taken,
@@ -373,7 +374,7 @@ def encode(content: FrfToWrite, path: Path, _binary: bool | None) -> bytes:
 def _comments(content: FrfToWrite) -> str:
     frf = content.frf
     comments: dict[str, str] = {"quantity": frf.quantity}
-    if frf.rotation or content.factor != 1.0:
+    if frf.kind != "displacement per force" or content.factor != 1.0:
         comments["unit"] = content.unit
     if frf.averages is not None:
         comments["averages"] = str(frf.averages)

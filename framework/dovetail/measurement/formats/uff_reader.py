@@ -79,7 +79,8 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
         unit=meaning.unit,
         averages=_averages(chosen),
         variance=_matching_data(content, chosen, filter(_is_variance, sets), frequency),
-        rotation=chosen.is_rotation,
+        rotation=chosen.rotation,
+        moment=chosen.moment,
         response=_id_line_value(chosen, "response") or chosen.response,
         force=_id_line_value(chosen, "force") or chosen.force,
     )

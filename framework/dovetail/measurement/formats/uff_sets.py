@@ -17,7 +17,7 @@ import numpy as np
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import QUANTITIES, Quantity, unit_of
-from dovetail.measurement.frf_units import conversion_factor, motion_unit, pint_spelling
+from dovetail.measurement.frf_units import conversion_factor, is_angular, motion_unit, pint_spelling
 from dovetail.measurement.recording import ReadOptions
 
 __all__ = [
@@ -136,11 +136,17 @@ class UffSet:
         return f"{prefix}{self.fields[f'{end}_node']}{_sign(code)}{DIRECTIONS.get(abs(code), code)}"
 
     @property
-    def is_rotation(self) -> bool:
-        """Whether the header says that it is a rotation per moment."""
-        rotates = [abs(self.fields[name]) > 3 for name in ("rsp_dir", "ref_dir") if self.fields[name]]
-        is_moment = self.fields["orddenom_axis_lab"].strip().lower() == "moment"
-        return all(rotates) and (len(rotates) == 2 or is_moment)
+    def rotation(self) -> bool:
+        """Whether the header says that it is of a rotation: by its direction, or else by its unit or a moment."""
+        direction, unit = int(self.fields["rsp_dir"]), str(self.fields["ordinate_axis_units_lab"]).strip().lower()
+        by_unit = is_angular(unit) if unit not in _NO_LABEL else self.moment
+        return abs(direction) > 3 if direction else by_unit
+
+    @property
+    def moment(self) -> bool:
+        """Whether the header says that it is by a moment: by its direction, or else in a word."""
+        direction, word = int(self.fields["ref_dir"]), str(self.fields["orddenom_axis_lab"]).strip().lower()
+        return abs(direction) > 3 if direction else word == "moment"
 
     def __str__(self) -> str:
         if self.kind != 58:
@@ -300,7 +306,7 @@ def meaning_of(uff_set: UffSet) -> Meaning:
     Raises
     ------
     MeasurementError
-        Not a motion over a force, half a rotation, or a unit label that is not understood.
+        Not a motion over a force or a moment, or a unit label that is not understood.
     """
     _check_types(uff_set)
     fields = uff_set.fields
@@ -311,9 +317,8 @@ def meaning_of(uff_set: UffSet) -> Meaning:
     if not above:
         return Meaning(stated, over_force, sign / _force(uff_set, below))
     candidates = QUANTITIES if stated is None else (stated,)
-    units = [
-        (q, unit_of(q, rotation=uff_set.is_rotation), motion_unit(q, rotation=uff_set.is_rotation)) for q in candidates
-    ]
+    rotation, moment = uff_set.rotation, uff_set.moment
+    units = [(q, unit_of(q, rotation=rotation, moment=moment), motion_unit(q, rotation=rotation)) for q in candidates]
     for quantity, frf, motion in units:
         if (whole := conversion_factor(above, frf)) is not None:
             return Meaning(quantity, True, sign * whole, above)
@@ -334,8 +339,9 @@ def _check_types(uff_set: UffSet) -> None:
                 "displacement (8), velocity (11) or acceleration (12) over excitation force (13)",
             )
         )
-    if not uff_set.is_rotation and max(abs(fields["rsp_dir"]), abs(fields["ref_dir"])) > 3:
-        accepted = "a translation over a force, or a rotation over a moment"
+    directions, word = (abs(fields["rsp_dir"]), abs(fields["ref_dir"])), fields["orddenom_axis_lab"].strip().lower()
+    if max(directions) > 3 and min(directions) == 0 and word not in ("force", "moment"):
+        accepted = "directions of both, 1 to 3 or 4 to 6; or 'Force' or 'Moment' on the axis of the denominator"
         raise MeasurementError(Fault(uff_set.where, "either the response or the reference is a rotation.", accepted))
     label = fields["abscissa_axis_units_lab"].strip().lower()
     if label not in (*_NO_LABEL, "hz"):
@@ -344,7 +350,7 @@ def _check_types(uff_set: UffSet) -> None:
 
 def _force(uff_set: UffSet, label: str) -> float:
     """Return newtons, or newton metres, per labelled unit of the denominator; 1 where there is no label."""
-    unit = "N m" if uff_set.is_rotation else "N"
+    unit = "N m" if uff_set.moment else "N"
     si = conversion_factor(label, unit) if label else 1.0
     if si is None:
         raise _unknown_unit(uff_set, label, unit)

@@ -72,7 +72,7 @@ def encode(content: FrfToWrite, path: Path, binary: bool | None) -> bytes:
 def _response(content: FrfToWrite) -> dict[str, Any]:
     frf = content.frf
     number, name, _ = ORDINATE[frf.quantity]
-    units = motion_unit(frf.quantity, rotation=frf.rotation), "N m" if frf.rotation else "N"
+    units = motion_unit(frf.quantity, rotation=frf.rotation), "N m" if frf.by_moment else "N"
     sign = -1.0 if are_opposite(frf.response, frf.force) else 1.0
     response = {
         "func_type": FRF,
@@ -81,7 +81,7 @@ def _response(content: FrfToWrite) -> dict[str, Any]:
         "ordinate_axis_lab": name,
         "ordinate_axis_units_lab": units[0] if content.factor == 1.0 else _id_line(content.unit),
         "orddenom_spec_data_type": FORCE,
-        "orddenom_axis_lab": "Moment" if frf.rotation else "Force",
+        "orddenom_axis_lab": "Moment" if frf.by_moment else "Force",
         "orddenom_axis_units_lab": units[1] if content.factor == 1.0 else "NONE",
     }
     return response if frf.averages is None else response | {"id2": f"averages: {frf.averages}"}
