@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 29_230
+LINES_OF_CODE = 29_260
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -45,7 +45,8 @@ that a file rounds away, measurements with nothing left to judge by, and paramet
 disagree took twenty-five, units and options that were dropped in silence twenty. Joints damped structurally, in
 descriptions and among the causes, and damping that is far off took ninety,
 settings, sensors and files that were lost on the way thirty-five, ties, windows and parts that were taken wrongly
-forty-five, samples about the best fit twenty-five, and FRFs of which half is a rotation fifty.
+forty-five, samples about the best fit twenty-five, FRFs of which half is a rotation fifty,
+and materials that several parts have alike twenty-five.
 """
 
 

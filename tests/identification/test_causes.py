@@ -485,3 +485,48 @@ def test_a_structure_that_gives_out_power_does_not_fit_whatever_the_size_of_the_
     assert adequacy.size.within(ModelError(0.06, damping=2.0, magnitude=0.8, phase=0.6, other=0.7))
     assert adequacy.word == "does not fit"
     assert adequacy.causes[0].name == "conjugate"
+
+
+TWO_OF_STEEL = """\
+dovetail: 1
+name: two of steel
+frequency: {start: 20 Hz, stop: 3 kHz, lines: 1200}
+substructures:
+  shaft:
+    model: timoshenko_beam
+    material: &steel {young: 206 GPa, density: 7850 kg/m^3, loss_factor: 0.004}
+    sections: [{length: 240 mm, outer: 20 mm, elements: 12}]
+  hub:
+    model: timoshenko_beam
+    material: *steel
+    sections: [{length: 180 mm, outer: 32 mm, inner: 20 mm, elements: 9}]
+  floor: {model: ground, positions: [0 mm]}
+joints:
+  clamp:
+    model: spring_damper
+    nodes: 1
+    direction: both
+    connect: {a: {to: shaft, at: [n13]}, b: {to: hub, at: [n1]}}
+    parameters: {k: {range: [1e7 N/m, 1e9 N/m], scale: log}, kr: {range: [1e4, 1e6], scale: log}, c: 20, cr: 0.5}
+  foot:
+    model: spring_damper
+    nodes: 1
+    direction: x
+    connect: {a: {to: hub, at: [n6]}, b: {to: floor, at: [g1]}}
+    parameters: {k: {range: [1e5 N/m, 1e7 N/m], scale: log}, c: 10}
+response: {at: shaft, position: 0 mm}
+identification: {samples: 100, regressor: {model: mlp, hidden: [4], max_epochs: 2}}
+"""
+
+
+def test_a_quantity_of_all_parts_of_one_material(tmp_path):
+    """The steel of both parts has 198 GPa; of either alone the residuals are far above the noise."""
+    described, actual = tmp_path / "two.yaml", tmp_path / "actual.yaml"
+    described.write_text(TWO_OF_STEEL)
+    actual.write_text(TWO_OF_STEEL.replace("206 GPa", "198 GPa"))
+    truth = dovetail.load(actual)
+    values = truth.frf({"clamp.k": 8e7, "clamp.kr": 9e4, "foot.k": 1.2e6})
+    assembly, measured = dovetail.load(described), replace(noisy(truth, values, 0.01, 1), variance=None)
+    cause = first_of(dovetail.identify(assembly, measured, "refined", cause_seconds=200.0).adequacy.causes)
+    assert (cause.name, cause.words[:51]) == ("part", "'material.young' of the shaft and the hub at 198 GP")
+    assert np.abs(np.array(cause.theta) / [8e7, 9e4, 1.2e6] - 1.0).max() < 0.05

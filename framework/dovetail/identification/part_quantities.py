@@ -17,10 +17,21 @@ from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.interfaces import SubstructureModel
 from dovetail.units import InUnit
 
-__all__ = ["MOST_DOFS", "ConfigQuantity", "known_quantities", "list_quantities", "quantity_derivatives", "with_part"]
+__all__ = [
+    "MOST_DOFS",
+    "ConfigQuantity",
+    "known_quantities",
+    "list_quantities",
+    "materials_in_common",
+    "quantity_derivatives",
+    "with_part",
+]
 
 MOST_DOFS = 2000
 """DOFs of a substructure above which condensing it anew takes too long."""
+
+_OF_MATERIALS = ("Pa", "kg/m^3")
+"""Units of moduli and densities, which parts of one material have alike."""
 
 _STEP = 1e-6
 """Logarithm of the ratio by which a quantity is changed for a derivative."""
@@ -61,10 +72,26 @@ class ConfigQuantity:
         """Return the substructure with another value of the quantity."""
         return type(model)(model.config.with_options({self.place: value}))
 
+    @property
+    def is_of_material(self) -> bool:
+        """Whether it is a modulus or a density."""
+        return self.unit in _OF_MATERIALS
+
 
 def list_quantities(model: SubstructureModel) -> tuple[ConfigQuantity, ...]:
     """Return every physical quantity other than 0 that a substructure's Config holds."""
     return tuple(_walk(model.config, ()))
+
+
+def materials_in_common(assembly: Assembly) -> Iterator[tuple[tuple[str, ...], ConfigQuantity, Apply]]:
+    """Yield what several parts have alike of their material: their names, else as `known_quantities` does."""
+    alike: dict[ConfigQuantity, list[str]] = {}
+    for name, quantity, _ in known_quantities(assembly):
+        if quantity.is_of_material:
+            alike.setdefault(quantity, []).append(name)
+    for quantity, names in alike.items():
+        if len(names) > 1:
+            yield tuple(names), quantity, partial(_in_all, assembly, names, quantity)
 
 
 def known_quantities(assembly: Assembly) -> Iterator[tuple[str, ConfigQuantity, Apply]]:
@@ -117,6 +144,12 @@ def with_part(assembly: Assembly, name: str, model: SubstructureModel) -> Assemb
 def _with_quantity(assembly: Assembly, name: str, quantity: ConfigQuantity, amount: float) -> Assembly:
     model = assembly.description.substructures[name]
     return with_part(assembly, name, quantity.replace(model, quantity.value * float(np.exp(amount))))
+
+
+def _in_all(assembly: Assembly, names: Iterable[str], quantity: ConfigQuantity, amount: float) -> Assembly:
+    for name in names:
+        assembly = _with_quantity(assembly, name, quantity, amount)
+    return assembly
 
 
 def _walk(node: Any, path: tuple[str | int, ...]) -> Iterator[ConfigQuantity]:

@@ -74,7 +74,7 @@ class Settings:
     """Delays that are compared, up to two periods of the highest frequency either way."""
     points: int = 2
     """Other points of response, and of force and response, at which the joint is fitted: those that come nearest."""
-    quantities: int = 3
+    quantities: int = 4
     """Quantities of parts that are fitted: those that the residuals point to."""
     overhangs: tuple[float, ...] = (-0.1, 0.1)
     """Logarithms of ratios from which an overhang is fitted."""

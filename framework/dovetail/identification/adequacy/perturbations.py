@@ -21,7 +21,14 @@ from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.identification.fitting.least_squares import Linearisation
 from dovetail.identification.fitting.residuals import FrfResiduals, Residual
-from dovetail.identification.part_quantities import MOST_DOFS, Apply, ConfigQuantity, known_quantities, with_part
+from dovetail.identification.part_quantities import (
+    MOST_DOFS,
+    Apply,
+    ConfigQuantity,
+    known_quantities,
+    materials_in_common,
+    with_part,
+)
 from dovetail.interfaces import StructuralMatrices, SubstructureModel
 from dovetail.units import format_quantity
 
@@ -126,6 +133,9 @@ def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
 def _quantities(assembly: Assembly) -> Iterator[Perturbation]:
     for name, quantity, apply in known_quantities(assembly):
         yield from _of_substructure(name, quantity.name, apply, partial(_describe, name, quantity))
+    for names, quantity, apply in materials_in_common(assembly):
+        together = " and the ".join(names)
+        yield from _of_substructure(together, quantity.name, apply, partial(_describe, together, quantity))
 
 
 def _of_substructure(substructure: str, name: str, apply: Apply, describe: Describe) -> Iterator[Perturbation]:
