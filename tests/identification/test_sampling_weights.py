@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from noisy_measurements import noisy
 
+import dovetail
 from dovetail.identification.fitting import refine
-from dovetail.identification.posterior import sample_posterior, sampling
-from dovetail.identification.posterior.posterior import half_about_the_fit
+from dovetail.identification.posterior import laplace_posterior, sample_posterior, sampling, typical_model_error
+from dovetail.identification.posterior.laplace import half_about_the_fit
 
 
 @pytest.mark.parametrize(("effective", "moved"), [(36, True), (44, False)])
@@ -65,20 +67,54 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
     assert share == pytest.approx(weight[:20].sum() / weight.sum() if kept else 0.02, abs=0.002)
 
 
-def test_half_of_the_samples_lie_about_the_best_fit_where_the_measurement_tells_it():
-    """The first coordinate is told to 0.1, the second not at all; the best fit is far from both means."""
-    z = np.random.default_rng(3).standard_normal((4000, 2)) * [0.1, 1.0] + [0.5, 0.0]
-    moved, weight = half_about_the_fit(z, np.full(len(z), 2.0), np.array([1.5, 2.0]))
-    assert weight.sum() == pytest.approx(1.0)
-    np.testing.assert_array_equal(moved[::2], z[::2])
-    assert moved[1::2].mean(axis=0) == pytest.approx([0.99 * 1.5, 0.0], abs=0.1)
-    assert moved[1::2].std(axis=0) == pytest.approx([0.1, 1.0], rel=0.05)
+HEAVY_CART = {
+    "dovetail": 1,
+    "name": "cart",
+    "frequency": {"start": "1 Hz", "stop": "10 Hz", "step": "0.05 Hz"},
+    "substructures": {
+        "cart": {"model": "lumped", "masses": [{"mass": {"about": "1 kg", "sd": "5 %"}}]},
+        "base": {"model": "ground"},
+    },
+    "joints": {
+        "spring": {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": "cart", "at": 0}, "b": {"to": "base", "at": 0}},
+            "parameters": {
+                "k": {"range": [20.0, 5000.0], "scale": "log"},
+                "c": {"range": [0.05, 200.0], "scale": "log"},
+            },
+        }
+    },
+    "response": {"at": "cart", "position": 0, "quantity": "receptance"},
+}
 
 
-def test_halves_weigh_alike_however_uneven_the_weights_are():
-    uneven = np.array([0.9, 0.02, 0.05, 0.03])
-    _, weight = half_about_the_fit(np.arange(8.0).reshape(4, 2), uneven, np.zeros(2))
-    assert weight[::2].sum() == pytest.approx(0.5)
-    assert weight[1::2] == pytest.approx([0.2, 0.3])
-    single, one = half_about_the_fit(np.ones((1, 2)), np.array([3.0]), np.zeros(2))
-    assert (single.tolist(), one.tolist()) == ([[1.0, 1.0]], [1.0])
+@pytest.fixture(scope="module")
+def light_cart():
+    """A cart of which the fit has three standard deviations less mass than its prior: assembly, FRF, fit and error."""
+    cart = dovetail.load(HEAVY_CART)
+    measured = noisy(cart, cart.frf({"k": 1050.0, "c": 2.7, "cart.masses.0.mass": 0.85}), 0.05, 4)
+    return cart, measured, refine(cart, measured), replace(typical_model_error(1e-3), quantities=2e-3)
+
+
+@pytest.mark.parametrize("draw", [sample_posterior, laplace_posterior])
+def test_samples_about_a_fit_far_from_its_prior_keep_the_natural_frequency(light_cart, draw):
+    """The measurement tells k / m far better than either: neither half of the samples may leave it."""
+    cart, measured, fit, error = light_cart
+    posterior = draw(cart, measured, fit, model_error=error)
+    k, _, mass = posterior.theta.T
+    natural = np.sqrt(k / mass) / (2.0 * np.pi)
+    assert np.abs(natural / (np.sqrt(1050.0 / 0.85) / (2.0 * np.pi)) - 1.0).max() < 0.01
+    assert posterior.weight[::2].sum() == pytest.approx(0.5)
+    assert np.median(mass[1::2]) < np.median(mass[::2]) + 0.01  # the fit has 0.85 kg, and what errs tells less
+
+
+def test_halves_weigh_alike_however_uneven_the_weights_are(light_cart):
+    uneven, z = np.array([0.9, 0.02, 0.05, 0.03]), np.zeros((4, 3))
+    both, weight = half_about_the_fit(*light_cart, z, uneven, 0)
+    assert weight == pytest.approx([0.5 * 0.9 / 0.95, 0.25, 0.5 * 0.05 / 0.95, 0.25])
+    assert (both[::2] == 0.0).all()
+    assert (both[1::2] != 0.0).all()
+    single, one = half_about_the_fit(*light_cart, np.ones((1, 3)), np.array([3.0]), 0)
+    assert (single.tolist(), one.tolist()) == ([[1.0, 1.0, 1.0]], [1.0])

@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
+from dovetail.identification.fitting.observations import Observations
+from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.posterior.likelihood import (
     MarginalisedResiduals,
     PosteriorResiduals,
+    build_likelihood,
     check_options,
     unit_from_normal,
 )
 from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, start_near
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
-from dovetail.identification.posterior.posterior import Posterior, half_about_the_fit
+from dovetail.identification.posterior.posterior import Posterior
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["LaplaceApproximation", "laplace_posterior"]
+__all__ = ["LaplaceApproximation", "half_about_the_fit", "laplace_posterior"]
 
 
 @dataclass(frozen=True)
@@ -145,7 +148,7 @@ def laplace_posterior(
     approximation = LaplaceApproximation.at(residuals, modes[0])
     z, weight = approximation.draw(samples, seed), np.full(samples, 1.0 / samples)
     if model_error.quantities:
-        z, weight = half_about_the_fit(z, weight, start_near(assembly.to_unit(fit.theta)))
+        z, weight = half_about_the_fit(assembly, measured, fit, model_error, z, weight, seed)
     posterior = Posterior.from_fractions(
         assembly,
         unit_from_normal(z),
@@ -158,3 +161,47 @@ def laplace_posterior(
     mode = assembly.from_unit(unit_from_normal(approximation.mode))
     pairs = zip(posterior.names, approximation.unreliable, strict=True)
     return replace(posterior, form="laplace", mode=mode, unreliable=tuple(name for name, failed in pairs if failed))
+
+
+def half_about_the_fit(
+    assembly: Assembly,
+    measured: Frf | Sequence[Frf],
+    fit: Fit,
+    model_error: ModelError,
+    z: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    seed: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Replace every other sample by one of what the FRFs of the best fit would tell; both halves weigh alike.
+
+    Where a model errs, its errors decide what the measurement tells, and their shapes are known roughly: best fit and
+    posterior are two answers then, and neither is nearer to the truth as a rule. The second half are samples of the
+    Laplace approximation, with the same errors and the same prior.
+
+    Parameters
+    ----------
+    assembly, measured, fit, model_error, seed
+        As of `laplace_posterior`.
+    z : (n, p) array
+        Samples of the posterior, as normal quantiles of the fractions of the ranges.
+    weight : (n,) array
+
+    Returns
+    -------
+    z : (n, p) array
+    weight : (n,) array
+        Sums to 1.
+    """
+    target, values = Observations.of(assembly, measured), ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])[0]
+    pairs = zip(target.frfs, target.split(values), strict=True)
+    of_fit = [replace(frf, values=own if frf.has_phase else np.abs(own)) for frf, own in pairs]
+    likelihood = build_likelihood(assembly, of_fit, fit, model_error)
+    residuals = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
+    start = start_near(assembly.to_unit(fit.theta))[np.newaxis]
+    mode = maximise_posterior(residuals, start, tolerance=_SETTINGS.tolerance)[0]
+    both, halves, second = z.copy(), weight / weight.sum(), slice(1, None, 2)
+    both[second] = LaplaceApproximation.at(residuals, mode).draw(len(z[second]), seed)
+    halves[second] = 1.0
+    for half in (slice(None, None, 2), second):
+        halves[half] /= max(float(halves[half].sum()), np.finfo(float).tiny)
+    return both, halves / halves.sum()

@@ -22,7 +22,6 @@ __all__ = [
     "Verdict",
     "Word",
     "drawn_by_weight",
-    "half_about_the_fit",
     "quantiles",
     "split_half_difference",
 ]
@@ -301,38 +300,6 @@ class Posterior:
                 "log_likelihood": None if self.log_likelihood is None else self.log_likelihood.tolist(),
             },
         }
-
-
-def half_about_the_fit(
-    z: NDArray[np.float64], weight: NDArray[np.float64], best: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Move every other sample as if the measurement told the best fit, and let both halves weigh alike.
-
-    Where a model errs, its errors decide what the measurement tells, and their shapes are known roughly: best fit and
-    posterior are two answers then, and neither is nearer to the truth as a rule.
-
-    Parameters
-    ----------
-    z : (n, p) array
-        Samples, as normal quantiles of the fractions of the ranges.
-    weight : (n,) array
-    best : (p,) array
-        The best fit.
-
-    Returns
-    -------
-    z : (n, p) array
-    weight : (n,) array
-        Sums to 1.
-    """
-    part, mean = weight / weight.sum(), weight @ z / weight.sum()
-    variances, axes = np.linalg.eigh((z - mean).T @ ((z - mean) * part[:, np.newaxis]))
-    told = (axes * np.maximum(0.0, 1.0 - variances)) @ axes.T  # the rest is the prior's
-    moved, halves = z.copy(), part.copy()
-    moved[1::2] += told @ best - mean
-    for half in (slice(None, None, 2), slice(1, None, 2)):
-        halves[half] /= max(float(part[half].sum()), np.finfo(float).tiny)
-    return moved, halves / halves.sum()
 
 
 def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.Generator) -> NDArray[np.intp]:

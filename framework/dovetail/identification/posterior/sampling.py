@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dovetail.assembly import Assembly
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
-from dovetail.identification.posterior.laplace import LaplaceApproximation
+from dovetail.identification.posterior.laplace import LaplaceApproximation, half_about_the_fit
 from dovetail.identification.posterior.likelihood import (
     PRIOR_PRECISION,
     Likelihood,
@@ -30,10 +30,9 @@ from dovetail.identification.posterior.mode_search import (
     likelihood_at_mode,
     maximise_posterior,
     search_modes,
-    start_near,
 )
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
-from dovetail.identification.posterior.posterior import Form, Posterior, drawn_by_weight, half_about_the_fit
+from dovetail.identification.posterior.posterior import Form, Posterior, drawn_by_weight
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
 from dovetail.interfaces import Progress, logged, silent
 
@@ -133,7 +132,7 @@ def sample_posterior(
             z, log_weight = sampler.move(z, log_weight, samples)
     weight = np.exp(log_weight - log_weight.max())
     if model_error.quantities:
-        z, weight = half_about_the_fit(z, weight, start_near(assembly.to_unit(fit.theta)))
+        z, weight = half_about_the_fit(assembly, measured, fit, model_error, z, weight, seed)
     fraction = unit_from_normal(z)
     return Posterior.from_fractions(
         assembly,
