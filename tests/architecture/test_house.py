@@ -10,7 +10,7 @@ from pathlib import Path
 import house
 import pytest
 
-LINES_OF_CODE = 29_260
+LINES_OF_CODE = 29_400
 """Of framework and plugins, without blank lines and docstrings.
 
 There were 18,611 before the floor plan, and fewer after it. Measurements on their own lines, searches that see every
@@ -46,7 +46,8 @@ disagree took twenty-five, units and options that were dropped in silence twenty
 descriptions and among the causes, and damping that is far off took ninety,
 settings, sensors and files that were lost on the way thirty-five, ties, windows and parts that were taken wrongly
 forty-five, samples about the best fit twenty-five, FRFs of which half is a rotation fifty,
-and materials that several parts have alike twenty-five.
+materials that several parts have alike twenty-five,
+and parts known by their FRFs, inverted between the DOFs in use, thirty.
 """
 
 

@@ -178,3 +178,13 @@ def test_amplitudes_that_are_not_finite_are_refused(quick: dovetail.Assembly, da
 def test_a_dataset_of_another_assembly_is_refused(collet: dovetail.Assembly, dataset: dovetail.Dataset) -> None:
     with pytest.raises(DatasetError, match="another description"):
         dovetail.train(collet, dataset)
+
+
+def test_a_network_without_a_finite_answer_on_noise_is_trained_all_the_same(assemblies, tmp_path):
+    """Far from what it saw, the logarithms that it answers overflow; that its answer is no FRF is what novelty learns."""
+    ranges = "k: {range: [1e5 N/m, 1e7 N/m], scale: log}, c: {range: [1 N s/m, 100 N s/m], scale: log}"
+    (tmp_path / "wide.yaml").write_text(
+        f"extends: {assemblies / 'sdof.yaml'}\nname: wide\njoints: {{mount: {{parameters: {{{ranges}}}}}}}\n"
+        "identification: {samples: 300, reducer: {model: none}, regressor: {model: mlp, hidden: [8], max_epochs: 3}}\n"
+    )
+    assert dovetail.train(tmp_path / "wide.yaml").evaluation.test_samples > 0

@@ -228,3 +228,12 @@ class RealWithoutLoss(LossySpring):
     def dynamic_stiffness(self, frequency, theta):
         """Return real numbers."""
         return super().dynamic_stiffness(frequency, theta).real
+
+
+@also_breaks("small_steps_show")
+class TableOfStiffnesses(LossySpring):
+    """A law for each stiffness in steps of one per cent, not interpolated."""
+
+    def dynamic_stiffness(self, frequency, theta):
+        """Round the logarithms."""
+        return super().dynamic_stiffness(frequency, np.exp(np.round(np.log(theta), 2)))

@@ -568,3 +568,48 @@ class BatchOfTheMiddle(Bar):
         [values] = options.values()
         matrices = self.matrices()
         return StructuralMatrices(*(np.repeat(getattr(matrices, name)[np.newaxis], len(values), 0) for name in "MKCD"))
+
+
+class LossyBar(Bar):
+    """Sound, with a loss factor, which has no unit."""
+
+    class Config(Bar.Config):
+        """Dimensions and properties.
+
+        Attributes
+        ----------
+        loss_factor : float
+            Of the bending stiffness.
+        """
+
+        loss_factor: Annotated[float, Field(ge=0)] = 0.01
+
+    def matrices(self):
+        """Add the loss."""
+        matrices = super().matrices()
+        matrices.D[:] = self.config.loss_factor * matrices.K
+        return matrices
+
+    def made_with(self, options):
+        """Return the matrices of a part for each of the values."""
+        rows = (dict(zip(options, values, strict=True)) for values in zip(*options.values(), strict=True))
+        parts = [type(self)(self.config.with_options(row)).matrices() for row in rows]
+        return StructuralMatrices(*(np.stack([getattr(part, name) for part in parts]) for name in "MKCD"))
+
+
+@also_breaks("batched_matrices_are_those_of_each_value")
+class BatchWithoutLoss(LossyBar):
+    """Its batch forgets the loss factor."""
+
+    def batched_matrices(self, options):
+        """Leave it out."""
+        return self.made_with({**options, "loss_factor": np.full(len(next(iter(options.values()))), 0.01)})
+
+
+@also_breaks("batched_matrices_are_those_of_each_value")
+class BatchOfOneOption(LossyBar):
+    """Of several options its batch heeds the first alone."""
+
+    def batched_matrices(self, options):
+        """Take one."""
+        return self.made_with(dict([next(iter(options.items()))]))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.assembly.calibration import entries_at_response, graph_of, matrices_without_window
+from dovetail.assembly.calibration import entries_at_response, graph_between, graph_of, matrices_without_window
 from dovetail.assembly.description import Description, Response
 from dovetail.assembly.joints import is_at
 from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, points_and_pairs
@@ -142,7 +142,7 @@ class Assembly:
         ends = np.repeat([[0.0], [1.0]], len(self.parameters), axis=1)
         probe_theta = self.by_joint(self.from_unit(np.concatenate([inside, ends])))
         columns = {name: self._space.varying_columns(name) for name in self.graph.connections}
-        system = (self.graph, self.frequency, points, probe_theta, columns)
+        system = (graph_between(self.graph, points), self.frequency, points, probe_theta, columns)
         if interpolation is None:
             return Engine(*system, pairs=pairs)
         drawn = np.random.default_rng(1).random((_INTERPOLATION_SAMPLES, len(self.parameters)))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dovetail.assembly.changed_joints import ChangedJoint, structurally_damped
 from dovetail.assembly.description import Description, JointEntry, ParameterEntry, Place, Tie
 from dovetail.assembly.parameter_sections import StatedParameters
-from dovetail.assembly.unknown_parts import NodesAlone, UnknownPart
+from dovetail.assembly.unknown_parts import NodesAlone, UnknownPart, UnknownReceptance
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
@@ -34,6 +34,7 @@ __all__ = [
     "SIGN",
     "Chain",
     "entries_at_response",
+    "graph_between",
     "graph_of",
     "matrices_without_window",
     "read_calibration",
@@ -277,6 +278,26 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
         name: NodesAlone(part) if name in alone else part for name, part in description.substructures.items()
     }
     return Graph(parts, connections)
+
+
+def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
+    """Return a graph in which unknown parts that are known by their FRFs are so between the DOFs in use only.
+
+    Parameters
+    ----------
+    graph : Graph
+    points : sequence of (str, int)
+        Substructure and DOF of those where force and response are.
+    """
+    connections = dict(graph.connections)
+    for name, connection in graph.connections.items():
+        if isinstance(connection.model, UnknownReceptance):
+            owner = connection.attachments[0].substructure
+            others = [other for key, other in graph.connections.items() if key != name]
+            ports = [port for other in others for port in other.attachments if port.substructure == owner]
+            used = {dof for port in ports for dof in port.dofs} | {dof for part, dof in points if part == owner}
+            connections[name] = replace(connection, model=connection.model.between(sorted(used)))
+    return Graph(graph.substructures, connections)
 
 
 def matrices_without_window(

@@ -14,7 +14,7 @@ from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, format_value, plain_values
 from dovetail.documents.validation import validate
 from dovetail.errors import UnitError, did_you_mean, listing
-from dovetail.interfaces import Parameter, plugin_errors
+from dovetail.interfaces import Parameter, Prior, plugin_errors
 from dovetail.units import to_si
 
 __all__ = ["StatedParameters", "check_ranges", "check_ties", "ends_of", "read_parameters", "steps_of"]
@@ -229,7 +229,8 @@ def _with_range(path: Path, parameter: Parameter, section: ParameterSection, fau
         problem = f"a range on a logarithmic scale must be positive, but this one begins at {begin}."
         faults.add(key, problem, remedy="Write 'scale: linear', or a lower end greater than 0.")
         return parameter
-    return replace(parameter, lower=lower, upper=upper, scale=scale)
+    prior: Prior = "uniform" if section.range else parameter.prior  # anything within a stated range
+    return replace(parameter, lower=lower, upper=upper, scale=scale, prior=prior)
 
 
 def _about(path: Path, parameter: Parameter, section: ParameterSection, faults: FaultList) -> Parameter:

@@ -15,7 +15,7 @@ from dovetail.assembly.parameter_sections import StatedParameters, steps_of
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Item, Path, replace_item, replace_value
 from dovetail.documents.validation import number_unit
-from dovetail.errors import DovetailError, listing
+from dovetail.errors import DovetailError, PluginError, listing
 from dovetail.interfaces import (
     JointModel,
     Node,
@@ -31,7 +31,14 @@ from dovetail.synthesis import Attachment, Connection
 from dovetail.synthesis.condensation import inverted_receptance, substructure_matrices
 from dovetail.units import format_quantity
 
-__all__ = ["NodesAlone", "UnknownOptions", "UnknownPart", "add_unknown_part", "take_unknown_options"]
+__all__ = [
+    "NodesAlone",
+    "UnknownOptions",
+    "UnknownPart",
+    "UnknownReceptance",
+    "add_unknown_part",
+    "take_unknown_options",
+]
 
 
 _NEAR = 0.9
@@ -112,7 +119,7 @@ class UnknownPart(JointModel):
     def refined(self, factor: int) -> UnknownPart | None:
         """Return the same part with a finer mesh, of which the same options are sought, or None where it has none."""
         finer = self.part.refined(factor)
-        return None if finer is None else UnknownPart(finer, self._parameters)
+        return None if finer is None else type(self)(finer, self._parameters)
 
     def made_with(self, options: Mapping[str, float]) -> SubstructureModel:
         """Return the part with other values of some options, by their places in the section.
@@ -152,21 +159,35 @@ class UnknownPart(JointModel):
             if batch is not None:
                 return _for_each(batch, len(theta))
             single = [_dense(substructure_matrices(part)) for part in self._each(theta)]
+            if other := next((one.size for one in single if one.size != self.size), None):
+                problem = f"it has {other} DOFs with some values of these options and {self.size} in their middle"
+                raise PluginError(f"{problem}; their number must not depend on an option that is sought.")
         return StructuralMatrices(*(np.stack([getattr(one, name) for one in single]) for name in "MKCD"))
 
 
 class UnknownReceptance(UnknownPart):
     """The same for a substructure that is known by its FRFs only."""
 
+    _used: tuple[int, ...] | None = None
+
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:  # noqa: ARG002
         """Raise: there are none."""
         raise DovetailError(f"substructure model '{self.part.name}' has no matrices, so the assembly has none either.")
 
     def dynamic_stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the inverse of its receptance between all its DOFs, (n, n_freq, d, d)."""
-        dofs = range(self.size)
+        """Return the inverse of its receptance between the DOFs in use, (n, n_freq, d, d); zero at the others."""
+        dofs = range(self.size) if self._used is None else self._used
+        stiffness = np.zeros((len(theta), len(frequency), self.size, self.size), dtype=np.complex128)
         with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
-            return np.stack([inverted_receptance(part, dofs, frequency) for part in self._each(theta)])
+            for row, part in enumerate(self._each(theta)):
+                stiffness[row][:, np.array(dofs)[:, None], dofs] = inverted_receptance(part, dofs, frequency)
+        return stiffness
+
+    def between(self, dofs: Sequence[int]) -> UnknownReceptance:
+        """Return the same part between some of its DOFs: no more of its receptance needs to be inverted."""
+        part = UnknownReceptance(self.part, self._parameters)
+        part._used = tuple(dofs)
+        return part
 
 
 @dataclass(frozen=True)
@@ -234,10 +255,12 @@ def _config_of(name: str, faults: FaultList, registry: Registry) -> type[BaseMod
     """Return the options' class of a substructure's model, or None if there is no such model."""
     section = faults.root.at(("substructures", name))
     model = section.entries.get("model") if section is not None else None
-    offers = registry.offers("substructure") if model is not None else ()
-    return next(
-        (offer.component.Config for offer in offers if model and offer.component.name == model.item.value), None
-    )
+    if model is None or not isinstance(model.item.value, str):
+        return None
+    try:
+        return registry.find("substructure", model.item.value).component.Config
+    except PluginError:  # reported where the part is read
+        return None
 
 
 def _check_followed(

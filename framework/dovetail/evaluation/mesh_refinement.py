@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError
 from dovetail.interfaces import SubstructureModel
@@ -87,9 +85,11 @@ def _node(coarse: SubstructureModel, node: int, fine: SubstructureModel) -> int:
     if fine is coarse:
         return node
     position = coarse.nodes[node].position
-    away = np.abs(np.array([candidate.position for candidate in fine.nodes]) - position)
-    nearest = int(np.argmin(away))
-    if away[nearest] > _SAME_PLACE:
-        problem = f"its finer mesh has no node at {position:g} m, where the coarser one has."
+    here, there = (
+        [index for index, other in enumerate(part.nodes) if abs(other.position - position) <= _SAME_PLACE]
+        for part in (coarse, fine)
+    )
+    if len(here) != len(there):  # of nodes at one place, each is that of the same rank among them
+        problem = f"its finer mesh has {len(there)} nodes at {position:g} m, where the coarser one has {len(here)}."
         raise ParameterError(Fault(f"substructure model '{coarse.name}'", problem))
-    return nearest
+    return there[here.index(node)]

@@ -219,20 +219,24 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
         where = f" at {at_point.point}" if result.further else ""
         if result.fit is not None:
             warnings += _warnings_of_lines(result.fit.at(index, counts), where)
-        warnings += _warnings_at(at_point, where, result.believable)
+        to_noise = result.adequacy is not None and result.adequacy.word == "to the noise"
+        warnings += _warnings_at(at_point, where, result.believable and not to_noise)
     if without_modes:
         warnings.append(without_modes)
     return tuple(warnings)
 
 
-def _warnings_at(at_point: AtPoint, where: str, believable: bool) -> list[str]:
-    """Return the warnings about the FRF at one response; `where` names it if there are several."""
+def _warnings_at(at_point: AtPoint, where: str, by_coherence: bool) -> list[str]:
+    """Return the warnings about the FRF at one response; `where` names it if there are several.
+
+    Lines of noise alone have no coherence, also where a fit is to the noise: it tells nothing there.
+    """
     warnings = []
     if not at_point.measured.has_phase:
         warnings.append(
             f"The measurement{where} has no phase: the coherence compares amplitudes and cannot fall below 0.5."
         )
-    if at_point.mean_coherence < _SETTINGS.low_coherence and believable:
+    if at_point.mean_coherence < _SETTINGS.low_coherence and by_coherence:
         warnings.append(
             f"The mean coherence{where} is {at_point.mean_coherence:.3f}: the reconstructed FRF does not follow the "
             "measured one, so the parameters are not to be relied on."

@@ -235,7 +235,8 @@ class JointModel(Component):
             name = parameter.name
             if parameter.lower >= 0 > lower[name]:
                 ends = dict.fromkeys(f"{end:g}" for end in (lower[name], upper[name]))
-                objections[name] = f"{name} must not be negative, but is {' to '.join(ends)} {parameter.unit} here."
+                unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+                objections[name] = f"{name} must not be negative, but is {' to '.join(ends)}{unit} here."
         return objections
 
     @abstractmethod

@@ -130,7 +130,8 @@ class SubstructureModel(Component):
         lines = np.asarray(frequency, dtype=np.float64)
         if isinstance(matrices, SparseMatrices):
             return np.stack([_sparse_receptance(matrices, float(line), ports) for line in lines])
-        filled = (matrices.M != 0).any(axis=0) | (matrices.K != 0).any(axis=0)
+        every = (matrices.M, matrices.K, matrices.C, matrices.D)
+        filled = np.any([(matrix != 0).any(axis=0) for matrix in every], axis=0)
         active = np.union1d(np.flatnonzero(filled), ports)
         rows = np.searchsorted(active, ports)
         unit_loads = np.eye(len(active))[:, rows]

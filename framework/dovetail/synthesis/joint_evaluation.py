@@ -189,7 +189,7 @@ def _check_stiffness(label: str, model: JointModel, stiffness: NDArray[np.comple
 
 
 def _label(name: str, model: JointModel) -> str:
-    return f"joint '{name}' ({model.name})"
+    return f"{model.kind} '{name}' ({model.name})"  # a substructure with unknown options is evaluated as a joint is
 
 
 def _checked_rows(label: str, model: JointModel, sets: Sequence[StructuralMatrices], count: int) -> MatrixRows:

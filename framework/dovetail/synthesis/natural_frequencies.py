@@ -210,7 +210,7 @@ class DampedModes:
             for matrix, kind in zip(matrices, "MKCD", strict=True):
                 matrix += L.T @ getattr(of_joint, kind)[0] @ L
         M, K, C, D = matrices
-        active = _dofs_with_inertia((K != 0) | (M != 0), np.diag(M))
+        active = _dofs_with_inertia((K != 0) | (M != 0) | (C != 0) | (D != 0), np.diag(M))
         M, C, A = (matrix[np.ix_(active, active)] for matrix in (M, C, K + 1j * D))
         undamped = list(islice(_dense_modes(A.real, M), count))
         undamped = undamped[: 1 + sum(frequency <= highest for frequency, _ in undamped)]

@@ -54,7 +54,7 @@ class Report:
 
 def written(config: Any) -> str:
     """Return options as JSON."""
-    return str(config.model_dump_json())
+    return str(config.model_dump_json(by_alias=True))
 
 
 def report_of_another_process(specimen: Specimen) -> Report:

@@ -78,7 +78,7 @@ def difference(some: Mapping[str, NDArray[Any]], others: Mapping[str, NDArray[An
 
 def varied(component: Any) -> Any:
     """Return a component of the same class with each number among its options a tenth larger, None where none is."""
-    options = component.config.model_dump(mode="json")
+    options = component.config.model_dump(mode="json", by_alias=True)
     larger = _larger(options)
     if larger == options:
         return None

@@ -86,7 +86,7 @@ def ask_a_fresh_process(component: Component, state: State, samples: TrainingSet
 
     arrays = {name: np.asarray(value, order="C") for name, value in state.items() if isinstance(value, np.ndarray)}
     request = {
-        "config": component.config.model_dump(mode="json"),
+        "config": component.config.model_dump(mode="json", by_alias=True),
         "values": {name: value for name, value in state.items() if name not in arrays},
         "seed": seed,
     }

@@ -13,7 +13,7 @@ __all__: list[str] = []
 def check_config_survives_json(specimen: Specimen) -> None:
     """Options written to a model's folder and read again make the same component."""
     config = specimen.component.config
-    written = json.dumps(config.model_dump(mode="json"), allow_nan=False)
+    written = json.dumps(config.model_dump(mode="json", by_alias=True), allow_nan=False)
     again = type(config).model_validate(json.loads(written))
     if again != config:
         raise Nonconformity(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
-from dovetail.identification.part_quantities import list_quantities
 from dovetail.interfaces import DIRECTIONS, Node, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.testing.answers import PARTS
 from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, relative_difference
@@ -23,7 +24,7 @@ _FACTORS = (2, 4)
 _TOLERANCE = 1e-3
 """Error of a condensation that a measured FRF would show."""
 _NEIGHBOURS = (0.99, 1.0, 1.02)
-"""Values of an option, over its own, whose matrices are asked for at once."""
+"""Values of an option, over its own, whose matrices are asked for at once; their differences if its own is 0."""
 _ORDER = 64.0
 """By how much an error shrinks at most when a mesh is made twice as fine: order six; more is another part."""
 
@@ -278,28 +279,47 @@ def check_refinement_keeps_the_mass(specimen: SubstructureSpecimen) -> None:
 
 def check_batched_matrices_are_those_of_each_value(specimen: SubstructureSpecimen) -> None:
     """`batched_matrices` gives the matrices of the part made with each value of its options, or None."""
-    part, checked = specimen.component, 0
-    for quantity in list_quantities(part):
-        values = quantity.value * np.array(_NEIGHBOURS)
-        place = quantity.place
-        batch = part.batched_matrices({place: values.copy()})
-        if batch is None:
-            continue
-        checked += 1
-        for index, value in enumerate(values.tolist()):
-            single = quantity.replace(part, value).matrices()
-            assert single is not None
-            shape = (len(values), *single.K.shape)
-            for name, noun in PARTS.items():
-                array = getattr(batch, name)
-                if array.shape not in (shape, shape[1:]):
-                    problem = f"for {len(values)} values of '{place}' the {noun} matrices have the shape {array.shape}."
-                    raise Nonconformity(problem, f"Return {shape}.")
-                if relative_difference(np.broadcast_to(array, shape)[index], getattr(single, name)) > _ROUNDING:
-                    problem = f"for {value:g} in '{place}' the {noun} matrix is not that of the part made with it."
-                    raise Nonconformity(problem, "Let every option enter the batch as it enters matrices().")
-    if not checked:
+    part = specimen.component
+    near = np.array(_NEIGHBOURS)
+    every = {place: value * near if value else near - near[0] for place, value in _numbers(part.config, ())}
+    sets = [*({place: values} for place, values in every.items()), every]
+    if sum(_check_batch(part, options) for options in sets if options) == 0:
         raise NotApplicable("the part gives no batch of matrices.")
+
+
+def _numbers(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, float]]:
+    """Yield place and value of each number among options that a description may seek."""
+    children = [(str(index), item) for index, item in enumerate(node)] if isinstance(node, (tuple, list)) else []
+    if isinstance(node, BaseModel):
+        children = [(field.alias or name, getattr(node, name)) for name, field in type(node).model_fields.items()]
+    for step, child in children:
+        yield from _numbers(child, (*path, step))
+    if isinstance(node, float):
+        yield ".".join(path), node
+
+
+def _check_batch(part: SubstructureModel, options: Mapping[str, NDArray[np.float64]]) -> bool:
+    """Hold a batch against parts made with its values; return whether there is one."""
+    try:
+        rows = [dict(zip(options, row, strict=True)) for row in np.stack(list(options.values()), axis=1).tolist()]
+        changed = [part.config.with_options(row).model_dump(by_alias=True) for row in rows]
+        singles = [type(part)(type(part.config).model_validate(options)).matrices() for options in changed]
+    except Exception:  # the part cannot have such options
+        return False
+    batch = part.batched_matrices({place: values.copy() for place, values in options.items()})
+    if batch is None:
+        return False
+    places, shape = ", ".join(f"'{place}'" for place in options), (len(singles), *batch.K.shape[-2:])
+    for index, single in enumerate(singles):
+        for name, noun in PARTS.items():
+            array = getattr(batch, name)
+            if array.shape not in (shape, shape[1:]):
+                problem = f"for {len(singles)} values of {places} the {noun} matrices have the shape {array.shape}."
+                raise Nonconformity(problem, f"Return {shape}.")
+            if relative_difference(np.broadcast_to(array, shape)[index], getattr(single, name)) > _ROUNDING:
+                problem = f"for {rows[index]} the {noun} matrix is not that of the part made with it."
+                raise Nonconformity(problem, "Let every option enter the batch as it enters matrices().")
+    return True
 
 
 def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:

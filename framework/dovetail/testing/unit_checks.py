@@ -53,7 +53,7 @@ def check_units_agree_with_the_matrices(specimen: Specimen) -> None:
     known = isinstance(specimen, JointSpecimen) and bool(specimen.component.parameters)
     broken, looked = [], False
     for name in _DIMENSIONS:
-        options = specimen.component.config.model_dump(mode="json")
+        options = specimen.component.config.model_dump(mode="json", by_alias=True)
         rescaled = _rescaled(options, schema, schema.get("$defs", {}), name)
         if rescaled == options and not known:
             continue

@@ -252,7 +252,10 @@ def learn_novelty(
     for level in _SETTINGS.noise_levels:
         noisy = [noisy_frf(frf, level, generator) for frf in clean]
         predicted = network.predict(np.stack([frf.amplitude for frf in noisy]))
-        answers = assembly.accelerance_amplitude(predicted).astype(float)
+        finite = np.isfinite(predicted).all(axis=1)  # far from what it was trained on, the network may have no answer
+        answers = np.zeros((len(predicted), amplitude.shape[1]))
+        answers[finite] = assembly.accelerance_amplitude(predicted[finite]) if finite.any() else 0.0
+        answers[~np.isfinite(answers)] = 0.0
         compared = [_statistics(basis, frf, answer) for frf, answer in zip(noisy, answers, strict=True)]
         levels.append(float(np.median([noise_level for _, noise_level, _ in compared])))
         limits.append([_limit(np.array(column)) for column in zip(*(row for row, _, _ in compared), strict=True)])
