@@ -45,9 +45,7 @@ def good(sdof, with_gain):
 def test_a_fit_to_the_noise_is_not_doubted_for_lines_of_noise_alone(sdof):
     """A receptance far above its resonance is lost in an even noise, and so is its coherence with the model."""
     description = replace(sdof.description, responses=(replace(sdof.description.response, quantity="receptance"),))
-    result = dovetail.identify(
-        Assembly(description), noisy(Assembly(description), Assembly(description).frf(), 0.5, 3)
-    )
+    result = dovetail.identify(Assembly(description), noisy(Assembly(description), Assembly(description).frf(), 0.5, 3))
     assert result.adequacy.word == "to the noise"
     assert result.responses[0].mean_coherence < 0.9
     assert [warning for warning in result.warnings if "coherence" in warning] == []

@@ -181,7 +181,7 @@ def test_a_dataset_of_another_assembly_is_refused(collet: dovetail.Assembly, dat
 
 
 def test_a_network_without_a_finite_answer_on_noise_is_trained_all_the_same(assemblies, tmp_path):
-    """Far from what it saw, the logarithms that it answers overflow; that its answer is no FRF is what novelty learns."""
+    """Far from what it saw, the logarithms that it answers overflow: it is as unlike the measurement as can be."""
     ranges = "k: {range: [1e5 N/m, 1e7 N/m], scale: log}, c: {range: [1 N s/m, 100 N s/m], scale: log}"
     (tmp_path / "wide.yaml").write_text(
         f"extends: {assemblies / 'sdof.yaml'}\nname: wide\njoints: {{mount: {{parameters: {{{ranges}}}}}}}\n"

@@ -28,6 +28,9 @@ class Settings:
     """At which the quartic of a skewed peak is evaluated: far finer than noise allows to place it."""
     closeness: float = 0.15
     """Relative distance within which two frequencies can belong to the same mode."""
+    lines: int = 400
+    """Of which the noise is taken to be the same, since it grows or falls with the frequency: far more than a peak has,
+    where peaks are so narrow that their second differences are no noise."""
 
 
 _SETTINGS = Settings()
@@ -87,12 +90,13 @@ def counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np
     return candidate if nearest == frequency and abs(candidate - frequency) <= _SETTINGS.closeness * frequency else None
 
 
-def _noise(frf: Frf) -> float:
-    """Estimate the standard deviation of the noise of a value's real part."""
-    if not frf.has_phase:
-        second = np.abs(np.diff(frf.values.real, 2))
-        return float(np.median(second) / (0.6745 * np.sqrt(6.0)))
-    return float(np.median(np.abs(np.diff(frf.values, 2))) / (1.1774 * np.sqrt(6.0)))
+def _noise(frf: Frf) -> NDArray[np.float64]:
+    """Estimate the standard deviation (n_freq,) of the noise of each value's real part."""
+    second = np.abs(np.diff(frf.values if frf.has_phase else frf.values.real, 2))
+    scale = (1.1774 if frf.has_phase else 0.6745) * np.sqrt(6.0)
+    count = max(1, len(second) // _SETTINGS.lines)
+    middles, levels = ([np.median(part) for part in np.array_split(a, count)] for a in (frf.frequency[1:-1], second))
+    return np.asarray(np.interp(frf.frequency, middles, levels) / scale)
 
 
 def _peak_frequency(frf: Frf, top: int, prominence: float) -> float:
