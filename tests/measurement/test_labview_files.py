@@ -51,6 +51,18 @@ def check(frf) -> None:
     assert frf.quantity == "accelerance"
 
 
+def test_several_abscissas_of_one_channel_are_one(tmp_path: Path) -> None:
+    """Of one channel LabVIEW writes the same, whether each has an abscissa of its own or all have one."""
+    one = "\n".join(
+        "\t".join(line.split("\t")[:2]) for line in SEGMENT.replace("Channels\t2", "Channels\t1").splitlines()
+    )
+    magnitude = one.replace("FRF (Real)", "FRF Magnitude").replace("-", "")
+    (tmp_path / "a.lvm").write_text(HEADER.replace("Columns\tOne", "Columns\tMulti") + magnitude + "\n")
+    frf = read_frf(tmp_path / "a.lvm", names={"amplitude": "FRF Magnitude"})
+    np.testing.assert_allclose(frf.amplitude, [1.5, 3.0, 0.0])
+    np.testing.assert_array_equal(frf.frequency, FREQUENCY)
+
+
 def without_axis(text: str) -> str:
     """The same file with X_Columns No: the first cell of each row is empty."""
     above, header, rows = text.partition("X_Value\tFRF (Real)\tFRF (Imag)\tComment\n")

@@ -17,6 +17,7 @@ TABLES = {
     "EMA 3\n\nNr;Natural frequency [kHz];Damping [%];Frequency SD [Hz];Damping SD [%]\n"
     "1;0,1;1;0,1;0,1\n2;0,2505;2;0,2;0,2\n",
     "Frequency\tZeta\tfrequency_sd\tzeta_sd\nHz\t-\tHz\t-\n100\t0.01\t0.1\t0.001\n250.5\t0.02\t0.2\t0.002\n",
+    "f_n (Hz),zeta (%),f_sd (Hz),zeta_sd (%)\n100,1,0.1,0.1\n250.5,2,0.2,0.2\n",
     "f_Hz damping_ratio[%] frequency_sd_percent zeta_sd\n100 1 0.1 0.001\n250.5 2 0.07984031936127745 0.002\n",
 }
 

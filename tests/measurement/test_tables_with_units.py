@@ -149,3 +149,14 @@ def test_a_phase_whose_name_and_unit_disagree_is_not_guessed(tmp_path: Path, hea
 def test_a_phase_whose_name_and_unit_agree_is_read(tmp_path: Path, header: str) -> None:
     frf = read(tmp_path, "a.csv", f"{header}\n10,1,90\n20,1,180\n", quantity="receptance")
     np.testing.assert_allclose(frf.values, [1j, -1], atol=1e-12)
+
+
+def test_lines_without_a_number_between_header_and_rows(tmp_path: Path) -> None:
+    """SignalCalc writes a blank line, a word and a row of units of its own there."""
+    header = "Units: Ratio\n\nFrequency\t Real\t Imaginary\n\nUnits:\nHz\t(m/s\xb2)(N)\t \n"
+    text = header + "0.0\t 1\t 0\n1e1\t 2\t -3\n2e1\t 4\t 5\n"
+    frf = read(tmp_path, "a.txt", text, unit="m/s^2/N")
+    np.testing.assert_array_equal(frf.frequency, [10.0, 20.0])
+    np.testing.assert_array_equal(frf.values, [2 - 3j, 4 + 5j])
+    with pytest.raises(MeasurementError, match="the line has 1 column, the header 3"):
+        read(tmp_path, "b.txt", text.replace("0.0\t 1\t 0\n", "0.0\t x\t 0\n"), unit="m/s^2/N")

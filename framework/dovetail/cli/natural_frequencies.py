@@ -31,4 +31,6 @@ def natural_frequencies(assembly: Assembly, theta: Theta = None) -> tuple[list[f
 
 def say_natural_frequencies(natural: list[float], reason: str) -> None:
     """Print natural frequencies [Hz] in one line."""
-    say(f"{', '.join(f'{frequency:.1f}' for frequency in natural)} Hz" if natural else reason)
+    from dovetail.report.wording import hertz
+
+    say(f"{', '.join(map(hertz, natural))} Hz" if natural else reason)

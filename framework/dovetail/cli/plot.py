@@ -93,6 +93,8 @@ def _summary(frf: Frf) -> dict[str, Any]:
 
 
 def _row(summary: dict[str, Any]) -> list[str]:
+    from dovetail.report.wording import hertz
+
     low, high = summary["band_Hz"]
     coherence, peaks = summary["mean_coherence"], summary["resonances_Hz"]
     return [
@@ -102,7 +104,7 @@ def _row(summary: dict[str, Any]) -> list[str]:
         f"{low:g} to {high:g}",
         "" if coherence is None else f"{coherence:.3f}",
         str(summary["averages"] or ""),
-        ", ".join(f"{peak:.1f}" for peak in peaks[:_PEAKS]) + (", ..." if len(peaks) > _PEAKS else ""),
+        ", ".join(hertz(peak) for peak in peaks[:_PEAKS]) + (", ..." if len(peaks) > _PEAKS else ""),
     ]
 
 

@@ -21,7 +21,7 @@ __all__ = ["ModalParameters", "is_modal_table", "read_modal_parameters"]
 
 _SUFFIXES = (".csv", ".tsv", ".txt")
 _NAMES = {
-    "frequency": ("frequency", "natural_frequency", "freq", "f", "fn"),
+    "frequency": ("frequency", "natural_frequency", "natural_freq", "eigenfrequency", "freq", "f", "fn", "f_n", "f0"),
     "frequency_sd": ("frequency_sd", "natural_frequency_sd", "freq_sd", "frequency_std", "f_sd"),
     "damping_ratio": ("damping_ratio", "zeta", "damping", "damping_percent"),
     "damping_sd": ("damping_sd", "damping_ratio_sd", "damping_std", "zeta_sd", "damping_sd_percent"),

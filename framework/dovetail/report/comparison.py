@@ -14,7 +14,7 @@ from dovetail.report.charts import as_data, chart_data
 from dovetail.report.comparison_figures import parameter_comparison
 from dovetail.report.pages import write_page
 from dovetail.report.svg import inline_svg
-from dovetail.report.wording import ABSENT, display_unit, fixed, number
+from dovetail.report.wording import ABSENT, display_unit, fixed, hertz, number
 
 __all__ = ["coherence_rows", "frequency_rows", "parameter_value_rows", "time_rows", "write_comparison"]
 
@@ -99,7 +99,7 @@ def frequency_rows(comparison: Comparison) -> Iterator[Row]:
         for index, (measured, _) in enumerate(next(iter(compared.values())).peaks):
             errors = [_error(compared[method].peaks[index]) for method in comparison.methods]
             doubted = _not_believed(compared.values(), lambda row: row.method)
-            yield [case.name, index + 1, f"{measured:.1f}", *errors, doubted]
+            yield [case.name, index + 1, hertz(measured), *errors, doubted]
 
 
 def _error(peak: tuple[float, float | None]) -> str:

@@ -14,7 +14,7 @@ from dovetail.errors import listing
 from dovetail.identification import Fit, Identification, ModalIdentification, Mode, Posterior, TableRow
 from dovetail.identification.parameters import place_on_range
 from dovetail.report.truth import Truth
-from dovetail.report.wording import ABSENT, display_unit, fixed, number, readable
+from dovetail.report.wording import ABSENT, display_unit, fixed, hertz, number, readable
 from dovetail.units import format_quantity
 
 __all__ = [
@@ -367,17 +367,17 @@ def _counterpart(frequency: float, among: Sequence[float], others: Sequence[floa
 
 def _mode_row(mode: Mode, true: float | None) -> ModeRow:
     return ModeRow(
-        natural=fixed(mode.natural_frequency, 1),
-        true_natural=fixed(true, 1),
+        natural=hertz(mode.natural_frequency),
+        true_natural=hertz(true),
         error=_difference(mode.natural_frequency, true),
-        reconstructed_peak=fixed(mode.reconstructed_peak, 1),
-        measured_peak=fixed(mode.measured_peak, 1),
+        reconstructed_peak=hertz(mode.reconstructed_peak),
+        measured_peak=hertz(mode.measured_peak),
         difference=_difference(mode.reconstructed_peak, mode.measured_peak),
     )
 
 
 def _missed_mode_row(true: float) -> ModeRow:
-    return ModeRow(ABSENT, fixed(true, 1), ABSENT, ABSENT, ABSENT, ABSENT)
+    return ModeRow(ABSENT, hertz(true), ABSENT, ABSENT, ABSENT, ABSENT)
 
 
 def _difference(value: float | None, reference: float | None) -> str:

@@ -11,7 +11,7 @@ from dovetail.report.charts import as_data, chart_data
 from dovetail.report.pages import write_page
 from dovetail.report.svg import inline_svg
 from dovetail.report.validation_figures import series_figure
-from dovetail.report.wording import ABSENT, fixed
+from dovetail.report.wording import ABSENT, fixed, hertz
 
 __all__ = ["write_validation"]
 
@@ -71,7 +71,7 @@ def _rows(case: ValidatedCase) -> Iterator[list[str]]:
     """Yield each resonance as measured, compensated and predicted [Hz], the error and the shift [%]."""
     for row in case.peaks:
         frequencies = (row.measured, row.compensated, row.predicted)
-        cells = [ABSENT if frequency is None else f"{frequency:.1f}" for frequency in frequencies]
+        cells = [hertz(frequency) for frequency in frequencies]
         yield cells + [ABSENT if value is None else fixed(value, 2, signed=True) for value in (row.error, row.shift)]
 
 

@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
-__all__ = ["ABSENT", "DisplayUnit", "display_unit", "fixed", "number", "readable", "unit_text"]
+__all__ = ["ABSENT", "DisplayUnit", "display_unit", "fixed", "hertz", "number", "readable", "unit_text"]
 
 ABSENT = "\N{EN DASH}"
 """Stands where there is no number."""
@@ -99,6 +99,11 @@ def fixed(value: float | None, decimals: int, *, signed: bool = False) -> str:
     if value is None or not math.isfinite(value):
         return ABSENT
     return f"{value:{'+' if signed else ''}.{decimals}f}".replace("-", _MINUS)
+
+
+def hertz(frequency: float | None) -> str:
+    """Write a frequency [Hz] with a decimal, and low ones with four digits; a dash for None and NaN."""
+    return fixed(frequency, 1 if frequency is None or frequency >= 100.0 else 2 if frequency >= 10.0 else 3)
 
 
 def readable(text: str) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import word_for
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
@@ -124,16 +125,18 @@ class _Problem:
         """Return what errors of the model add to its FRFs."""
         return error_shapes(self.axes, self.target.split(values), size)
 
-    def peaks_apart(self, fraction: NDArray[np.float64]) -> tuple[float, float]:
-        """Return between which limits the peaks tell the error of natural frequencies (relative, rms).
+    def peaks_apart(self, fraction: NDArray[np.float64]) -> tuple[float, float, float]:
+        """Return between which limits the peaks tell the error of natural frequencies (relative, rms), and of heights.
 
         The least is how far peaks of measurement and model that belong together are apart, beyond a line; the most is
         twice how far they are apart, where they are all resonances there are: each peak of the measurement has its
-        counterpart, and each resonance of the model its peak. Damped ones, which have none, may be farther away.
+        counterpart, and each resonance of the model its peak. Damped ones, which have none, may be farther away. The
+        heights are those of peaks that belong together, by the logarithms of their ratios: of a peak that is misplaced
+        by more than its width, the residuals do not tell how high it should be.
         """
         values = self.target.split(self.values(fraction))
         poles, with_peak = fit_resonances(self.axes, values).poles.real, set[int]()
-        apart, beyond, alone = list[float](), list[float](), 0
+        apart, beyond, heights, alone = list[float](), list[float](), list[float](), 0
         for frf, fitted in zip(self.target.frfs, values, strict=True):
             measured, modelled = resonance_peaks(frf), resonance_peaks(replace(frf, values=fitted))
             step = float(np.median(np.diff(frf.frequency))) if len(frf.frequency) > 1 else 0.0
@@ -142,13 +145,15 @@ class _Problem:
             alone += len(pairs) - len(distances)
             apart += [distance / peak for distance, peak in distances]
             beyond += [max(0.0, distance - step) / peak for distance, peak in distances]
+            sizes = [(_at(frf, peak), _at(replace(frf, values=fitted), other)) for peak, other in pairs if other]
+            heights += [float(np.log(size / modelled)) for size, modelled in sizes]
             if len(poles):
                 with_peak |= {int(np.argmin(np.abs(poles - other))) for _, other in pairs if other is not None}
         low, high = min(axis[0] for axis in self.axes), max(axis[-1] for axis in self.axes)
         alone += max(0, int(np.count_nonzero((poles > low) & (poles < high))) - len(with_peak))
         if alone > 0 or len(apart) < _SETTINGS.fewest_peaks:
-            return _rms(beyond), _SETTINGS.most
-        return _rms(beyond), _SETTINGS.consistent * max(_SETTINGS.narrowest, _rms(apart))
+            return _rms(beyond), _SETTINGS.most, _rms(heights)
+        return _rms(beyond), _SETTINGS.consistent * max(_SETTINGS.narrowest, _rms(apart)), _rms(heights)
 
     def fit(self, start: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
         """Return the fractions (p,) that fit best with errors of this size, from a start (p,)."""
@@ -209,7 +214,7 @@ def _estimates(
     problem: _Problem, fraction: NDArray[np.float64], progress: Progress
 ) -> Iterator[tuple[float, ModelError]]:
     """Yield the sizes that are told with residuals averaged for natural frequencies that are off by less or more."""
-    least, most = problem.peaks_apart(fraction)
+    least, most, heights = problem.peaks_apart(fraction)
     widths, width = [], max(least, _SETTINGS.narrowest)
     while width <= min(most, _SETTINGS.widest):
         widths.append(width)
@@ -219,7 +224,8 @@ def _estimates(
         size = _Linearised(problem, fraction, typical_model_error(width), most).estimate()
         if width > _SETTINGS.narrowest:  # what is far below the width of an average is hidden in it
             size = replace(size, natural_frequency=max(size.natural_frequency, width / _SETTINGS.consistent))
-        apart = replace(size, natural_frequency=max(size.natural_frequency, least))
+        damping = np.sqrt(max(size.damping**2, heights**2 - size.magnitude**2))
+        apart = replace(size, natural_frequency=max(size.natural_frequency, least), damping=float(damping))
         if word_for(apart) != "does not fit":  # peaks may have been taken for each other
             size = apart
         told = _Linearised(problem, fraction, size).with_other(size)  # by the averages that intervals will use
@@ -372,6 +378,11 @@ def _mean_square(residuals: NDArray[np.float64], changes: NDArray[np.float64]) -
 
 def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0
+
+
+def _at(frf: Frf, frequency: float) -> float:
+    """Return the amplitude on the line nearest to a frequency [Hz]."""
+    return float(frf.amplitude[np.argmin(np.abs(frf.frequency - frequency))])
 
 
 def _change(size: ModelError, before: ModelError) -> float:

@@ -121,8 +121,9 @@ def _segment(path: Path, parsed: dict[Any, Any], number: int) -> Segment:
     """Return a segment as lvm_read has it: a table of which the abscissa may be the first column or left out."""
     where, fields = f"{path}: segment {number + 1}", parsed[number]
     kind = str(parsed.get("X_Columns", "One")).strip()
+    kind = "One" if kind == "Multi" and fields.get("Channels") == 1 else kind
     if kind not in ("One", "No"):
-        accepted = "One, or No"
+        accepted = "One or No, or one channel"
         raise MeasurementError(Fault(where, f"the file has X_Columns '{kind[:40]}'.", accepted, "Export it so."))
     names = [str(name).strip() for name in fields["Channel names"]]
     names = names[kind == "One" :]

@@ -133,7 +133,7 @@ def find_table(
             fits = len(cells) == width > 1 or (not width and len(cells) > 1)
             table = TextTable(where, lines, tuple(cells), number, number + 1, separator)
             if is_header(cells) and (fits or (separator != _BLANKS and len(cells) > 1)):
-                return _below(table)
+                return _below(table, start)
             if last is None and fits and width and number >= start - 2 and lines[number][:9].lstrip()[:1] not in "#%":
                 last = table
     if last is not None:
@@ -143,7 +143,11 @@ def find_table(
     raise MeasurementError(Fault(where, "there is no header.", accepted))
 
 
-def _below(table: TextTable) -> TextTable:
+def _below(table: TextTable, start: int) -> TextTable:
+    """Return a table without a row of units, and without what else stands above its rows that holds no number."""
+    between = [_split(line[:_LONGEST_LINE], table.separator) for line in table.lines[table.first : start]]
+    if between and not any(is_number(cell) for cells in between for cell in cells if cell):
+        return table._replace(first=start)
     return table._replace(first=table.line + 2) if table.units else table
 
 
