@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from pydantic import create_model
 
 from dovetail import StructuralMatrices, hookimpl
 from dovetail.errors import PluginError
@@ -191,6 +192,14 @@ class NoConfig:
         (joint(name="two words"), "Pad has the name 'two words', which is not an identifier."),
         (joint(matrices=None), "Pad does not define matrices."),
         (joint(Config=NoConfig), "Pad.Config does not derive from dovetail.ComponentConfig."),
+        (
+            joint(Config=create_model("Config", __base__=ComponentConfig, connect=(float, 1.0))),
+            "Pad.Config has the option 'connect', a key that descriptions use themselves; call it otherwise.",
+        ),
+        (
+            joint(Config=create_model("Config", __base__=ComponentConfig, model=(str, "soft"))),
+            "Pad.Config has the option 'model', a key that descriptions use themselves; call it otherwise.",
+        ),
         (
             joint(interface_versions=(2, 3)),
             "Pad was written for versions 2 to 3 of the plugin interface; this dovetail-frf has 1.",

@@ -334,6 +334,9 @@ def _unfitness(component: Any) -> str:
         return f"{label} does not define {', '.join(missing)}."
     if not isinstance(component.Config, type) or not issubclass(component.Config, ComponentConfig):
         return f"{label}.Config does not derive from dovetail.ComponentConfig."
+    keys = {field.alias or name for name, field in component.Config.model_fields.items()}
+    if taken := sorted(keys & ({"model", "connect"} if issubclass(component, JointModel) else {"model"})):
+        return f"{label}.Config has the option '{taken[0]}', a key that descriptions use themselves; call it otherwise."
     contract = next(contract for contract in _CONTRACTS if issubclass(component, contract))
     if issubclass(component, FrfReader) and not _are_suffixes(getattr(component, "suffixes", None)):
         return f"{label} has no 'suffixes' such as ('.abc',), in small letters."

@@ -37,6 +37,8 @@ class Settings:
 
     most_missed: int = 5
     """Resonances of the measurement that are listed where the model lacks them."""
+    same_missed: float = 0.01
+    """Relative distance from the one before up to which several FRFs show the same one."""
     exceeds: float = 2.0
     """Times the allowed error of natural frequencies from which the measurement is said to need more."""
 
@@ -158,9 +160,10 @@ def _reasons(
             f"The measurement shows errors of natural frequencies of {100.0 * needed:.2g} %, more than the "
             f"{100.0 * allowed:.2g} % that are allowed."
         )
-    missed = missed_resonances(target, fit.variance, estimated.values)
+    missed = np.unique(missed_resonances(target, fit.variance, estimated.values))
     if len(missed):
-        named = list(dict.fromkeys(f"{frequency:.4g}" for frequency in missed))[: _SETTINGS.most_missed]
+        apart = np.append(True, np.diff(missed) > _SETTINGS.same_missed * missed[1:])
+        named = [f"{frequency:.4g}" for frequency in missed[apart]][: _SETTINGS.most_missed]
         yield f"The measurement has resonances that the model lacks: {', '.join(named)} Hz."
     yield f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
 
