@@ -67,6 +67,8 @@ class Settings:
     """Errors above which the FRF says nothing."""
     fewest_peaks: int = 2
     """That tell how far natural frequencies may be off at most; parameters can bring a single one to its place."""
+    dense: float = 2.0
+    """Lines within the half-power width of a peak from which its height is told."""
     alternations: int = 6
     """Of the estimates of errors that have a shape, and of others."""
     tolerance: float = 0.05
@@ -132,10 +134,11 @@ class _Problem:
         twice how far they are apart, where they are all resonances there are: each peak of the measurement has its
         counterpart, and each resonance of the model its peak. Damped ones, which have none, may be farther away. The
         heights are those of peaks that belong together, by the logarithms of their ratios: of a peak that is misplaced
-        by more than its width, the residuals do not tell how high it should be.
+        by more than its width, the residuals do not tell how high it should be. Lines must be dense enough to tell it.
         """
         values = self.target.split(self.values(fraction))
-        poles, with_peak = fit_resonances(self.axes, values).poles.real, set[int]()
+        resonances, with_peak = fit_resonances(self.axes, values).poles, set[int]()
+        poles, widths = resonances.real, 2.0 * resonances.imag
         apart, beyond, heights, alone = list[float](), list[float](), list[float](), 0
         for frf, fitted in zip(self.target.frfs, values, strict=True):
             measured, modelled = resonance_peaks(frf), resonance_peaks(replace(frf, values=fitted))
@@ -145,10 +148,12 @@ class _Problem:
             alone += len(pairs) - len(distances)
             apart += [distance / peak for distance, peak in distances]
             beyond += [max(0.0, distance - step) / peak for distance, peak in distances]
-            sizes = [(_at(frf, peak), _at(replace(frf, values=fitted), other)) for peak, other in pairs if other]
-            heights += [float(np.log(size / modelled)) for size, modelled in sizes]
-            if len(poles):
-                with_peak |= {int(np.argmin(np.abs(poles - other))) for _, other in pairs if other is not None}
+            for peak, other in pairs if len(poles) else []:
+                if other is not None:
+                    resonance = int(np.argmin(np.abs(poles - other)))
+                    with_peak.add(resonance)
+                    if widths[resonance] >= _SETTINGS.dense * step:
+                        heights.append(float(np.log(_at(frf, peak) / _at(replace(frf, values=fitted), other))))
         low, high = min(axis[0] for axis in self.axes), max(axis[-1] for axis in self.axes)
         alone += max(0, int(np.count_nonzero((poles > low) & (poles < high))) - len(with_peak))
         if alone > 0 or len(apart) < _SETTINGS.fewest_peaks:
