@@ -154,6 +154,20 @@ def test_other_errors_are_as_large_in_an_antiresonance_that_the_model_has_too_de
     assert np.allclose(unshaped_deviation(target, deep, ModelError(1e-4, other=0.1)), 0.1 * np.abs(exact))
 
 
+def test_heights_of_misplaced_peaks_tell_how_far_damping_is_off(chain):
+    """All resonances are 2 % higher, many of their widths, with a quarter of the damping: the residuals forget that."""
+    theta, axis = chain.vector(TRUTH), chain.frequency
+    values = chain.frf(theta)
+    resonances = fit_resonances([axis], [values])
+    moved = values.copy()
+    for pole, near in zip(resonances.poles, resonances.near[0], strict=True):
+        moved += near * (axis - pole) / (axis - 1.02 * complex(pole.real, 0.25 * pole.imag)) - near
+    target = Observations.of(chain, noisy(chain, moved, 1e-3, 1))
+    fit = fit_at(chain, target, chain.to_unit(theta), starts=1, agreeing=1, steps=0, seconds=0.0)
+    told = estimate_model_error(ModelFrfs.of(chain), target, fit.variance, fit.used, chain.to_unit(theta)).size
+    assert 0.7 < told.damping / np.log(4.0) < 1.5
+
+
 def test_of_the_errors_that_explain_a_misfit_plausible_ones_are_told():
     narrow, wide = ModelError(5e-4, magnitude=1.05, other=0.03), ModelError(0.03, damping=0.3, magnitude=0.1)
     assert _most_plausible([(5e-4, narrow), (0.032, wide)]) == wide
