@@ -152,7 +152,7 @@ def test_a_phase_whose_name_and_unit_agree_is_read(tmp_path: Path, header: str) 
 
 
 def test_lines_without_a_number_between_header_and_rows(tmp_path: Path) -> None:
-    """SignalCalc writes a blank line, a word and a row of units of its own there."""
+    """SignalCalc writes a blank line, a word and a row of units of its own there; it says none that is understood."""
     header = "Units: Ratio\n\nFrequency\t Real\t Imaginary\n\nUnits:\nHz\t(m/s\xb2)(N)\t \n"
     text = header + "0.0\t 1\t 0\n1e1\t 2\t -3\n2e1\t 4\t 5\n"
     frf = read(tmp_path, "a.txt", text, unit="m/s^2/N")

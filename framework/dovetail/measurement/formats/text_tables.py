@@ -144,9 +144,9 @@ def find_table(
 
 
 def _below(table: TextTable, start: int) -> TextTable:
-    """Return a table without a row of units, and without what else stands above its rows that holds no number."""
-    between = [_split(line[:_LONGEST_LINE], table.separator) for line in table.lines[table.first : start]]
-    if between and not any(is_number(cell) for cells in between for cell in cells if cell):
+    """Return a table without a row of units, or without what SignalCalc writes between header and rows."""
+    between = [line[:_LONGEST_LINE].strip() for line in table.lines[table.first : start]]
+    if "Units:" in between and not any(is_number(cell) for line in between for cell in line.split()):
         return table._replace(first=start)
     return table._replace(first=table.line + 2) if table.units else table
 
