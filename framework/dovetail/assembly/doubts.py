@@ -14,7 +14,7 @@ from dovetail.errors import DovetailError, Fault, PluginError
 from dovetail.interfaces import Parameter, plugin_errors
 from dovetail.units import format_quantity
 
-__all__ = ["find_doubts"]
+__all__ = ["find_doubts", "numbers_within"]
 
 _USUAL = {"Pa": (1e6, 1.3e12), "kg/m^3": (10.0, 25e3), "m": (1e-6, 20.0)}
 """From soft rubber to diamond, from foam to osmium, from a micrometre to a building."""
@@ -65,7 +65,7 @@ def _of_options(config: object) -> Iterator[str]:
     """Yield the doubts about a component's options with a unit."""
     if not isinstance(config, BaseModel):
         return
-    for steps, value in _numbers_within(config.model_dump(), ()):
+    for steps, value in numbers_within(config.model_dump()):
         unit = number_unit(type(config), steps)
         low, high = _USUAL.get(unit or "", (-np.inf, np.inf))
         if unit is None or value == 0.0 or low <= abs(value) <= high:
@@ -76,7 +76,8 @@ def _of_options(config: object) -> Iterator[str]:
         yield f"{option}: {value:g} {unit} is not within {low:g} to {high:g} {unit}.{hint}"
 
 
-def _numbers_within(value: Any, steps: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], float]]:
+def numbers_within(value: Any, steps: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], float]]:
+    """Yield each number among options as plain values, and the steps that lead there."""
     children: Sequence[tuple[str | int, Any]] = ()
     if isinstance(value, Mapping):
         children = list(value.items())
@@ -85,7 +86,7 @@ def _numbers_within(value: Any, steps: tuple[str | int, ...]) -> Iterator[tuple[
     elif isinstance(value, float):
         yield steps, value
     for step, child in children:
-        yield from _numbers_within(child, (*steps, step))
+        yield from numbers_within(child, (*steps, step))
 
 
 def _of_range(parameter: Parameter) -> Iterator[str]:

@@ -261,8 +261,7 @@ def by_posterior(
     fitted = by_refined_fit(measured, trained, start=start, **limits, seed=seed, progress=progress)
     assert fitted.fit is not None
     allowed = TYPICAL if fitted.adequacy is None else fitted.adequacy.error_in_intervals
-    believed = fitted.adequacy is None or fitted.adequacy.fits
-    used: Form = form if believed else "laplace"
+    used: Form = form if fitted.believable else "laplace"
     posterior = _FORMS[used](
         measured.assembly,
         measured.frfs,
@@ -273,7 +272,7 @@ def by_posterior(
         progress=progress,
     )
     origin = {**fitted.provenance, "posterior_form": used, "model_error": allowed.natural_frequency}
-    warnings = (*fitted.warnings, *(posterior.warnings if believed else ()))
+    warnings = (*fitted.warnings, *(posterior.warnings if fitted.believable else ()))
     return replace(fitted, method="posterior", posterior=posterior, provenance=origin, warnings=warnings)
 
 

@@ -72,11 +72,6 @@ class ConfigQuantity:
         """Return the substructure with another value of the quantity."""
         return type(model)(model.config.with_options({self.place: value}))
 
-    @property
-    def is_of_material(self) -> bool:
-        """Whether it is a modulus or a density."""
-        return self.unit in _OF_MATERIALS
-
 
 def list_quantities(model: SubstructureModel) -> tuple[ConfigQuantity, ...]:
     """Return every physical quantity other than 0 that a substructure's Config holds."""
@@ -87,7 +82,7 @@ def materials_in_common(assembly: Assembly) -> Iterator[tuple[tuple[str, ...], C
     """Yield what several parts have alike of their material: their names, else as `known_quantities` does."""
     alike: dict[ConfigQuantity, list[str]] = {}
     for name, quantity, _ in known_quantities(assembly):
-        if quantity.is_of_material:
+        if quantity.unit in _OF_MATERIALS:
             alike.setdefault(quantity, []).append(name)
     for quantity, names in alike.items():
         if len(names) > 1:

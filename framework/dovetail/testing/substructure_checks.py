@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
 
+from dovetail.assembly.doubts import numbers_within
 from dovetail.interfaces import DIRECTIONS, Node, SparseMatrices, StructuralMatrices, SubstructureModel
 from dovetail.testing.answers import PARTS
 from dovetail.testing.linear_algebra import asymmetry, least_effort, least_eigenvalue, relative_difference
@@ -281,21 +281,13 @@ def check_batched_matrices_are_those_of_each_value(specimen: SubstructureSpecime
     """`batched_matrices` gives the matrices of the part made with each value of its options, or None."""
     part = specimen.component
     near = np.array(_NEIGHBOURS)
-    every = {place: value * near if value else near - near[0] for place, value in _numbers(part.config, ())}
+    numbers = {
+        ".".join(map(str, steps)): value for steps, value in numbers_within(part.config.model_dump(by_alias=True))
+    }
+    every = {place: value * near if value else near - near[0] for place, value in numbers.items()}
     sets = [*({place: values} for place, values in every.items()), every]
     if sum(_check_batch(part, options) for options in sets if options) == 0:
         raise NotApplicable("the part gives no batch of matrices.")
-
-
-def _numbers(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, float]]:
-    """Yield place and value of each number among options that a description may seek."""
-    children = [(str(index), item) for index, item in enumerate(node)] if isinstance(node, (tuple, list)) else []
-    if isinstance(node, BaseModel):
-        children = [(field.alias or name, getattr(node, name)) for name, field in type(node).model_fields.items()]
-    for step, child in children:
-        yield from _numbers(child, (*path, step))
-    if isinstance(node, float):
-        yield ".".join(path), node
 
 
 def _check_batch(part: SubstructureModel, options: Mapping[str, NDArray[np.float64]]) -> bool:
