@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 import dovetail
 from dovetail.assembly import AugmentationSection
 from dovetail.errors import DescriptionError, MeasurementError
-from dovetail.identification.fitting.random_error import MeasuredNoise
+from dovetail.identification.fitting.random_error import MeasuredNoise, most_likely_parts
 from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures, measured_noises
 
 AXIS = np.linspace(20.0, 590.0, 50)
@@ -171,3 +172,19 @@ def test_a_model_needs_the_file_no_more(folder, sdof, tmp_path_factory):
     loaded = dovetail.load_model(elsewhere / "model")
     assert (loaded.assembly.description.identification.augmentation.like) != str(folder / "measured.uff")
     np.testing.assert_array_equal(loaded.network.predict(clean), model.network.predict(clean))
+
+
+def test_parts_of_a_variance_are_sought_without_overflow_whatever_their_sizes():
+    rng = np.random.default_rng(0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for case in range(170):
+            count = int(rng.integers(5, 2000))
+            magnitude = 10.0 ** rng.uniform(-12.0, 3.0, count) * 10.0 ** rng.uniform(-8.0, 8.0)
+            level = np.full(count, 10.0 ** rng.uniform(-8.0, 4.0))
+            squares = rng.exponential(size=count) * 10.0 ** rng.uniform(-20.0, 5.0)
+            squares *= magnitude * rng.random() + level * rng.random()
+            if case % 3 == 0:
+                squares[rng.integers(count)] *= 1e12
+            parts = most_likely_parts(squares, level, magnitude, 1e-30 * magnitude.max())
+            assert np.isfinite(parts).all()

@@ -73,14 +73,14 @@ def test_a_pole_far_outside_the_frequencies_is_no_resonance(natural, loss, count
         assert poles[0] == pytest.approx(pole, rel=1e-4)
 
 
-@pytest.mark.parametrize(("loss", "counted"), [(0.38, True), (0.42, False)])
+@pytest.mark.parametrize(("loss", "counted"), [(1.18, True), (1.22, False)])
 def test_what_is_damped_too_much_is_no_resonance(loss, counted):
     pole = 150.0 * (1.0 + 0.5j * loss)
     frf = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
     assert (len(fit_resonances([FREQUENCY], [frf]).poles) == 1) is counted
 
 
-def posterior_of(*columns, weight=None):
+def posterior_of(*columns, weight=None, normal=()):
     fraction = np.stack(columns, axis=1)
     count = len(fraction)
     return Posterior(
@@ -93,6 +93,7 @@ def posterior_of(*columns, weight=None):
         searches=count,
         lines=10,
         seconds=0.0,
+        normal=normal,
     )
 
 
@@ -115,6 +116,16 @@ def test_a_verdict_is_how_much_of_the_priors_variance_is_taken_away(gain, word):
     verdict = posterior_of(spread_out(gain)).verdicts["a"]
     assert verdict.word == word
     assert verdict.gain == pytest.approx(gain, abs=1e-3)
+
+
+def test_what_is_taken_away_of_a_normal_prior_is_counted_in_its_deviations():
+    levels = np.linspace(0.0, 1.0, 4001)[1:-1]
+    low = unit_from_normal(0.7 * normal_from_unit(levels) - 2.5)
+    verdict = posterior_of(low, normal=("a",)).verdicts["a"]
+    assert verdict.gain == pytest.approx(1.0 - 0.7**2, abs=2e-3)
+    assert verdict.word == "weakly identified"
+    assert "end of its range" not in verdict.reason
+    assert "end of its range" in posterior_of(low).verdicts["a"].reason
 
 
 @pytest.mark.parametrize(("correlation", "trades"), [(0.56, False), (0.64, True), (-0.64, True)])

@@ -246,6 +246,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         mode=None if stored.mode is None else np.array(stored.mode),
         log_likelihood=None if stored.samples.log_likelihood is None else np.array(stored.samples.log_likelihood),
         unreliable=tuple(name for name, parameter in stored.parameters.items() if parameter.doubtful),
+        normal=tuple(parameter.name for parameter in ranges if parameter.prior == "normal"),
     )
 
 

@@ -350,7 +350,8 @@ def most_likely_parts(
         slope = (1.0 - squares / variance) / variance
         return float(np.mean(np.log(variance) + squares / variance)), np.asarray((parts @ slope) / len(squares))
 
-    bounds = [(np.log(part) - _SETTINGS.most_decrease, None) for part in smallest]
+    largest = np.maximum((squares / terms).max(axis=1), smallest)  # more than any error needs
+    bounds = list(zip(np.log(smallest) - _SETTINGS.most_decrease, np.log(largest), strict=True))
     logs = minimize(negative_log, np.log(np.maximum(starts, smallest)), jac=True, method="L-BFGS-B", bounds=bounds).x
     of_level, of_magnitude = np.exp(logs).tolist()
     return of_level, of_magnitude

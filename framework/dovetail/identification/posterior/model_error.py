@@ -65,7 +65,7 @@ class ModelErrorSettings:
     """Of that function; a resonance takes two."""
     pole_limits: tuple[float, float] = (0.5, 1.2)
     """Times the lowest and the highest frequency: a pole beyond belongs to the background."""
-    largest_damping: float = 0.2
+    largest_damping: float = 0.6
     """Imaginary part of a pole over its real part above which it is no resonance."""
     same_pole: float = 0.5
     """Imaginary parts of a pole up to which another one, from other frequencies, is the same."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.identification.posterior.likelihood import PRIOR_PRECISION
+from dovetail.identification.posterior.likelihood import PRIOR_PRECISION, normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.model_error import ModelError
 
 __all__ = [
@@ -115,6 +115,8 @@ class Posterior:
     log_likelihood : (n,) array or None
         Of the measurement at each sample, but for a constant; None with the form
         "laplace" and with a result of an earlier version.
+    normal : tuple of str
+        Parameters whose prior is normal; that of the others is even over the range.
     """
 
     names: tuple[str, ...]
@@ -132,6 +134,7 @@ class Posterior:
     caveat: str = ""
     doubts: Mapping[str, str] = field(default_factory=dict)
     log_likelihood: NDArray[np.float64] | None = None
+    normal: tuple[str, ...] = ()
 
     @staticmethod
     def from_fractions(
@@ -146,17 +149,21 @@ class Posterior:
         log_likelihood: NDArray[np.float64] | None = None,
     ) -> Posterior:
         """Return the posterior with these samples, in fractions of the assembly's ranges."""
+        normal = np.array([parameter.prior == "normal" for parameter in assembly.parameters])
+        mean = weight @ fraction
+        mean[normal] = unit_from_normal(weight @ normal_from_unit(fraction[:, normal]))
         return Posterior(
             names=tuple(parameter.name for parameter in assembly.parameters),
             theta=assembly.from_unit(fraction),
             fraction=fraction,
             weight=weight,
-            estimate=assembly.from_unit(weight @ fraction),
+            estimate=assembly.from_unit(mean),
             model_error=model_error,
             searches=searches,
             lines=lines,
             seconds=seconds,
             log_likelihood=log_likelihood,
+            normal=tuple(parameter.name for parameter in assembly.parameters if parameter.prior == "normal"),
         )
 
     def sample(self, count: int, seed: int = 0) -> NDArray[np.float64]:
@@ -215,9 +222,17 @@ class Posterior:
         return {name: (float(low), float(high)) for name, low, high in zip(self.names, *ends, strict=True)}
 
     @cached_property
+    def _deviations(self) -> NDArray[np.float64]:
+        """(n, n_params) samples on the parameters' scales, in standard deviations of the prior from its middle."""
+        deviations = np.sqrt(PRIOR_PRECISION) * (self.fraction - 0.5)
+        normal = [name in self.normal for name in self.names]
+        deviations[:, normal] = normal_from_unit(self.fraction[:, normal])
+        return np.asarray(deviations)
+
+    @cached_property
     def correlation(self) -> NDArray[np.float64]:
         """(n_params, n_params) correlations, on the parameters' scales."""
-        centred = self.fraction - self.weight @ self.fraction
+        centred = self._deviations - self.weight @ self._deviations
         covariance = (centred * self.weight[:, np.newaxis]).T @ centred
         deviation = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
         return np.asarray(covariance / np.outer(deviation, deviation))
@@ -225,8 +240,8 @@ class Posterior:
     @cached_property
     def verdicts(self) -> Mapping[str, Verdict]:
         """How far each parameter can be known, by name."""
-        mean = self.weight @ self.fraction
-        gains = np.clip(1.0 - PRIOR_PRECISION * (self.weight @ (self.fraction - mean) ** 2), 0.0, 1.0)
+        mean = self.weight @ self._deviations
+        gains = np.clip(1.0 - self.weight @ (self._deviations - mean) ** 2, 0.0, 1.0)
         return {name: self._verdict(index, float(gains[index])) for index, name in enumerate(self.names)}
 
     def _verdict(self, index: int, gain: float) -> Verdict:
@@ -246,7 +261,12 @@ class Posterior:
         return Verdict(word, gain, f"{reason[0].upper()}{reason[1:]}.")
 
     def _nearest_end(self, index: int) -> str:
-        """Return the end of the range, "lower" or "upper", that a parameter presses against; empty if none."""
+        """Return the end of the range, "lower" or "upper", that a parameter presses against; empty if none.
+
+        A normal prior has no end to press against.
+        """
+        if self.names[index] in self.normal:
+            return ""
         column = self.fraction[:, [index]]
         low, high = quantiles(column, self.weight, _ends_of(LEVEL))
         zone = _SETTINGS.end_zone * (high[0] - low[0])
