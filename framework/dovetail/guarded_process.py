@@ -14,6 +14,7 @@ import json
 import os
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import astuple
 from pathlib import Path
@@ -90,6 +91,8 @@ def call_guarded(
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
         answer: dict[str, Any] = {name: archive[name] for name in archive.files}
     words = json.loads(str(answer.pop(_WORDS)))
+    for message in words.get("warnings", ()):
+        warnings.warn(message, stacklevel=2)
     if "faults" in words:
         raise error(*(Fault(*fault) for fault in words["faults"]))
     answer |= words["values"]
@@ -103,8 +106,11 @@ def main() -> None:
     content = sys.stdin.buffer.read()
     _bound_memory(memory)
     try:
-        answer = getattr(_module(name, file), function)(Path(path), content, *arguments)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UserWarning)
+            answer = getattr(_module(name, file), function)(Path(path), content, *arguments)
         words: dict[str, Any] = {"values": {key: value for key, value in answer.items() if not _is_array(value)}}
+        words["warnings"] = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
         arrays = {key: value for key, value in answer.items() if _is_array(value)}
     except DovetailError as error:
         words, arrays = {"faults": [astuple(fault) for fault in error.faults]}, {}

@@ -19,6 +19,7 @@ from dovetail.identification.adequacy.adequacy import Adequacy, Cause, ModelErro
 from dovetail.identification.adequacy.assess import _reasons
 from dovetail.identification.adequacy.perturbations import PerturbedResiduals, find_overhangs, list_perturbations
 from dovetail.identification.adequacy.trials import LogRatio
+from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import Weighted
 from dovetail.identification.fitting.whiteness import find_deviating_bands
 from dovetail.identification.part_quantities import list_quantities
@@ -285,13 +286,36 @@ def test_what_lies_far_beyond_its_interval_with_a_named_change_is_not_called_ide
     assert {verdict.word for verdict in alone.posterior.verdicts.values()} == {"identified"}
 
 
-def test_a_resonance_that_several_responses_show_is_named_once(monkeypatch):
-    seen = np.array([869.0, 1200.0, 869.01])
-    monkeypatch.setitem(_reasons.__globals__, "missed_resonances", lambda *_: seen)
-    fit = SimpleNamespace(variance=None, starts=20, agreeing=12)
-    estimated = SimpleNamespace(size=ModelError(0.1), values=None)
-    first, _ = _reasons(None, fit, estimated, None, 0.0)
-    assert first == "The measurement has resonances that the model lacks: 869, 1200 Hz."
+AXIS = np.arange(20.0, 400.0, 0.5)
+
+
+def peaks(*resonances):
+    """Return an FRF with resonances (Hz, residue), damped to 1 %, over a small background."""
+    return 1e-3 + sum(residue / (AXIS - at * (1.0 + 0.01j)) for at, residue in resonances)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "said"),
+    [
+        ([(100.0, 1.0), (300.0, 1.0)], [(101.0, -0.1), (300.0, 1.0)], []),  # the model's too, where it has no peak
+        ([(100.0, 1.0), (300.0, 1.0), (80.0, 1.0)], [(300.0, 1.0), (80.2, 1.0)], ["80 Hz"]),  # named once
+        (
+            [(100.0, 1.0), (300.0, 1.0), (50.2, 1.0), (80.0, 1.0)],
+            [(300.0, 1.0), (249.5, 1.0)],
+            ["50, 80, 249.5 Hz", "Of these, 50, 249.5 Hz are multiples of 50 Hz: the hum of the mains?"],
+        ),
+        ([(100.0, 1.0), (300.0, 1.0), (120.0, 1.0)], [(300.0, 1.0)], ["120 Hz"]),  # one alone may be by chance
+    ],
+)
+def test_resonances_that_the_model_lacks_are_listed(first, second, said):
+    measured = [dovetail.Frf(AXIS, peaks(*resonances), "receptance") for resonances in (first, second)]
+    values = np.concatenate([peaks((100.0, 1.0), (300.0, 1.0)), peaks((300.0, 1.0))])
+    target = Observations(tuple(measured))
+    fit = SimpleNamespace(variance=np.full(len(values), 1e-8), starts=20, agreeing=12)
+    estimated = SimpleNamespace(size=ModelError(0.01), values=values)
+    *words, _ = _reasons(target, fit, estimated, None, 0.0)
+    assert len(words) == len(said)
+    assert all(word.endswith(f" {end}." if end.endswith("Hz") else end) for word, end in zip(words, said, strict=True))
 
 
 def test_where_nothing_is_left_to_judge_by_nothing_is_judged(sdof):

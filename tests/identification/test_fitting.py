@@ -15,6 +15,7 @@ import dovetail
 from dovetail.errors import MeasurementError, ParameterError
 from dovetail.identification.fitting import multistart, refine, refinement
 from dovetail.identification.fitting.least_squares import Linearisation, Profiles, minimise, profiles
+from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.random_error import estimated_variance, isolated_lines
 from dovetail.identification.fitting.residuals import FrfResiduals, LogAmplitude, Weighted
 from dovetail.measurement import complex_noise
@@ -268,3 +269,12 @@ def test_nothing_to_identify_and_too_few_lines(sdof, assemblies):
     beyond = dovetail.Frf(sdof.frequency + 600.0, sdof.frf(), "accelerance")
     with pytest.raises(MeasurementError, match=r"no line of the measurement is within 1 to 600 Hz: .* 601 to 1200 Hz"):
         dovetail.identify(sdof, beyond, "refined")
+
+
+def test_a_model_without_a_response_is_wrong_by_the_whole_measurement(sdof):
+    """Not by many times itself: a gain that is sought made a model so small that its errors hid the measurement."""
+    target = Observations.of(sdof, noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.5, 0.5]))), 1e-3, 2))
+    every = np.ones(len(target.frequency), dtype=bool)
+    vanishing = 1e-6 * sdof.frf(sdof.from_unit(np.array([0.7, 0.5])))
+    relative, background = target.discrepancy(vanishing, target.variance(), every)
+    assert max(relative, background) < 1.5

@@ -37,6 +37,17 @@ def test_nothing_of_the_current_folder_runs(
     assert not (tmp_path / "ran").exists()
 
 
+def test_what_a_reader_warns_of_in_the_second_interpreter_is_said(tmp_path: Path) -> None:
+    frequency = np.arange(1.0, 101.0)
+    table = {"f": frequency, "amplitude": frequency, "phase_deg": np.angle(np.exp(0.1j * frequency))}
+    savemat(tmp_path / "a.mat", table)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.update(table)
+    for name in ("a.mat", "a.h5"):
+        with pytest.warns(UserWarning, match=f"{name}: the phase in degrees never leaves"):
+            dovetail.read_frf(tmp_path / name, quantity="mobility")
+
+
 def test_a_package_that_is_missing_is_named(files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(dovetail.DovetailError) as caught:

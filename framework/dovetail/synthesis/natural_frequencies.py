@@ -129,6 +129,8 @@ def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray
 
 def _dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the DOFs that are connected with a mass; the others have no motion."""
+    if (inertia > 0).all():
+        return np.arange(len(inertia))
     _, group = connected_components(pattern, directed=False)
     return np.flatnonzero(np.isin(group, group[inertia > 0]))
 

@@ -26,6 +26,7 @@ from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
 from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
 from dovetail.identification.posterior import Form, typical_model_error
+from dovetail.identification.posterior.model_error import fit_resonances
 from dovetail.interfaces import Progress, logged, silent
 
 __all__ = ["assess", "check_limits"]
@@ -39,6 +40,17 @@ class Settings:
     """Resonances of the measurement that are listed where the model lacks them."""
     same_missed: float = 0.01
     """Relative distance from the one before up to which several FRFs show the same one."""
+    displaced: float = 2.0
+    """Times the error of natural frequencies that a peak lies beside the model's resonance to which it may belong."""
+    near: tuple[float, float] = (0.01, 0.05)
+    """Relative distance that this is at least and at most."""
+    mains: tuple[float, ...] = (50.0, 60.0)
+    """Hz; multiples show in measurements with a ground loop."""
+    mains_lines: float = 2.0
+    """Lines of the measurement within which a peak is at a multiple."""
+    finest_part: float = 0.02
+    """Of the mains frequency, above which lines are too coarse to tell."""
+    fewest_hums: int = 2
     exceeds: float = 2.0
     """Times the allowed error of natural frequencies from which the measurement is said to need more."""
 
@@ -160,12 +172,31 @@ def _reasons(
             f"The measurement shows errors of natural frequencies of {100.0 * needed:.2g} %, more than the "
             f"{100.0 * allowed:.2g} % that are allowed."
         )
-    missed = np.unique(missed_resonances(target, fit.variance, estimated.values))
-    if len(missed):
-        apart = np.append(True, np.diff(missed) > _SETTINGS.same_missed * missed[1:])
-        named = [f"{frequency:.4g}" for frequency in missed[apart]][: _SETTINGS.most_missed]
-        yield f"The measurement has resonances that the model lacks: {', '.join(named)} Hz."
+    yield from _missed_in_words(target, fit, estimated)
     yield f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
+
+
+def _missed_in_words(target: Observations, fit: Fit, estimated: FitWithError) -> Iterator[str]:
+    """Yield which resonances of the measurement the model lacks.
+
+    A peak beside a resonance of the model, which has none in that FRF, is no other resonance.
+    """
+    missed = np.unique(missed_resonances(target, fit.variance, estimated.values))
+    near = np.clip(_SETTINGS.displaced * estimated.size.natural_frequency, *_SETTINGS.near)
+    modelled = fit_resonances([frf.frequency for frf in target.frfs], target.split(estimated.values)).poles.real
+    missed = missed[np.all(np.abs(modelled[:, np.newaxis] - missed) > near * missed, axis=0)]
+    if not len(missed):
+        return
+    apart = np.append(True, np.diff(missed) > _SETTINGS.same_missed * missed[1:])
+    named = [f"{frequency:.4g}" for frequency in missed[apart]][: _SETTINGS.most_missed]
+    yield f"The measurement has resonances that the model lacks: {', '.join(named)} Hz."
+    lines = max(float(np.median(np.diff(frf.frequency))) for frf in target.frfs if len(frf.frequency) > 1)
+    for mains in _SETTINGS.mains:
+        nearest = mains * np.maximum(1.0, np.round(missed[apart] / mains))
+        hum = np.abs(missed[apart] - nearest) <= _SETTINGS.mains_lines * lines
+        if lines < _SETTINGS.finest_part * mains and np.count_nonzero(hum) >= _SETTINGS.fewest_hums:
+            at = ", ".join(f"{frequency:.4g}" for frequency in missed[apart][hum])
+            yield f"Of these, {at} Hz are multiples of {mains:g} Hz: the hum of the mains?"
 
 
 def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:

@@ -210,13 +210,13 @@ class Observations:
         Returns
         -------
         relative, background : float
-            Standard deviations over the magnitude of each line, and over the level of its response.
+            Standard deviations, over the larger amplitude of model and measurement on each line (over the model's own,
+            one without a response would fit best), and over the level of its response.
         """
-        squares, rest = self.squares(model)[used], variance[used]
-        magnitude = np.maximum(np.abs(model[used]) ** 2, np.finfo(float).tiny)
+        magnitude = np.maximum(np.maximum(np.abs(model), self.amplitude)[used] ** 2, np.finfo(float).tiny)
         level = np.maximum(self.level[used] ** 2, np.finfo(float).tiny)
         least = _LEAST_DISCREPANCY**2 * float(level.min())
-        background, relative = most_likely_parts(squares, level, magnitude, least, rest)
+        background, relative = most_likely_parts(self.squares(model)[used], level, magnitude, least, variance[used])
         return float(np.sqrt(relative)), float(np.sqrt(background))
 
     def isolated(self, size: NDArray[np.float64]) -> NDArray[np.bool_]:

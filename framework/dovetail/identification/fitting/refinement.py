@@ -347,7 +347,8 @@ class _Refinement:
         for _ in range(_SETTINGS.most_discrepancies):
             before, values = self._model_variance, self._values(best)
             relative, background = self._target.discrepancy(values, self._variance, self._used)
-            self._model_variance = (relative * np.abs(values)) ** 2 + (background * self._target.level) ** 2
+            magnitude = np.maximum(np.abs(values), self._target.amplitude)
+            self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
             starts = self._told_apart(starts).position
             best = self._fitted(starts[:1])
             if np.all(np.abs(self._model_variance - before) <= _SETTINGS.settled * self._model_variance):

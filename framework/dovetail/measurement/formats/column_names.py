@@ -282,7 +282,7 @@ def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], s
         return values, True
     if "phase_deg" in fields and _looks_like_radians(fields["phase_deg"]):
         problem = "the phase in degrees never leaves +-3.15 and jumps by nearly 2 pi: it looks like radians"
-        place = re.sub(r"[:,]\D*\d+\D*$", "", locate(0))
+        place = re.sub(r"(?:[:,]\D*|\s+line )\d+\D*$", "", locate(0))
         warnings.warn(f"{place}: {problem}. If it is in radians, call it phase_rad.", stacklevel=2)
     phase = np.deg2rad(fields["phase_deg"]) if "phase_deg" in fields else fields["phase_rad"]
     with np.errstate(invalid="ignore"):  # an infinite phase becomes NaN, and the recording refuses it
