@@ -279,15 +279,14 @@ def posterior_sentence(posterior: Posterior) -> str:
     """Say how the posterior was computed, and whether there are samples enough."""
     name, apart = max(posterior.split_half_difference.items(), key=lambda entry: entry[1])
     halves = f"two halves of them differ in an interval by at most {apart:.0%} of its width ({name})"
+    samples, seconds = f"{len(posterior.weight)} samples", number(posterior.seconds, 2, padded=False)
     if posterior.form == "laplace":
-        start = f"A Gaussian at the most probable place, in {posterior.seconds:.2g} s; {len(posterior.weight)} samples"
-        return f"{start} of it, {halves}."
+        return f"A Gaussian at the most probable place, in {seconds} s; {samples} of it, {halves}."
     if np.ptp(posterior.weight) == 0.0 and posterior.converged_fraction == 1.0:  # drawn without any search
-        return f"{len(posterior.weight)} samples of equal weight in {posterior.seconds:.2g} s; {halves}."
+        return f"{samples} of equal weight in {seconds} s; {halves}."
     return (
-        f"{len(posterior.weight)} samples in {posterior.seconds:.2g} s; {posterior.converged_fraction:.0%} of the "
-        "searches for them reached their target. They tell as much as "
-        f"{posterior.effective_sample_size:.0f} independent ones; {halves}."
+        f"{samples} in {seconds} s; {posterior.converged_fraction:.0%} of the searches for them reached their target. "
+        f"They tell as much as {posterior.effective_sample_size:.0f} independent ones; {halves}."
     )
 
 
@@ -298,7 +297,7 @@ def fit_sentence(fit: Fit) -> str:
         source = "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it"
     return (
         f"Chi-squared {fit.chi_squared:.3g} per degree of freedom ({fit.degrees_of_freedom}) over the random error, "
-        f"{source}; {fit.starts} starts, {fit.steps} steps, {fit.seconds:.2g} s."
+        f"{source}; {fit.starts} starts, {fit.steps} steps, {number(fit.seconds, 2, padded=False)} s."
     )
 
 

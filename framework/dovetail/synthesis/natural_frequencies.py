@@ -172,6 +172,7 @@ class DampedModes:
             (name, connection.model, (graph.joint_dofs(name)[:, None] == np.arange(size)).astype(np.float64))
             for name, connection in graph.connections.items()
         ]
+        self._moving: tuple[NDArray[np.bool_], NDArray[np.intp]] | None = None
 
     def at(
         self,
@@ -212,7 +213,7 @@ class DampedModes:
             for matrix, kind in zip(matrices, "MKCD", strict=True):
                 matrix += L.T @ getattr(of_joint, kind)[0] @ L
         M, K, C, D = matrices
-        active = _dofs_with_inertia((K != 0) | (M != 0) | (C != 0) | (D != 0), np.diag(M))
+        active = self._active(M, K, C, D)
         M, C, A = (matrix[np.ix_(active, active)] for matrix in (M, C, K + 1j * D))
         undamped = list(islice(_dense_modes(A.real, M), count))
         undamped = undamped[: 1 + sum(frequency <= highest for frequency, _ in undamped)]
@@ -226,6 +227,13 @@ class DampedModes:
                 columns.append(-(k + 1j * eta + poles * (c + poles * m)) / slopes)
             derivatives[name] = np.stack(columns, axis=-1) if columns else np.empty((len(poles), 0), np.complex128)
         return poles, derivatives
+
+    def _active(self, M: Any, K: Any, C: Any, D: Any) -> NDArray[np.intp]:
+        """Return the DOFs that move; they are those of the call before where the same entries are zero."""
+        pattern, inertia = (K != 0) | (M != 0) | (C != 0) | (D != 0), np.diag(M)
+        if self._moving is None or not np.array_equal(self._moving[0], pattern):
+            self._moving = pattern, _dofs_with_inertia(pattern, inertia)
+        return self._moving[1]
 
 
 def _poles(A: Any, C: Any, M: Any, undamped: list[tuple[float, NDArray[np.float64]]]) -> tuple[Any, Any]:
