@@ -267,7 +267,8 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
     rigid : bool
         Whether the contacts of the joints with identified parameters are rigid.
     """
-    rigid_joints = {name for name, joint in description.joints.items() if rigid and _is_sought(joint)}
+    joints = description.joints.items() if rigid else ()
+    rigid_joints = {name for name, joint in joints if len(joint.fixed) < len(joint.parameters)}
     connections, alone = {}, set[str]()
     for name, entry in entries.items():
         connections[name] = replace(entry.connection, rigid=name.removesuffix(" windowed") in rigid_joints)
@@ -307,7 +308,3 @@ def matrices_without_window(
     windowed = {name for name, connection in graph.connections.items() if isinstance(connection.model, _Windowed)}
     rates_of_zero = {name: np.append(theta[name][:-1], 0.0) for name in windowed}
     return assembly_matrices(graph, {**theta, **rates_of_zero})
-
-
-def _is_sought(joint: JointEntry) -> bool:
-    return len(joint.fixed) < len(joint.parameters)

@@ -125,8 +125,8 @@ class _Connect:
                 self._faults.add((*path, "to"), problem, listing(names), did_you_mean(section.to, names))
             return None
         if len(section.at) != port.nodes:
-            problem = f"the port '{port.name}' of {self._model.label} takes {_counted(port.nodes, 'node')}"
-            self._faults.add((*path, "at"), f"{problem}, not {len(section.at)}.")
+            takes = f"takes {port.nodes} node{'' if port.nodes == 1 else 's'}, not {len(section.at)}"
+            self._faults.add((*path, "at"), f"the port '{port.name}' of {self._model.label} {takes}.")
             return None
         substructure = self._substructures[section.to]
         return None if substructure is None else self._on_nodes(section, substructure, path)
@@ -151,10 +151,6 @@ class _Connect:
                     problem = f"the node of '{attachment.substructure}' at {position} is already taken by this joint."
                     self._faults.add((*self._path, port.name, "at", index), problem)
                 taken.add((attachment.substructure, node))
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def check_connected(
@@ -203,7 +199,8 @@ def find_node(
         remedy = _nearest(nodes, position)
         if any(is_at(node.position, scale * position) for node in nodes if position for scale in (1e-3, 1e3)):
             remedy = f"{remedy} A number without a unit is in metres."
-        faults.add(path, f"substructure '{name}' has no node at {text}.", _node_positions(nodes), remedy)
+        positions = listing(format_quantity(node.position, "m") for node in nodes)
+        faults.add(path, f"substructure '{name}' has no node at {text}.", positions, remedy)
     return None
 
 
@@ -219,10 +216,6 @@ def _find_label(name: str, substructure: SubstructureModel, label: str, path: Pa
     problem = f"substructure '{name}' has no node '{label}'."
     faults.add(path, problem, f"{listing(labels)}; or a position", did_you_mean(label, labels))
     return None
-
-
-def _node_positions(nodes: Sequence[Node]) -> str:
-    return listing(format_quantity(node.position, "m") for node in nodes)
 
 
 def _nearest(nodes: Sequence[Node], position: float) -> str:

@@ -103,7 +103,8 @@ def generate(
         assembly = assembly.interpolated(interpolation)
     folder = Path(path)
     try:
-        check_room(folder.resolve().parent, max(plan.bytes(assembly) // shard[1] - _written_bytes(folder), 0))
+        written = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+        check_room(folder.resolve().parent, max(plan.bytes(assembly) // shard[1] - written, 0))
         folder.parent.mkdir(parents=True, exist_ok=True)
         step = logged(__name__, f"{plan.samples} samples of {assembly.name} into {folder}")
         with held(folder, wait=0), step, progress_reporter(progress) as report:
@@ -138,10 +139,6 @@ class _Plan:
         """Return the room that the numbers take on the disk."""
         lines = len(assembly.description.responses) * len(assembly.frequency)
         return self.samples * (np.dtype(ARRAYS[self.storage][1]).itemsize * lines + 8 * len(assembly.parameters))
-
-
-def _written_bytes(folder: Path) -> int:
-    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
 def _check_resumable(folder: Path, assembly: Assembly, plan: _Plan, resume: bool) -> None:

@@ -176,7 +176,8 @@ def plan(
     hidden, truth = share < _HIDDEN * np.max(share, axis=0, initial=0.0), assembly.to_unit(theta)
     points = _points(candidates, remaining_uncertainty(known, truth, seed), [natural[rows] for rows in hidden])
     order = sorted(range(len(points)), key=lambda index: -points[index].mean_gain)
-    current = next(index for index in order if _is_current(assembly, candidates[index]))
+    described = assembly.description.response
+    current = next(index for index in order if candidates[index].description.response == described)
     first = current if beside_described else order[0]
     others = [index for index in order if index != first]
     seconds = _points(
@@ -285,7 +286,3 @@ def _section(assembly: Assembly, first: PlannedPoint, second: PlannedPoint) -> s
         f"at: {point.substructure}, position: {format_quantity(point.position, 'm', 8)}" for point in (first, second)
     ]
     return "responses:\n" + "".join(f"  - {{{entry}, {keys}}}\n" for entry in entries)
-
-
-def _is_current(assembly: Assembly, candidate: Assembly) -> bool:
-    return candidate.description.response == assembly.description.response

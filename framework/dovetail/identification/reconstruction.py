@@ -213,7 +213,9 @@ def _warnings(result: Identification, without_modes: str) -> tuple[str, ...]:
             "there than a guess of the middle of the range."
         )
     if result.fit is not None:
-        warnings += _warnings_of_fit(result.fit)
+        warnings += [
+            f"In the best fit {name} is at the {end} end of its range." for name, end in result.fit.at_bounds.items()
+        ]
     counts = [len(at_point.frf.frequency) for at_point in result.responses]
     for index, at_point in enumerate(result.responses):
         where = f" at {at_point.point}" if result.further else ""
@@ -242,11 +244,6 @@ def _warnings_at(at_point: AtPoint, where: str, by_coherence: bool) -> list[str]
             "measured one, so the parameters are not to be relied on."
         )
     return warnings
-
-
-def _warnings_of_fit(fit: Fit) -> list[str]:
-    """Return the warnings about a fit; how well it explains the measurement is told by its adequacy."""
-    return [f"In the best fit {name} is at the {end} end of its range." for name, end in fit.at_bounds.items()]
 
 
 def _warnings_of_lines(fit: Fit, where: str) -> list[str]:

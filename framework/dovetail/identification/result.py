@@ -126,11 +126,8 @@ class _Answer:
     @property
     def table(self) -> tuple[TableRow, ...]:
         """What is known of each parameter, the same wherever it is shown: a row for each, in their order."""
-        return parameter_table(self.parameters, self.posterior, self.network, self.caveat, is_fitted=self._is_fitted)
-
-    @property
-    def _is_fitted(self) -> bool:
-        return self.method != "network"
+        is_fitted = self.method != "network"
+        return parameter_table(self.parameters, self.posterior, self.network, self.caveat, is_fitted=is_fitted)
 
     @property
     def _head(self) -> str:

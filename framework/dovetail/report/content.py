@@ -206,7 +206,8 @@ def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
     identified = [mode.natural_frequency for mode in result.modes]
     matched = [_counterpart(frequency, identified, inside) for frequency in identified]
     rows = [(mode.natural_frequency, _mode_row(mode, true)) for mode, true in zip(result.modes, matched, strict=True)]
-    rows += [(frequency, _missed_mode_row(frequency)) for frequency in inside if frequency not in matched]
+    missed = [frequency for frequency in inside if frequency not in matched]
+    rows += [(true, ModeRow(ABSENT, hertz(true), ABSENT, ABSENT, ABSENT, ABSENT)) for true in missed]
     return [row for _, row in sorted(rows, key=lambda entry: (not np.isfinite(entry[0]), entry[0]))]
 
 
@@ -373,10 +374,6 @@ def _mode_row(mode: Mode, true: float | None) -> ModeRow:
         measured_peak=hertz(mode.measured_peak),
         difference=_difference(mode.reconstructed_peak, mode.measured_peak),
     )
-
-
-def _missed_mode_row(true: float) -> ModeRow:
-    return ModeRow(ABSENT, hertz(true), ABSENT, ABSENT, ABSENT, ABSENT)
 
 
 def _difference(value: float | None, reference: float | None) -> str:

@@ -176,7 +176,7 @@ class Explorer:
         start = [value for name, value in zip(names, theta.tolist(), strict=True) if name not in held]
         options: dict[str, Any] = {"form": "laplace", "cause_seconds": _CAUSE_SECONDS, "start": start}
         result = identify(sought, self._given, "posterior", progress=progress, **options)
-        origin = {**result.provenance, "start": _by_name(names, theta), "locked": held}
+        origin = {**result.provenance, "start": dict(zip(names, theta.tolist(), strict=True)), "locked": held}
         self._result = result = replace(result, provenance=origin)
         fitted = dict(zip([p.name for p in sought.parameters], result.theta.tolist(), strict=True))
         rows = {row.name: row for row in result.table}
@@ -263,10 +263,6 @@ class Explorer:
             file = write_report(result, Path(folder) / "report.html", assembly=self._assembly)
             content: bytes = file.read_bytes()
         return content
-
-
-def _by_name(names: Sequence[str], theta: NDArray[np.float64]) -> dict[str, float]:
-    return dict(zip(names, theta.tolist(), strict=True))
 
 
 def _decibels(model: NDArray[np.float64], measured: NDArray[np.float64]) -> float | None:

@@ -276,7 +276,9 @@ class Trials:
 
     @property
     def _amplitudes(self) -> Observations:
-        return Observations(tuple(_amplitude(frf) for frf in self.target.frfs))
+        return Observations(
+            tuple(Frf(frf.frequency, np.abs(frf.values), frf.quantity, has_phase=False) for frf in self.target.frfs)
+        )
 
     def _most_similar(self, problem: SumOfSquares) -> NDArray[np.float64]:
         """Return those (n, p) of many random points in the unit cube where a sum of squares is the least."""
@@ -352,10 +354,6 @@ def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[
 def values_of(frfs: Sequence[Frf]) -> NDArray[np.complex128]:
     """Return the values (n_lines,) of FRFs, one behind the other."""
     return np.concatenate([frf.values for frf in frfs])
-
-
-def _amplitude(frf: Frf) -> Frf:
-    return Frf(frf.frequency, np.abs(frf.values), frf.quantity, has_phase=False)
 
 
 @dataclass(frozen=True, eq=False)

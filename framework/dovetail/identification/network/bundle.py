@@ -162,13 +162,10 @@ def read_bundle(path: str | Path, *, plugins: PluginPaths = ()) -> TrainedNetwor
     if not np.all(differences <= _CHECK_TOLERANCE):
         worst = float(np.max(differences))
         problem = f"the model's answers differ from those it gave when it was trained, by {worst:.3g} of a range."
-        raise BundleError(Fault(str(folder), problem, remedy=f"{_made_with(manifest)} {TRAIN_AGAIN}"))
+        packages = ", ".join(f"{name} {version}" for name, version in manifest.packages.items())
+        raise BundleError(Fault(str(folder), problem, remedy=f"It was trained with {packages}. {TRAIN_AGAIN}"))
     _check_frfs(folder, manifest, assembly, states["check"])
     return TrainedNetwork(assembly, network, manifest.evaluation, novelty)
-
-
-def _made_with(manifest: Manifest) -> str:
-    return f"It was trained with {', '.join(f'{name} {version}' for name, version in manifest.packages.items())}."
 
 
 def _check_frfs(folder: Path, manifest: Manifest, assembly: Assembly, state: Mapping[str, Any]) -> None:
