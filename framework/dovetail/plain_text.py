@@ -6,7 +6,7 @@ import html
 import re
 from collections.abc import Iterable, Sequence
 
-__all__ = ["csv_cell", "csv_comment", "html_table", "html_text", "markdown_cell", "terminal_text"]
+__all__ = ["csv_cell", "csv_comment", "html_table", "html_text", "markdown_cell", "markdown_table", "terminal_text"]
 
 _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters, marks that turn the direction of writing, and halves of characters, which no file can hold."""
@@ -33,6 +33,12 @@ def html_table(title: str, rows: Iterable[Sequence[str]]) -> str:
 def markdown_cell(text: str) -> str:
     """Return a text for a cell of a table in Markdown: no elements, no links, one line."""
     return " ".join(html_text(text).split()).replace("|", "/").replace("[", "&#91;").replace("`", "&#96;")
+
+
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], rule: Sequence[str] = ()) -> str:
+    """Return a table in Markdown; `rule` aligns the columns, all of them to the left by default."""
+    cells = [map(markdown_cell, header), rule or ["---"] * len(header), *(map(markdown_cell, row) for row in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in cells)
 
 
 def csv_cell(text: str) -> str:

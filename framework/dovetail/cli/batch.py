@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from dovetail.cli.terminal import heading, print_json, progress_bars, say, table
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
     from dovetail.frf import Frf
-    from dovetail.identification import Batch, Identification, Identifier
+    from dovetail.identification import Batch, Identifier
     from dovetail.interfaces import IdentificationMethod
 
 __all__ = ["check_batch", "identify_batch", "is_batch"]
@@ -146,7 +145,7 @@ def _text(estimate: str, interval: str) -> str:
 
 
 def _write(batch: Batch, assembly: Assembly, folder: Path) -> None:
-    from dovetail.cli.result_files import csv_text, write_texts
+    from dovetail.cli.result_files import csv_text, json_text, write_texts
     from dovetail.report.batch import write_batch
     from dovetail.report.report import write_report
 
@@ -155,14 +154,10 @@ def _write(batch: Batch, assembly: Assembly, folder: Path) -> None:
         texts[name] = csv_text(list(rows[0]), [row.values() for row in rows]) if rows else ""
     stems = dict(zip(batch.results, _stems(list(batch.results)), strict=True))
     for name, result in batch.results.items():
-        texts[f"{stems[name]}.json"] = _json(result)
+        texts[f"{stems[name]}.json"] = json_text(result.to_dict())
         write_report(result, folder / f"{stems[name]}.html", assembly=assembly)
     write_batch(batch, folder / _PAGE, assembly.name, {name: f"{stem}.html" for name, stem in stems.items()})
     write_texts(folder, texts)
-
-
-def _json(result: Identification) -> str:
-    return json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _stems(names: Sequence[str]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +10,7 @@ import typer
 from dovetail.cli.commands import INTERRUPTED
 from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method, one_of, part
 from dovetail.cli.terminal import note, print_json, progress_bars, say, table, title
-from dovetail.plain_text import markdown_cell
+from dovetail.plain_text import markdown_table
 
 if TYPE_CHECKING:
     from dovetail.evaluation import Calibration
@@ -124,13 +123,13 @@ def _title(name: str, done: Calibration) -> str:
 
 
 def _write(name: str, done: Calibration, folder: Path) -> None:
-    from dovetail.cli.result_files import csv_text, write_texts
+    from dovetail.cli.result_files import csv_text, json_text, write_texts
     from dovetail.report.calibration import write_calibration
     from dovetail.report.calibration_figures import coverage_figure, rank_figure
     from dovetail.report.figures import save_png
 
     content = {
-        _FILES[0]: json.dumps(done.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _FILES[0]: json_text(done.to_dict()),
         _FILES[1]: _markdown(done),
         _FILES[2]: csv_text(
             ["parameter", "coverage", "by_chance_from", "by_chance_to", "r2", "p_uniform"],
@@ -150,10 +149,7 @@ def _write(name: str, done: Calibration, folder: Path) -> None:
 def _markdown(done: Calibration) -> str:
     from dovetail.report.calibration import CALIBRATION_HEADERS, calibration_rows, calibration_times
 
-    lines = [CALIBRATION_HEADERS, ["---"] * len(CALIBRATION_HEADERS), *calibration_rows(done)]
-    return (
-        "\n".join(f"| {' | '.join(map(markdown_cell, line))} |" for line in lines) + f"\n\n{calibration_times(done)}\n"
-    )
+    return f"{markdown_table(CALIBRATION_HEADERS, calibration_rows(done))}\n{calibration_times(done)}\n"
 
 
 def _cases(done: Calibration) -> str:

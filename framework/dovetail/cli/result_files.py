@@ -24,6 +24,7 @@ __all__ = [
     "MODAL_FILES",
     "caveat_comment",
     "csv_text",
+    "json_text",
     "prepare_folder",
     "write_modal_results",
     "write_results",
@@ -137,7 +138,7 @@ def write_results(result: Identification, folder: Path, truth: Truth | None, ass
     from dovetail.report.report import write_report
 
     texts = {
-        _RESULT: json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _RESULT: json_text(result.to_dict()),
         "parameters.csv": _parameters(result, truth),
     }
     names = [_frf_files(number) for number in range(1, len(result.responses) + 1)]
@@ -152,7 +153,7 @@ def write_modal_results(result: ModalIdentification, folder: Path, truth: Truth 
     """Write the result of an identification from modal parameters as JSON, parameters and modes as CSV."""
     modes = [asdict(mode) for mode in result.modes]
     texts = (
-        json.dumps(result.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        json_text(result.to_dict()),
         _parameters(result, truth),
         caveat_comment(result.caveat) + csv_text(list(modes[0]) if modes else [], [mode.values() for mode in modes]),
     )
@@ -189,6 +190,11 @@ def _frfs(at_point: AtPoint) -> str:
     columns["coherence"] = at_point.coherence
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return f"# quantity: {frf.quantity}\n{caveat_comment(frf.note)}" + csv_text(list(columns), rows)
+
+
+def json_text(value: Any) -> str:
+    """Return plain values as the text of a JSON file."""
+    return json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def caveat_comment(caveat: str) -> str:

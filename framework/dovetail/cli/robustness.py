@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -92,12 +91,12 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write(rows: Sequence[RobustnessRow], folder: Path) -> None:
-    from dovetail.cli.result_files import csv_text, write_texts
+    from dovetail.cli.result_files import csv_text, json_text, write_texts
     from dovetail.report.figures import robustness_figure, save_png
 
     flat = [_finite(row.flat()) for row in rows]
     content = {
-        _FILES[0]: json.dumps(flat, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _FILES[0]: json_text(flat),
         _FILES[1]: csv_text(list(flat[0]), [row.values() for row in flat]),
     }
     write_texts(folder, content)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +27,7 @@ def schema(
     """
     from dovetail.assembly import description_schema
     from dovetail.atomic_files import write_whole
+    from dovetail.cli.result_files import json_text
     from dovetail.registry import components
 
     if output is not None:
@@ -36,6 +36,5 @@ def schema(
     if output is None:
         print_json(made)
         return
-    text = json.dumps(made, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    write_whole(output, text.encode("utf-8"), overwrite=True)
+    write_whole(output, json_text(made).encode("utf-8"), overwrite=True)
     note(f"Written: {output}")

@@ -68,12 +68,12 @@ def _print(done: Study) -> None:
 def _write(done: Study, description: Path, folder: Path) -> list[str]:
     """Write tables, figures and the best description, each whole; return their names."""
     from dovetail.atomic_files import write_whole
-    from dovetail.cli.result_files import csv_text
+    from dovetail.cli.result_files import csv_text, json_text
     from dovetail.report.figures import png_bytes
     from dovetail.report.study import search_figure, study_markdown, sweeps_figure
 
     texts = {
-        _FILES[0]: json.dumps(done.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _FILES[0]: json_text(done.to_dict()),
         _FILES[1]: study_markdown(done),
         _FILES[2]: csv_text(_COLUMNS, _rows(done)),
         _FILES[3]: _best(done, description, folder),

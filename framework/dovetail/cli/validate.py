@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +12,7 @@ from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles, chosen_method
 from dovetail.cli.reading import Columns, Names, QuantityOfFile, Reader, UnitOfFile, reading_options
 from dovetail.cli.terminal import print_json, progress_bars, say, table, title
-from dovetail.plain_text import markdown_cell
+from dovetail.plain_text import markdown_cell, markdown_table
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
@@ -110,8 +109,7 @@ def _markdown(done: Validation) -> str:
     rows = list(_rows(done))
     width = len(_HEADERS) if any(row[-1] for row in rows) else len(_HEADERS) - 1
     rule = ["---", *["---:"] * 5, "---"][:width]
-    lines = [list(_HEADERS[:width]), rule, *(row[:width] for row in rows)]
-    text = "".join(f"| {' | '.join(map(markdown_cell, line))} |\n" for line in lines)
+    text = markdown_table(_HEADERS[:width], (row[:width] for row in rows), rule)
     return f"{text}\n{markdown_cell(done.caveat)}\n" if done.caveat else text
 
 
@@ -120,7 +118,7 @@ def _text(value: float | None, form: str) -> str:
 
 
 def _write(done: Validation, folder: Path) -> None:
-    from dovetail.cli.result_files import csv_text, write_texts
+    from dovetail.cli.result_files import csv_text, json_text, write_texts
     from dovetail.report.figures import save_png
     from dovetail.report.validation import write_validation
     from dovetail.report.validation_figures import series_figure, validation_figure
@@ -135,7 +133,7 @@ def _write(done: Validation, folder: Path) -> None:
         for row in case["peaks"]
     ]
     content = {
-        _FILES[0]: json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        _FILES[0]: json_text(plain),
         _FILES[1]: csv_text(header, rows),
         _FILES[2]: _markdown(done),
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from dovetail.evaluation import Study, Sweep, Trial
-from dovetail.plain_text import markdown_cell
+from dovetail.plain_text import markdown_table
 from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, new_figure, style_axes
 
 if TYPE_CHECKING:
@@ -64,10 +64,10 @@ def study_markdown(study: Study) -> str:
         for name, errors in answer.get("parameters", {}).items()
     ]
     tables = [
-        _markdown(_OPTION_HEADERS, option_rows(study)),
-        _markdown(TRIAL_HEADERS, trial_rows(study)),
+        markdown_table(_OPTION_HEADERS, option_rows(study)),
+        markdown_table(TRIAL_HEADERS, trial_rows(study)),
         test_sentence(study) + "\n",
-        _markdown(("parameter", "MAE, % of range", "R2"), tested),
+        markdown_table(("parameter", "MAE, % of range", "R2"), tested),
     ]
     return "\n".join(tables)
 
@@ -81,11 +81,6 @@ def test_sentence(study: Study) -> str:
         f"the validation part. On the test part, {answer['samples']} FRFs which took no part in the choice: "
         f"{100 * answer['mae']:.2f} %{r2}."
     )
-
-
-def _markdown(headers: tuple[str, ...], rows: list[list[str]]) -> str:
-    lines = [list(headers), ["---"] * len(headers), *rows]
-    return "".join(f"| {' | '.join(map(markdown_cell, line))} |\n" for line in lines)
 
 
 def _text(value: Any) -> str:
