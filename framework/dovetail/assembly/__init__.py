@@ -5,6 +5,7 @@ from dovetail.assembly.description import Description, IdentificationSettings, f
 from dovetail.assembly.doubts import find_doubts
 from dovetail.assembly.json_schema import description_schema
 from dovetail.assembly.loading import AssemblySource, as_assembly, load
+from dovetail.assembly.natural_frequencies import natural_in_band
 from dovetail.assembly.parameters import ParameterSpace, Theta
 from dovetail.assembly.regression_check import FRF_TOLERANCE, largest_frf_difference
 from dovetail.assembly.sections import AugmentationSection
@@ -27,4 +28,5 @@ __all__ = [
     "fingerprint",
     "largest_frf_difference",
     "load",
+    "natural_in_band",
 ]

@@ -15,18 +15,11 @@ _MOST = 10
 
 
 def natural_frequencies(assembly: Assembly, theta: Theta = None) -> tuple[list[float], str]:
-    """Return the natural frequencies [Hz] within the assembly's frequencies, and why there are none if so."""
-    import numpy as np
+    """Return the natural frequencies [Hz] that commands show, and why there are none if so."""
+    from dovetail.assembly import natural_in_band
 
-    from dovetail.errors import DovetailError
-
-    try:
-        natural = assembly.natural_frequencies(theta, count=_MOST)
-    except DovetailError as error:
-        return [], error.faults[0].problem
-    elastic = natural[np.isfinite(natural)]
-    inside = elastic[(elastic >= assembly.frequency[0]) & (elastic <= assembly.frequency[-1])]
-    return inside.tolist(), "" if inside.size else "none lies within the frequencies"
+    natural, reason = natural_in_band(assembly, theta, count=_MOST)
+    return natural.tolist(), reason
 
 
 def say_natural_frequencies(natural: list[float], reason: str) -> None:

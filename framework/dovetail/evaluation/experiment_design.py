@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly, AssemblySource, as_assembly
+from dovetail.assembly import Assembly, AssemblySource, as_assembly, natural_in_band
 from dovetail.dataset import latin_hypercube
-from dovetail.errors import DovetailError, Fault, ParameterError
+from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.truncated_gaussian import RemainingUncertainty, remaining_uncertainty
 from dovetail.identification.fitting.residuals import linearise_frf
 from dovetail.identification.posterior import PRIOR_PRECISION
@@ -168,7 +168,7 @@ def plan(
         raise ParameterError(Fault("noise", f"{noise:g} is no noise.", "more than 0"))
     candidates = _candidates(assembly, substructures)
     theta = latin_hypercube(assembly, samples, seed)
-    natural = _natural(assembly)
+    natural, _ = natural_in_band(assembly, count=_MOST_MODES)
     deviation = noise * assembly.frf(theta).std(axis=1)
     with progress_reporter(progress) as report:
         known = _of_each(candidates, theta, deviation, report)
@@ -210,15 +210,6 @@ def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assemb
         if not inside.intersection({(name, 2 * node), (name, 2 * node + 1)})
         or (response.substructure, response.node) == (name, node)
     ]
-
-
-def _natural(assembly: Assembly) -> NDArray[np.float64]:
-    """Return the natural frequencies of the middle of the ranges; none where a part has no matrices."""
-    try:
-        natural = assembly.natural_frequencies(count=_MOST_MODES)
-    except DovetailError:
-        return np.empty(0)
-    return np.asarray(natural[(natural >= assembly.frequency[0]) & (natural <= assembly.frequency[-1])])
 
 
 def _of_each(

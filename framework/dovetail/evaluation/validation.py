@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.assembly import Assembly, load
-from dovetail.errors import DovetailError, Fault, ParameterError
+from dovetail.assembly import Assembly, load, natural_in_band
+from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, identify
@@ -229,16 +229,8 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
     check_cover(raw, assembly.frequency)
     predicted = predicted_frf(assembly.on(raw.frequency), known)
     peaks = tuple(_paired(raw, bare, predicted))
-    return ValidatedCase(case, raw, bare, predicted, peaks, joint, _natural(assembly, joint_values(assembly, known)))
-
-
-def _natural(assembly: Assembly, values: dict[str, float]) -> tuple[float, ...]:
-    try:
-        natural = assembly.natural_frequencies(values, count=_MOST_MODES)
-    except DovetailError:
-        return ()
-    inside = (natural >= assembly.frequency[0]) & (natural <= assembly.frequency[-1])
-    return tuple(natural[inside].tolist())
+    natural, _ = natural_in_band(assembly, joint_values(assembly, known), count=_MOST_MODES)
+    return ValidatedCase(case, raw, bare, predicted, peaks, joint, tuple(natural.tolist()))
 
 
 def _paired(raw: Frf, bare: Frf, prediction: Frf) -> Iterator[PeakRow]:

@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from dovetail.assembly import Assembly
+from dovetail.assembly import Assembly, natural_in_band
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.frf import Frf, coherence_spectrum
 from dovetail.identification import Identification, identify
@@ -142,13 +142,9 @@ class Explorer:
         return self._assembly.vector(values)
 
     def _natural(self, theta: NDArray[np.float64]) -> list[float]:
-        """Return the natural frequencies [Hz] within the band; none where the assembly has no matrices."""
-        low, high = self._assembly.frequency[[0, -1]]
-        try:
-            frequencies = self._assembly.natural_frequencies(theta, _MODES)
-        except DovetailError:
-            return []
-        return [round(float(frequency), 2) for frequency in frequencies if low <= frequency <= high]
+        """Return the natural frequencies [Hz] within the band, to two decimals."""
+        natural, _ = natural_in_band(self._assembly, theta, count=_MODES)
+        return [round(frequency, 2) for frequency in natural.tolist()]
 
     def fit(self, values: Sequence[Any], locked: Sequence[str], progress: Progress = silent) -> dict[str, Any]:
         """Fit to the measured FRFs from parameter values [SI] on, by refined with a Gaussian for the intervals.
