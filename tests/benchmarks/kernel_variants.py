@@ -110,7 +110,7 @@ class Bench:
         theta = assembly.by_joint(latin_hypercube(assembly, samples, seed=0))
         engine.jacobian(theta)  # plans for all entries of the derivatives
         self.lines = len(engine.system.frequency)
-        factor = as_vectors(np.stack([np.ones(self.lines), np.zeros(self.lines)]), WIDTH)
+        factor = as_vectors(np.stack([np.ones(self.lines), np.zeros(self.lines)]))
         terms = engine.plan.inputs.gather(theta, samples)
         weights, none = engine.plan.inputs.gather_weights(theta, samples), np.empty((samples, 0))
         result = aligned_empty((samples, self.lines), np.complex128)

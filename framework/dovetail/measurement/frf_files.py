@@ -199,7 +199,7 @@ def write_frf(
     write_whole(target, file_format.encode(content, target, binary), overwrite=overwrite)
 
 
-def frf_suffixes(plugins: PluginPaths = ()) -> tuple[str, ...]:
+def frf_suffixes(plugins: PluginPaths) -> tuple[str, ...]:
     """Return the suffixes of the files that `read_frf` reads, with those of plugins."""
     return _suffixes(components(plugins))
 

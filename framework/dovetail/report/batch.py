@@ -13,7 +13,7 @@ from dovetail.report.pages import write_page
 __all__ = ["write_batch"]
 
 
-def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str, str] | None = None) -> Path:
+def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str, str]) -> Path:
     """Write a batch as one self-contained HTML file without scripts, nothing loaded from anywhere.
 
     Parameters
@@ -23,7 +23,7 @@ def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str
         A file that is there is replaced; it is written whole or not at all.
     title : str
         Such as the assembly's name.
-    reports : mapping of str to str, optional
+    reports : mapping of str to str
         The file of each measurement's own report, beside this one.
 
     Returns
@@ -36,7 +36,7 @@ def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str
         "count": len(batch.results) + len(batch.failures),
         "caveat": batch.caveat,
         "measurements": [
-            (name, mark, sentence, f"{batch.results[name].mean_coherence:.3f}", (reports or {}).get(name, ""))
+            (name, mark, sentence, f"{batch.results[name].mean_coherence:.3f}", reports.get(name, ""))
             for name, (mark, sentence) in judged.items()
         ],
         "failures": dict(batch.failures),

@@ -122,7 +122,7 @@ def as_data(content: object) -> Any:
     return Markup(json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"))
 
 
-def chart_scripts(*, charts: bool = True) -> dict[str, Any]:
+def chart_scripts(*, charts: bool) -> dict[str, Any]:
     """Return the scripts that draw the charts, their hashes for the page's policy, and the charts' styles.
 
     Without charts there is no script, and the styles are the colours that all pages share.

@@ -59,7 +59,7 @@ def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -
     return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text)
 
 
-def figure_bytes(figure: Figure, suffix: str, title: str = "") -> bytes:
+def figure_bytes(figure: Figure, suffix: str, title: str) -> bytes:
     """Return the file of a figure in one of `FIGURE_SUFFIXES`; a page holds it as a drawing, with no script."""
     title = title or figure.get_suptitle() or "FRF"
     if suffix == ".png":

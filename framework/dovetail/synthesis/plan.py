@@ -73,7 +73,7 @@ class Factors:
     def vectors(self) -> NDArray[np.float64]:
         """(n_vectors, 2 n_pairs, width) array of the real and the imaginary part of each pair's."""
         halves = np.stack([self.values.real, self.values.imag], axis=1)
-        return as_vectors(halves.reshape(-1, self.values.shape[1]), WIDTH)
+        return as_vectors(halves.reshape(-1, self.values.shape[1]))
 
 
 class Plan:
@@ -147,7 +147,7 @@ class Plan:
     def _static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
         """Slot and part of the substructures' entries, and the entries as the kernel reads them."""
         keys, rows = self.inputs.static()
-        return keys, as_vectors(rows, WIDTH)
+        return keys, as_vectors(rows)
 
     @cached_property
     def static(self) -> NDArray[np.float64]:
@@ -157,7 +157,7 @@ class Plan:
     @cached_property
     def omega(self) -> NDArray[np.float64]:
         """Angular frequencies [rad/s] as the kernel reads them."""
-        return as_vectors(2.0 * np.pi * self.system.frequency, WIDTH)
+        return as_vectors(2.0 * np.pi * self.system.frequency)
 
     def layout(self, *, derivatives: bool = False) -> Layout:
         """Return what the columns of the kernel's arrays mean."""

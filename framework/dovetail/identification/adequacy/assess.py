@@ -15,7 +15,7 @@ from dovetail.assembly import Assembly
 from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import Adequacy, word_for
-from dovetail.identification.adequacy.causes import CAUSE_SECONDS, find_causes
+from dovetail.identification.adequacy.causes import find_causes
 from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
 from dovetail.identification.adequacy.trials import MOST_GIVEN_OUT, power_given_out
 from dovetail.identification.fitting import Fit
@@ -27,7 +27,7 @@ from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
 from dovetail.identification.posterior import Form, typical_model_error
 from dovetail.identification.posterior.model_error import fit_resonances
-from dovetail.interfaces import Progress, logged, silent
+from dovetail.interfaces import Progress, logged
 
 __all__ = ["assess", "check_limits"]
 
@@ -80,10 +80,10 @@ def assess(
     assembly: Assembly,
     measured: Sequence[Frf],
     fit: Fit,
-    model_error: float | None = None,
+    model_error: float | None,
     *,
-    cause_seconds: float = CAUSE_SECONDS,
-    progress: Progress = silent,
+    cause_seconds: float,
+    progress: Progress,
 ) -> tuple[Adequacy, Fit]:
     """Judge how well a fit explains a measurement, and fit anew with the errors that the model turns out to have.
 
@@ -95,8 +95,8 @@ def assess(
         One for each response.
     fit : Fit
         Of the same measurement.
-    model_error : float, optional
-        Relative error of natural frequencies that the model is allowed; by default what the measurement shows.
+    model_error : float or None
+        Relative error of natural frequencies that the model is allowed; with None what the measurement shows.
     cause_seconds : float
         Time after which no further cause is tried; with 0 none is.
     progress : Progress

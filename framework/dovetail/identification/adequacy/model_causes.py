@@ -126,7 +126,7 @@ def _nearest(distances: NDArray[np.float64], count: int) -> list[int]:
     return order[:count]
 
 
-def _measured_at(assembly: Assembly, place: Node, *, with_force: bool = False) -> Assembly:
+def _measured_at(assembly: Assembly, place: Node, *, with_force: bool) -> Assembly:
     """Return the assembly with another point of response, and of the force where that goes along."""
     described = assembly.description.response
     force = described.force or Place(described.substructure, described.node, described.direction)

@@ -146,7 +146,7 @@ def write_bundle(trained: TrainedNetwork, path: str | Path) -> Path:
     return target
 
 
-def read_bundle(path: str | Path, *, plugins: PluginPaths = ()) -> TrainedNetwork:
+def read_bundle(path: str | Path, *, plugins: PluginPaths) -> TrainedNetwork:
     """Read the model that `write_bundle` wrote; parameters and errors as `dovetail.load_model` has them."""
     folder = Path(path)
     manifest = read_manifest(folder)

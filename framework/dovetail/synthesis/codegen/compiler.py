@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.synthesis.codegen.vector_ir import WIDTH
+
 __all__ = ["MachineKernel", "aligned_empty", "as_vectors", "compiled"]
 
 _INTEGERS, _ARRAYS = 3, 11
@@ -69,10 +71,10 @@ def _target_machine() -> Any:
     return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=3, jit=True)
 
 
-def as_vectors(rows: NDArray[np.float64], width: int) -> NDArray[np.float64]:
-    """Arrange rows (n_rows, n_lines), a whole number of vectors long, as (n_vectors, n_rows, width)."""
-    vectors = rows.shape[-1] // width  # as a number, since there may be no rows
-    return np.ascontiguousarray(np.moveaxis(rows.reshape(*rows.shape[:-1], vectors, width), -2, 0))
+def as_vectors(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Arrange rows (n_rows, n_lines), a whole number of vectors long, as (n_vectors, n_rows, WIDTH)."""
+    vectors = rows.shape[-1] // WIDTH  # as a number, since there may be no rows
+    return np.ascontiguousarray(np.moveaxis(rows.reshape(*rows.shape[:-1], vectors, WIDTH), -2, 0))
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:
