@@ -1,4 +1,4 @@
-"""The physical quantities of an assembly's known parts, and what the FRFs are if one of them is off."""
+"""The physical quantities of an assembly's known parts, and the assembly and its FRFs if one of them is different."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ __all__ = [
 ]
 
 MOST_DOFS = 2000
-"""DOFs of a substructure above which condensing it anew takes too long."""
+"""Largest number of DOFs of a substructure that is changed; it takes too long to condense larger ones again."""
 
 _OF_MATERIALS = ("Pa", "kg/m^3")
-"""Units of moduli and densities, which parts of one material have alike."""
+"""Units of moduli and densities, which are the same in all parts of one material."""
 
 _STEP = 1e-6
-"""Logarithm of the ratio by which a quantity is changed for a derivative."""
+"""Step of the finite differences, as the logarithm of the ratio of two values of a quantity."""
 
 Apply: TypeAlias = Callable[[float], Assembly]
-"""From an amount to the assembly with it."""
+"""From the amount of a change to the changed assembly."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def list_quantities(model: SubstructureModel) -> tuple[ConfigQuantity, ...]:
 
 
 def materials_in_common(assembly: Assembly) -> Iterator[tuple[tuple[str, ...], ConfigQuantity, Apply]]:
-    """Yield what several parts have alike of their material: their names, else as `known_quantities` does."""
+    """Yield quantities that are equal in parts of one material: the parts' names, else as `known_quantities`."""
     alike: dict[ConfigQuantity, list[str]] = {}
     for name, quantity, _ in known_quantities(assembly):
         if quantity.unit in _OF_MATERIALS:
@@ -90,9 +90,9 @@ def materials_in_common(assembly: Assembly) -> Iterator[tuple[tuple[str, ...], C
 
 
 def known_quantities(assembly: Assembly) -> Iterator[tuple[str, ConfigQuantity, Apply]]:
-    """Yield quantities of parts without unknown options: the part, the quantity, and the assembly by its amount.
+    """Yield the quantities of parts without unknown options: the part's name, the quantity, and how to change it.
 
-    The amount is the logarithm of the ratio to what is described.
+    The last is a function from the logarithm of the ratio to the described value to the changed assembly.
     """
     for name, model in assembly.description.known_parts.items():
         if 2 * len(model.nodes) <= MOST_DOFS:
@@ -116,7 +116,7 @@ def quantity_derivatives(
     Returns
     -------
     (n_quantities, m) complex array
-        Without those that their part permits to have no other value.
+        Quantities whose part accepts no other value are left out.
     """
     values = ModelFrfs.of(assembly).at(lines).frf(theta[np.newaxis])[0]
     derivatives = []
@@ -162,7 +162,7 @@ def _walk(node: Any, path: tuple[str | int, ...]) -> Iterator[ConfigQuantity]:
 
 
 def _unit(annotation: object, metadata: Iterable[object] = ()) -> str | None:
-    """Return the unit that an annotation names, also that of one of several accepted types."""
+    """Return the unit in an annotation, or in one of its accepted types; None if there is none."""
     for mark in metadata:
         if isinstance(mark, InUnit):
             return mark.unit

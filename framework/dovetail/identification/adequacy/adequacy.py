@@ -20,16 +20,16 @@ AdequacyWord: TypeAlias = Literal["to the noise", "good", "rough", "does not fit
 
 @dataclass(frozen=True)
 class Settings:
-    """The largest errors of a model that is good, and of one that is rough.
+    """The largest errors at which a model still counts as good, and as rough.
 
-    They are chosen by what such a model is used for, not on any measurement: a good one predicts where resonances are
-    and how high, a rough one tells which is which.
+    They follow from what such a model is used for, not from any measurement: a good model predicts the frequencies and
+    heights of resonances; a rough one shows only which resonance of the model is which of the measurement.
     """
 
     good: ModelError = field(default=ModelError(0.01, damping=0.5, magnitude=0.25, phase=0.15, other=0.2))
     rough: ModelError = field(default=ModelError(0.06, damping=2.0, magnitude=0.8, phase=0.6, other=0.7))
     in_intervals: float = 2.0
-    """Times the size that is told, for which intervals allow: it is known within a factor of two."""
+    """Multiple of the estimated errors that intervals allow for: the estimate is good within a factor of two."""
 
 
 _SETTINGS = Settings()
@@ -46,7 +46,7 @@ _CHANGE = "A change explains more: if it is so, parameters may lie beyond these 
 
 @dataclass(frozen=True)
 class Cause:
-    """A change with which the model fits the measurement better.
+    """A change of model or measurement with which the two agree better.
 
     Parameters
     ----------
@@ -54,13 +54,13 @@ class Cause:
         Its kind: "sign", "gain", "unit", "quantity", "delay", "conjugate", "point", "mass", "overhang", "range",
         "resonance", "order", "damping", "window", "part", "level".
     words : str
-        What would be changed, after "with": "the sign reversed".
+        The change, worded to follow "with": "the sign reversed".
     coherence : (float, float)
         Mean coherence of model and measurement without and with it.
     residual_factor : float
         By how much typical residuals become smaller.
     theta : tuple of float
-        The parameters with it [SI]; empty with a result of an earlier version.
+        The parameters that fit best with the change [SI]; empty in a result of an earlier version.
     """
 
     name: str
@@ -114,9 +114,9 @@ class Adequacy:
 
     @property
     def error_in_intervals(self) -> ModelError:
-        """What intervals allow for: the user's errors, or twice those that are shown, and typical ones at least.
+        """The errors that intervals allow for: the user's, or else twice the estimated ones, typical ones at least.
 
-        Where a model errs, any of its parts may be what is off.
+        Where the model is wrong, a quantity of any part may be the reason.
         """
         if self.allowed is None and self.size is None:
             return TYPICAL
@@ -141,9 +141,9 @@ class Adequacy:
         return f"{heads.get(self.word, 'The model does not fit, unless')} {self.size.describe()}."
 
     def doubts(self, intervals: Mapping[str, tuple[float, float]], parameters: Sequence[Parameter]) -> dict[str, str]:
-        """Say where, with a cause, a parameter is farther from the middle of its interval than that is wide, by name.
+        """Name the parameters that some cause moves from the middle of their interval by more than its width.
 
-        Then what the errors hide decides, not the measurement.
+        The value of such a parameter depends on whether the cause is real, which the measurement alone does not decide.
         """
         doubts = dict[str, str]()
         for cause in self.causes:

@@ -39,7 +39,7 @@ class Settings:
     most_missed: int = 5
     """Resonances of the measurement that are listed where the model lacks them."""
     same_missed: float = 0.01
-    """Relative distance from the one before up to which several FRFs show the same one."""
+    """Relative distance within which missed resonances of several FRFs are taken for the same one."""
     displaced: float = 2.0
     """Times the error of natural frequencies that a peak lies beside the model's resonance to which it may belong."""
     near: tuple[float, float] = (0.01, 0.05)
@@ -52,7 +52,7 @@ class Settings:
     """Of the mains frequency, above which lines are too coarse to tell."""
     fewest_hums: int = 2
     exceeds: float = 2.0
-    """Times the allowed error of natural frequencies from which the measurement is said to need more."""
+    """Ratio of the error that the measurement shows to the one allowed above which this is reported."""
 
 
 _SETTINGS = Settings()
@@ -61,7 +61,7 @@ _LATE = "The time for causes ended before all were tried; '--cause-seconds' (in 
 
 
 def check_limits(model_error: float | None = None, cause_seconds: float = 0.0, form: str = "samples") -> None:
-    """Make sure that the error that a model is allowed, the time for causes, and the form of the posterior are such.
+    """Make sure that the allowed error of the model, the time for causes and the form of the posterior are valid.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def assess(
     -------
     Adequacy
     Fit
-        The same one where it is to the noise and no error is allowed.
+        The given fit if it is to the noise and no error is allowed.
     """
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     noise = is_noise(assembly, target, fit)
@@ -148,9 +148,10 @@ def assess(
 
 
 def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> float:
-    """Return the median of the logarithms of measured over fitted amplitudes.
+    """Return the median of |log(measured / fitted amplitude)|.
 
-    Errors of magnitude are relative to the fitted FRF: they grow no further than 1 if that is much too large.
+    It is needed beside the error of magnitude, which is relative to the fitted FRF and therefore never exceeds 1 where
+    that is much too large.
     """
     measured = target.amplitude
     clear = (measured > 0.0) & (values != 0.0)
@@ -160,7 +161,7 @@ def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> floa
 def _reasons(
     target: Observations, fit: Fit, estimated: FitWithError, allowed: float | None, given_out: float
 ) -> Iterator[str]:
-    """Yield what else there is to say of a fit that is not to the noise, and of what is measured."""
+    """Yield further remarks on a measurement and on a fit that does not reach its noise, as sentences."""
     if given_out > MOST_GIVEN_OUT:
         yield (
             f"As measured, the structure gives out {100.0 * given_out:.0f} % of the power where it is driven, which no "
@@ -200,7 +201,7 @@ def _missed_in_words(target: Observations, fit: Fit, estimated: FitWithError) ->
 
 
 def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
-    """Return whether the residuals of a fit are noise: by their size, and by their order along the frequency axis."""
+    """Return whether the residuals of a fit are noise: no larger, and not correlated along the frequency axis."""
     if fit.discrepancy:
         return False
     frf, jacobian = linearise_frf(ModelFrfs.of(assembly), fit.theta[np.newaxis])
@@ -214,7 +215,7 @@ def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
 
 
 def _scaled_to_scatter(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return residuals (n_freq, n), smaller if they scatter from line to line by more than random error."""
+    """Return residuals (n_freq, n), scaled down where their scatter from line to line exceeds the random error."""
     scatter = float(np.mean(np.diff(residuals, axis=0) ** 2)) / 2.0 if len(residuals) > 1 else 1.0
     return np.asarray(residuals / np.sqrt(max(1.0, scatter)))
 

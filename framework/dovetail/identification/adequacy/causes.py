@@ -1,6 +1,6 @@
-"""What would explain why a model does not fit: single changes of measurement or model, ranked by what they improve.
+"""Causes of a misfit: single changes of measurement or model, ranked by how much better the model fits with them.
 
-Each change is tried by fitting the joint anew with it.
+For each change that is tried, the joint's parameters are fitted anew.
 """
 
 from __future__ import annotations
@@ -36,29 +36,29 @@ class Settings:
     """What is tried, and when a cause is named."""
 
     most: int = 3
-    """Causes that are named at most; more are not readable."""
+    """Largest number of causes that are named; readers do not take in more."""
     noise: float = 0.6
     """Misfit of noise: mean of log(1 + x) for an x that is distributed exponentially."""
     of_measurement: float = 0.3
     """Decrease of the misfit from which a cause in the measurement is named: typical residuals fall by 14 %."""
     of_model: float = 0.6
-    """The same for a change of the model, which fits better with anything that it is free to change: by 26 %."""
+    """The same for a cause in the model, which gains from any additional freedom: typical residuals fall by 26 %."""
     of_part: float = 0.7
-    """Part of what separates the misfit from noise that another quantity of a part must take away."""
+    """Share of the misfit beyond noise that another value of a part's quantity must remove."""
     share: float = 0.4
-    """Part of what separates a misfit from noise that is enough, where it is less than the decreases above."""
+    """Share of the misfit beyond noise whose removal suffices, if it is less than the decreases above."""
     least: float = 0.1
     """Decrease of the misfit below which no cause is named."""
     least_share: float = 0.1
-    """Part of what separates a misfit from noise below which no cause is named."""
+    """Share of the misfit beyond noise below which no cause is named."""
     tie: float = 5.0
-    """Decreases of the sum over the lines that differ by less are alike, since noise makes such differences; then the
-    cause that is tried first is named first."""
+    """Decreases of the sum over all lines that differ by less count as equal, since noise makes such differences. Of
+    equal causes the one tried first is named first."""
     beside_best: float = 0.5
-    """Part of the best improvement that a further cause has at least."""
+    """Share of the best improvement that each further cause must reach."""
     explained: float = 0.05
-    """Misfit beyond noise from which on down nothing else is tried, if the cause is named: it is found. On 300 lines,
-    the fewest that are compared as a rule, it is twice the standard deviation of that of noise."""
+    """Misfit beyond noise at which the search ends, if the cause is one that is named. On 300 lines, usually the
+    fewest that are compared, it is twice the standard deviation of the misfit of noise."""
     gain: float = 0.05
     """Relative error of the gain that is worth naming."""
     phase: float = 0.02
@@ -66,18 +66,18 @@ class Settings:
     unit: float = 0.03
     """Logarithm by which a gain may differ from the factor of a usual mistake of units."""
     gross_unit: float = 0.25
-    """The same for factors above 3: of a model that is rough, the gain is not known better."""
+    """The same for factors above 3: with a rough model, the gain is not known more precisely."""
     uncertain_unit: float = 1.6
-    """The same where the gain itself is tried beside them: from a joint that is not right it is known within a factor
-    of five."""
+    """The same where the gain itself is tried too: with wrong parameters of the joint, it is known only within a
+    factor of five."""
     delays: int = 400
     """Delays that are compared, up to two periods of the highest frequency either way."""
     points: int = 2
-    """Other points of response, and of force and response, at which the joint is fitted: those that come nearest."""
+    """Number of other points of response, and of force and response, that are fitted: those that come nearest."""
     quantities: int = 4
-    """Quantities of parts that are fitted: those that the residuals point to."""
+    """Number of quantities of parts that are fitted: those whose effect is most like the residuals."""
     overhangs: tuple[float, ...] = (-0.1, 0.1)
-    """Logarithms of ratios from which an overhang is fitted."""
+    """Starting values of the fit of an overhang, as logarithms of its ratio to the described one."""
 
 
 _SETTINGS = Settings()
@@ -108,7 +108,7 @@ def find_causes(
     seconds: float = CAUSE_SECONDS,
     progress: Progress = silent,
 ) -> tuple[Cause, ...]:
-    """Return what makes the model fit clearly better, the best first; nothing if nothing that was tried does.
+    """Return the causes with which the model fits clearly better, the best first; none if no change helps enough.
 
     Parameters
     ----------
@@ -119,16 +119,16 @@ def find_causes(
     fit : Fit
         Of the same measurement.
     seconds : float
-        Time after which nothing new is tried; with 0 nothing is.
+        Time after which no further change is tried; with 0 none is tried at all.
     progress : Progress
 
     Notes
     -----
-    The misfit (`Trial`) is that of few lines, among them those around each resonance.
-    A cause in the measurement is named if the misfit falls by 0.3 with it, one in the model if it falls by 0.6, or
-    either by 0.4 of what separates it from noise; a quantity of a part if it takes away 0.7 of that. If the measured
-    structure gives out power, only what may end that is tried, and the better of sign and phase is named in any case.
-    Each must take away half as much as the best one.
+    The misfit (`Trial`) is computed on few lines, among them those around each resonance. A cause in the measurement is
+    named if the misfit falls by 0.3, one in the model if it falls by 0.6, and either if the misfit beyond noise falls
+    by 40 %; for a quantity of a part it must fall by 70 %. Each cause must improve the fit at least half as much as the
+    best one. If the measured structure gives out power, only changes that turn the phase are tried, and the better of
+    a reversed sign and a conjugated phase is named in any case.
     """
     if not seconds:
         return ()
@@ -152,7 +152,7 @@ def find_causes(
 
 
 def _named(found: list[tuple[float, Cause]], excess: float, lines: int, is_active: bool) -> tuple[Cause, ...]:
-    """Return the causes that improve the fit enough on some lines, each kind once, the best first."""
+    """Return the causes that improve the fit enough, of each kind only the best, the best first."""
     enough = [(size, cause) for size, cause in found if size >= _needed(cause.name, excess, is_active)]
     best = max((size for size, _ in enough), default=0.0)
     enough.sort(key=lambda item: -min(item[0], best - _SETTINGS.tie / lines))
@@ -168,7 +168,7 @@ def _is_noise(misfit: float) -> bool:
 
 
 def _needed(name: str, excess: float, is_active: bool) -> float:
-    """Return the decrease of the misfit from which a cause is named."""
+    """Return the decrease of the misfit that a cause of this kind must reach to be named."""
     if is_active and name in _PHASES:
         return -np.inf
     if name == "part":
@@ -180,11 +180,12 @@ def _needed(name: str, excess: float, is_active: bool) -> float:
 _PHASES = {"sign", "conjugate"}
 _OF_MEASUREMENT = {"sign", "order", "conjugate", "gain", "unit", "quantity", "delay", "window"}
 _FINISHED = 3
-"""Stages that are finished in any case: a gain and a mass may have the same effect, and are then both named."""
+"""Number of the first stages that are always completed: a gain and a mass, which may have the same effect, are then
+both named."""
 
 
 def _candidates(trials: Trials, progress: Progress, explained: Callable[[], bool]) -> Iterator[Candidate]:
-    """Yield the changes that could be the cause, the quickest to try first, until one explains the misfit."""
+    """Yield possible causes with the fit of each, the quickest to try first, until one explains the misfit."""
     for number, (note, stage, turns_phase) in enumerate(_STAGES):
         if trials.is_active and not turns_phase:
             continue
@@ -247,7 +248,7 @@ def _as_gain(factor: float, unit: str) -> str:
 
 
 def _factors(gain: float) -> list[tuple[float, str]]:
-    """Return factors of usual mistakes of units if the logarithm of a gain is near them, else the gain beside them."""
+    """Return the usual unit mistakes that explain the logarithm of a gain; if none does, the gain itself and others."""
     usual = [(known**sign, words) for known, words in _UNITS for sign in (1, -1)]
     gross = [(factor, words) for factor, words in usual if abs(np.log(factor)) > np.log(3.0)]
 
@@ -259,7 +260,7 @@ def _factors(gain: float) -> list[tuple[float, str]]:
 
 
 def _quantities(trials: Trials) -> Iterator[Candidate]:
-    """Try another quantity if the ratio of measurement and model follows a power of the frequency."""
+    """Try another quantity if the ratio of measurement to model follows a power of the frequency."""
     if len(trials.target.frequency) < 2:
         return
     ratio = np.log(np.abs(values_of(trials.target.frfs)) / np.abs(trials.values(trials.shape)))
@@ -302,14 +303,14 @@ def _overhangs(trials: Trials) -> Iterator[Candidate]:
 
 
 def _parts(trials: Trials) -> Iterator[Candidate]:
-    """Try the quantities of parts to which the residuals point."""
+    """Try the quantities of parts whose effect is most like the residuals."""
     parts = takewhile(lambda _: not trials.late, (p for p in trials.perturbations if p.kind == "part"))
     for perturbation in sorted(parts, key=lambda p: -_alignment(trials, p))[: _SETTINGS.quantities]:
         yield from _perturbed(trials, perturbation, (0.0,))
 
 
 def _alignment(trials: Trials, perturbation: Perturbation, step: float = 1e-4) -> float:
-    """Return the cosine of residuals and what a perturbation adds to them, beyond what the joint can make."""
+    """Return |cos| of the angle between residuals and a perturbation's effect, both without what the joint can do."""
     theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
     frf, jacobian = linearise_frf(ModelFrfs.of(trials.assembly), theta)
     ahead = residual.of(ModelFrfs.of(perturbation.apply(step)).frf(theta))[0]
@@ -319,7 +320,7 @@ def _alignment(trials: Trials, perturbation: Perturbation, step: float = 1e-4) -
 
 
 def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float, ...]) -> Iterator[Candidate]:
-    """Fit joint and amount together, from some amounts."""
+    """Fit the joint together with the amount of a perturbation, from several starting amounts; yield the best fit."""
     candidates: list[Candidate] = []
     for amount in amounts:
         if trials.late or any(_is_noise(trial.misfit) for _, _, trial in candidates):
@@ -337,7 +338,7 @@ def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float,
 
 
 def _points(trials: Trials) -> Iterator[Candidate]:
-    """Try other points of response and force: those at which joints come nearest."""
+    """Try other points of response and force: those where the model comes nearest to the measurement."""
     if len(trials.target.frfs) > 1:
         return
     amplitude = np.abs(values_of(trials.target.frfs))
@@ -372,4 +373,4 @@ _STAGES: tuple[tuple[str, Callable[[Trials], Iterator[Candidate]], bool], ...] =
     ("overhang", _overhangs, False),
     ("parts", _parts, False),
 )
-"""What is tried, and whether it turns the phase of an FRF."""
+"""The stages in their order: a note for the progress, the function, and whether it turns the phase of an FRF."""

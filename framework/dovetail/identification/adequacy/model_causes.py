@@ -1,4 +1,4 @@
-"""Causes in the model: points, responses exchanged, levels of the force, a lacking resonance, a window, ranges."""
+"""Causes in the model: other points, exchanged responses, levels of the force, damping, ranges, missing resonances."""
 
 from __future__ import annotations
 
@@ -39,35 +39,35 @@ class Settings:
     """Which points are compared, how resonances are added, and which windows are tried."""
 
     most_nodes: int = 24
-    """Nodes that are compared first, evenly chosen; then those between the nearest of them."""
+    """Largest number of nodes that are compared first, evenly chosen; then those around the best of them follow."""
     lines: int = 120
     """Of the FRF, evenly chosen."""
     samples: int = 16
     """Random joints whose FRFs are compared."""
     most_difference: float = 1.0
-    """Difference of logarithms of amplitudes at which it is cut off: a resonance elsewhere makes larger ones."""
+    """Limit of the difference of logarithms of amplitudes at one line: a misplaced resonance makes larger ones."""
     most_exchanges: int = 15
-    """Pairs of responses that are tried: all of up to six."""
+    """Largest number of pairs of responses that are exchanged: all pairs of up to six responses."""
     most_resonances: int = 2
-    """Resonances that are tried, the lowest first."""
+    """Largest number of missing resonances that are tried, the lowest first."""
     reach: float = 0.1
-    """Part of its frequency up to which lines determine an added resonance."""
+    """Relative distance from a missing resonance within which lines determine it."""
     fewest_lines: int = 8
-    """That determine one."""
+    """Smallest number of such lines."""
     damping: float = 0.01
-    """Loss factor from which its search starts."""
+    """Loss factor at which its search starts."""
     dampings: tuple[float, float] = (1e-6, 1.0)
-    """Between which it is sought."""
+    """Bounds of its loss factor."""
     windows: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
-    """Damping that a window adds, over that of the least damped resonance, from which its search starts."""
+    """First values of the damping that a window adds, over that of the least damped resonance."""
     most_window: float = 100.0
-    """Such damping up to which the search goes on while the fit becomes better."""
+    """Largest such value; larger ones are tried as long as the fit improves."""
     narrowings: int = 3
-    """Times that the step between such values is halved."""
+    """Number of times that the step between such values is halved."""
     promising: float = 0.05
-    """Decrease of the misfit with the best of the first values from which more are tried between them."""
+    """Decrease of the misfit that the best of the first values must reach for others to be tried between them."""
     range_factor: float = 10.0
-    """By which the range of a parameter on a logarithmic scale is extended at either end; others by their width."""
+    """Factor by which the range of a parameter on a logarithmic scale is extended; others grow by their width."""
 
 
 _SETTINGS = Settings()
@@ -79,16 +79,16 @@ Node = tuple[str, int]
 def nearest_points(
     assembly: Assembly, amplitude: NDArray[np.float64], likely: NDArray[np.float64], count: int
 ) -> Iterator[tuple[Assembly, str, NDArray[np.float64]]]:
-    """Yield the assembly with other points of response, and of force and response, the nearest first.
+    """Yield the assembly with other points of response, and of force and response, the most similar ones first.
 
     Parameters
     ----------
     assembly : Assembly
         With one response.
     amplitude : (n_freq,) array
-        Measured. Those points are yielded where joints have the most similar amplitudes.
+        Measured, with which the amplitudes at each point are compared.
     likely : (n, n_params) array
-        Joints that are compared besides random ones [SI].
+        Parameters [SI] that are tried besides random ones.
     count : int
         Points of each kind.
 
@@ -98,7 +98,7 @@ def nearest_points(
     str
         Where the points are, in words.
     (n_params,) array
-        The joint whose amplitudes are the most similar.
+        The parameters [SI] whose amplitudes are the most similar.
     """
     elsewhere = _places(assembly)
     if not elsewhere:
@@ -121,13 +121,13 @@ def nearest_points(
 
 
 def _nearest(distances: NDArray[np.float64], count: int) -> list[int]:
-    """Return the places to which one of the joints (n, n_places) is nearest."""
+    """Return the places with the smallest distances (n, n_places) over all parameter vectors, the smallest first."""
     order: list[int] = np.argsort(distances.min(axis=0), kind="stable").tolist()
     return order[:count]
 
 
 def _measured_at(assembly: Assembly, place: Node, *, with_force: bool) -> Assembly:
-    """Return the assembly with another point of response, and of the force where that goes along."""
+    """Return the assembly with another point of response; the force is moved there too if `with_force`."""
     described = assembly.description.response
     force = described.force or Place(described.substructure, described.node, described.direction)
     there = replace(described, substructure=place[0], node=place[1], force=None if with_force else force)
@@ -135,7 +135,7 @@ def _measured_at(assembly: Assembly, place: Node, *, with_force: bool) -> Assemb
 
 
 def _places(assembly: Assembly) -> list[Node]:
-    """Return all nodes that can move, but the response's own."""
+    """Return all nodes that can move, apart from the response's own."""
     response = assembly.description.response
     substructures = assembly.description.substructures.items()
     places = [(name, node) for name, model in substructures for node in range(len(model.nodes))]
@@ -146,7 +146,7 @@ def _places(assembly: Assembly) -> list[Node]:
 def _distances(
     assembly: Assembly, amplitude: NDArray[np.float64], joints: NDArray[np.float64], places: list[Node]
 ) -> list[NDArray[np.float64]]:
-    """Return how far joints are from the measured amplitude at places (n, n_places), with the force here and there."""
+    """Return how amplitudes at places differ from the measured one, (n, n_places): force as described, and there."""
     lines = np.unique(np.linspace(0, len(amplitude) - 1, _SETTINGS.lines).round().astype(np.intp))
     few = assembly.on(assembly.frequency[lines])
     points, force = [_point(few, place) for place in places], few.description.response.force_point
@@ -188,7 +188,7 @@ Candidate = tuple[str, str, Trial]
 
 
 def try_levels(trials: Trials) -> Iterator[Candidate]:
-    """Yield the fit in which every measurement at one point, as at several levels of the force, is fitted alone."""
+    """Yield the fit in which each of several measurements at one point, as at levels of force, is fitted alone."""
     measured_at = [(response.point, response.force_point) for response in trials.assembly.description.responses]
     level = np.array([measured_at[:number].count(place) for number, place in enumerate(measured_at)])
     if not level.max():
@@ -210,7 +210,7 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
 
 
 def try_exchanges(trials: Trials) -> Iterator[Candidate]:
-    """Yield the fits with the measurements of two responses exchanged: the model's responses are, on the same lines."""
+    """Yield the fits with the measurements of two responses exchanged, by exchanging the responses of the model."""
     frfs, description = trials.target.frfs, trials.assembly.description
     for former, latter in islice(combinations(range(len(frfs)), 2), _SETTINGS.most_exchanges):
         responses = list(description.responses)
@@ -227,7 +227,7 @@ def try_exchanges(trials: Trials) -> Iterator[Candidate]:
 
 
 def try_missing_resonances(trials: Trials) -> Iterator[Candidate]:
-    """Yield the fit with a resonance added where the measurement has one and the model has none."""
+    """Yield the fits with a resonance added where the measurement has one and the model has none."""
     theta = trials.unchanged.theta
     values, measured = trials.values(theta), values_of(trials.target.frfs)
     if len(trials.target.frfs) > 1 or not trials.target.frfs[0].has_phase:
@@ -243,7 +243,7 @@ def try_missing_resonances(trials: Trials) -> Iterator[Candidate]:
 def _added_resonance(
     frequency: NDArray[np.float64], measured: NDArray[np.complex128], values: NDArray[np.complex128], at: float
 ) -> NDArray[np.complex128] | None:
-    """Return what a resonance adds to a model's values so that they meet the measured ones around it."""
+    """Return the FRF of a resonance that makes up for the difference of measured and model's values around it."""
     near = np.abs(frequency - at) < _SETTINGS.reach * at
     if np.count_nonzero(near) < _SETTINGS.fewest_lines:
         return None
@@ -269,7 +269,7 @@ def _added_resonance(
 
 
 def try_ranges(trials: Trials) -> Iterator[Candidate]:
-    """Try parameters that ended at an end of their range outside of it."""
+    """Try wider ranges for the parameters that ended at an end of theirs."""
     assembly, fraction = trials.assembly, trials.assembly.to_unit(trials.unchanged.theta)
     for index, (parameter, (joint, name)) in enumerate(
         zip(assembly.parameters, assembly.description.identified_parameters, strict=True)
@@ -289,7 +289,7 @@ def try_ranges(trials: Trials) -> Iterator[Candidate]:
 
 
 def _widened(parameter: Parameter, *, at_upper: bool) -> tuple[float, float]:
-    """Return a range that is extended at one end."""
+    """Return the ends of a parameter's range after an extension at one of them."""
     lower, upper, factor = parameter.lower, parameter.upper, _SETTINGS.range_factor
     if at_upper:
         return lower, upper * factor if parameter.scale == "log" else upper + (upper - lower)
@@ -302,7 +302,7 @@ def _with_range(assembly: Assembly, joint: str, name: str, lower: float, upper: 
 
 
 def try_damping(trials: Trials) -> Iterator[Candidate]:
-    """Yield the fit with the dampers of all joints as structural damping, and with all viscous where some are not."""
+    """Yield the fits with structural damping in all joints, and with viscous damping in all, where either is new."""
     description, axis = trials.assembly.description, trials.target.frequency
     middle = float(f"{np.sqrt(axis.min() * axis.max()):.2g}")
     others: list[tuple[float | None, str]] = []
@@ -317,7 +317,7 @@ def try_damping(trials: Trials) -> Iterator[Candidate]:
 
 
 def try_window(trials: Trials) -> Iterator[Candidate]:
-    """Yield the fit with the damping taken out that an exponential window adds to all resonances alike."""
+    """Yield the fit without the damping that an exponential window adds equally to all resonances."""
     values = trials.target.split(trials.values(trials.unchanged.theta))
     resonances = fit_resonances([frf.frequency for frf in trials.target.frfs], values)
     if not len(resonances.poles):
@@ -344,7 +344,7 @@ def try_window(trials: Trials) -> Iterator[Candidate]:
 def _without_window(
     trials: Trials, values: Sequence[NDArray[np.complex128]], resonances: Resonances, added: float
 ) -> Trial:
-    """Fit the joint to the measurement less a window's damping [Hz], which the resonances of the best fit tell."""
+    """Fit the joint to the measurement corrected for a window's damping [Hz], by the resonances of the best fit."""
     frfs = []
     for frf, plain, near in zip(trials.target.frfs, values, resonances.near, strict=True):
         distance = frf.frequency - resonances.poles[:, np.newaxis]

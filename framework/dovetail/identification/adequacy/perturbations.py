@@ -1,7 +1,6 @@
-"""Perturbations: deviations of the measurement or of a substructure from the description, each by any amount.
+"""Perturbations: deviations of the measurement or of a substructure from the description, by a variable amount.
 
-Among them is how far a substructure stands out of its joint: its free end longer or shorter, the joint's own nodes
-unchanged.
+One of them is the overhang of a substructure: its free end is longer or shorter, and the joint's nodes stay.
 """
 
 from __future__ import annotations
@@ -46,11 +45,11 @@ class Settings:
     """How substructures are perturbed."""
 
     step: float = 1e-4
-    """Logarithm of the ratio by which it is tried whether the model permits another size."""
+    """Logarithm of a ratio with which it is tested whether the model can be changed at all."""
     difference: float = 1e-5
-    """Part of an amount's range by which residuals are differentiated by it."""
+    """Step of the finite differences by an amount, as a fraction of its range."""
     least_overhang: float = 0.05
-    """Part of the length between the joint and the response, or the end, that remains at least."""
+    """Smallest fraction of the length between the joint and the response, or the end, that remains."""
 
 
 _SETTINGS = Settings()
@@ -70,11 +69,11 @@ class Perturbation:
     apply : callable
         From an amount to the perturbed assembly.
     describe : callable
-        From an amount to words, after "with": "the tool standing out of the collet by 31 mm in place of 30 mm".
+        From an amount to words that follow "with": "the tool standing out of the collet by 31 mm in place of 30 mm".
     lower, upper : float
-        Amounts between which it is searched.
+        Bounds of the amount.
     negligible : float
-        Amount below which it is not worth reporting.
+        Amount below which the perturbation is not worth reporting.
     """
 
     kind: str
@@ -139,7 +138,7 @@ def _quantities(assembly: Assembly) -> Iterator[Perturbation]:
 
 
 def _of_substructure(substructure: str, name: str, apply: Apply, describe: Describe) -> Iterator[Perturbation]:
-    """Yield a perturbation of a substructure by the logarithm of a ratio, if the model permits it."""
+    """Yield the perturbation of a substructure by the logarithm of a ratio, if the model accepts another value."""
     try:
         apply(_SETTINGS.step)
     except DovetailError:
@@ -167,12 +166,12 @@ def _describe(substructure: str, quantity: ConfigQuantity, amount: float) -> str
 
 
 class PerturbedResiduals:
-    """Residuals as a function of the joint's fractions of the ranges and, last, of a perturbation's amount.
+    """Residuals as a function of the parameters and, as the last coordinate, the amount of a perturbation.
 
     Parameters
     ----------
     perturbation : Perturbation
-        Its amount is given as a fraction of its range, too.
+        Like the parameters, its amount is a fraction of its range.
     residual : Residual
         Against the measurement.
     """
@@ -183,7 +182,7 @@ class PerturbedResiduals:
         self._width = perturbation.upper - perturbation.lower
 
     def position(self, fraction: NDArray[np.float64], amount: float) -> NDArray[np.float64]:
-        """Return the position (1, p + 1) of a joint (p,) and an amount."""
+        """Return the position (1, p + 1) for fractions of the parameters' ranges (p,) and an amount."""
         return np.append(fraction, (amount - self._perturbation.lower) / self._width)[np.newaxis]
 
     def amount(self, position: NDArray[np.float64]) -> float:
@@ -211,7 +210,7 @@ class PerturbedResiduals:
 
 
 class LoadedAssembly(Assembly):
-    """An assembly with a mass at each of its responses while that one is measured.
+    """An assembly with a mass that is moved from response to response, to each while it is measured.
 
     Parameters
     ----------

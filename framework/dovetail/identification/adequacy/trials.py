@@ -1,4 +1,4 @@
-"""Quick fits of a model to a measurement, both perhaps changed, and how well they agree then."""
+"""Quick fits of a model to a measurement, either of them possibly changed, and how well the two then agree."""
 
 from __future__ import annotations
 
@@ -27,52 +27,52 @@ __all__ = ["MOST_GIVEN_OUT", "LogRatio", "Trial", "Trials", "power_given_out", "
 
 @dataclass(frozen=True)
 class Settings:
-    """How the joint is fitted to a changed measurement, or with a changed model."""
+    """How the joint is fitted when measurement or model are changed."""
 
     tolerance: float = 0.1
     """Decrease of the sum of squares, per step, that ends a search."""
     steps: int = 40
     passes: int = 3
-    """In which an amount is fitted together with the joint, the first with logarithms."""
+    """Fits of an amount together with the joint, the first of them of logarithms."""
     reweighted: int = 6
-    """Times that the fit is weighted by its own typical residual, at most."""
+    """Largest number of times that the fit is repeated with weights from its own typical residual."""
     settled: float = 0.02
-    """Decrease of the misfit at which it has settled."""
+    """Decrease of the misfit below which these repetitions end."""
     hopeless: float = 1.0
-    """Misfit beyond that with nothing changed above which such weights do not bring a fit near it."""
+    """Misfit above that of the unchanged model and measurement beyond which repetitions do not help any more."""
     candidates: int = 256
-    """Random joints, of which the most similar are starts of the search by shape."""
+    """Random joints, of which those with the most similar FRFs are starts of a search."""
     starts: int = 3
     error: float = 0.1
     """Relative error that every line is allowed, so that none dominates."""
     free: float = 100.0
-    """Standard deviation of an unknown gain, or power of the frequency, in logarithms: as good as free."""
+    """Standard deviation of an unknown gain or power of the frequency, in logarithms: practically unconstrained."""
     tiny: float = 10.0
-    """Times that a model is smaller than measured beyond which residuals count more; peaks side by side make less."""
+    """Ratio of measurement to model above which residuals count more. Peaks that are slightly misplaced stay below."""
     floor: float = 3.0
-    """Standard deviations of its random error below which a measured value does not tell how small the model is."""
+    """Standard deviations of random error below which a measured value is too uncertain for this ratio."""
     clear: float = 5.0
-    """Standard deviations of its random error by which a power is clear of it."""
+    """Standard deviations of random error that a power must exceed to be counted."""
 
 
 _SETTINGS = Settings()
 
 MOST_GIVEN_OUT = 0.9
-"""Part of the power at drive points above which a sign or a phase is wrong for certain."""
+"""Share of the power at drive points that is given out above which a sign or a phase is certainly wrong."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """The joint that fits best.
+    """A fit: the best parameters of the joint, and how well model and measurement agree with them.
 
     Parameters
     ----------
     theta : (p,) array
         SI.
     misfit : float
-        Mean over the lines of log(1 + |residual|^2 / variance): 0.6 for noise. It grows with the logarithm of typical
-        residuals, so that neither peaks nor antiresonances decide alone. Where the model is less than a tenth of the
-        measurement, its residual counts as many times more.
+        Mean over the lines of log(1 + |residual|^2 / variance), which is 0.6 for noise. It grows with the logarithm of
+        typical residuals, so that neither peaks nor antiresonances dominate. Where the model is less than a tenth of
+        the measurement, the residual is multiplied by the measurement over ten times the model.
     coherence : float
         Mean coherence of model and measurement.
     values : (n_lines,) complex array
@@ -97,13 +97,12 @@ class Trials:
     fit : Fit
         Of the same measurement.
     deadline : float
-        `time.monotonic()` after which every fit ends where it is, at most a step later.
+        `time.monotonic()` after which every fit stops within one step.
 
     Attributes
     ----------
     is_active : bool
-        Whether the measurement, on all of its lines, is that of a structure that gives out power, as no passive one
-        does.
+        Whether the measured structure gives out power, which no passive structure does; judged on all lines.
     """
 
     def __init__(self, assembly: Assembly, measured: Sequence[Frf], fit: Fit, deadline: float = np.inf) -> None:
@@ -122,7 +121,7 @@ class Trials:
 
     @property
     def lines(self) -> int:
-        """On which fits are compared."""
+        """Number of lines on which fits are compared."""
         return len(self.relative)
 
     @property
@@ -132,7 +131,7 @@ class Trials:
 
     @cached_property
     def perturbations(self) -> tuple[Perturbation, ...]:
-        """What may be otherwise in the model."""
+        """The deviations from the description that are tried."""
         return list_perturbations(self.assembly)
 
     def of_responses(self, numbers: Sequence[int]) -> Trials:
@@ -158,12 +157,12 @@ class Trials:
 
     @cached_property
     def starts(self) -> list[NDArray[np.float64]]:
-        """Joints (p,) that may be right but for a phase, or for gain and quantity [SI]."""
+        """Parameters (p,) [SI] that may be right apart from a phase, or from gain and quantity."""
         return [self.best, self.shape, self.search(self.assembly, self.shape)]
 
     @cached_property
     def shape(self) -> NDArray[np.float64]:
-        """(p,) the joint whose amplitudes fit best but for a gain and a power of the frequency [SI]."""
+        """(p,) parameters [SI] whose amplitudes fit best up to a gain and a power of the frequency."""
         model = ModelFrfs.of(self.assembly)
         residual = self._logarithms(self._amplitudes)
         axis = np.log(self.target.frequency)
@@ -173,13 +172,16 @@ class Trials:
         return np.asarray(self.assembly.from_unit(self._lowest(problem, starts)))
 
     def search(self, assembly: Assembly, *starts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the joint (p,) [SI] whose amplitudes fit best with another model, from some and similar joints."""
+        """Return the parameters (p,) [SI] whose amplitudes fit best with another model.
+
+        The search begins at `starts` and at the random joints with the most similar amplitudes.
+        """
         problem = FrfResiduals(ModelFrfs.of(assembly), self._logarithms(self._amplitudes))
         points = np.concatenate([assembly.to_unit(np.array([self.best, *starts])), self._most_similar(problem)])
         return np.asarray(assembly.from_unit(self._lowest(problem, points)))
 
     def fit(self, assembly: Assembly, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]]) -> Trial:
-        """Fit a model to measured FRFs, first their logarithms, then themselves, weighted by typical residuals.
+        """Fit a model to measured FRFs: first to their logarithms, then to the values, weighted by typical residuals.
 
         Parameters
         ----------
@@ -206,11 +208,11 @@ class Trials:
     def fit_freely(
         self, frfs: Sequence[Frf], starts: Sequence[NDArray[np.float64]], change: NDArray[np.complex128]
     ) -> tuple[Trial, float]:
-        """Fit the joint to a measurement whose logarithms may be changed by any amount.
+        """Fit the joint together with an unknown amount of a change of the measurement's logarithms.
 
-        At first all lines count alike, then by their noise and what typically is left: the one is robust, the other
-        as precise as the measurement, but draws it towards zero by what model and measurement do not have in common.
-        The best pass counts.
+        In the first pass all lines count alike, which is robust. In the others they are weighted by noise and typical
+        residuals, which is as precise as the measurement, but underestimates the amount where the model is wrong. The
+        pass with the lowest misfit is returned.
 
         Parameters
         ----------
@@ -250,7 +252,7 @@ class Trials:
     def fit_amount(
         self, perturbation: Perturbation, theta: NDArray[np.float64], amount: float
     ) -> tuple[float, NDArray[np.float64]]:
-        """Return the amount of a perturbation and the joint (p,) [SI] that fit best together, weighted likewise."""
+        """Return the amount of a perturbation and the parameters (p,) [SI] that fit best together."""
         residual: Residual = self.residual()
         for _ in range(_SETTINGS.passes):
             problem = PerturbedResiduals(perturbation, residual)
@@ -263,15 +265,15 @@ class Trials:
         return amount, theta
 
     def judged(self, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
-        """Return how well values (n_lines,) agree with the measurement as it is."""
+        """Return how well values (n_lines,) agree with the unchanged measurement."""
         return self._judged(self.target, theta, values)
 
     def residual(self) -> LogRatio:
-        """Return the logarithmic residuals of the measurement as it is."""
+        """Return the logarithmic residuals of the unchanged measurement."""
         return self._logarithms(self.target)
 
     def values(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the FRFs (n_lines,) of a joint (p,)."""
+        """Return the FRFs (n_lines,) at parameters (p,) [SI]."""
         return np.asarray(ModelFrfs.of(self.assembly).frf(theta[np.newaxis])[0])
 
     @property
@@ -281,14 +283,14 @@ class Trials:
         )
 
     def _most_similar(self, problem: SumOfSquares) -> NDArray[np.float64]:
-        """Return those (n, p) of many random points in the unit cube where a sum of squares is the least."""
+        """Return the points (n, p) with the smallest sums of squares among many random ones in the unit cube."""
         hypercube = scipy.stats.qmc.LatinHypercube(len(self.best), rng=np.random.default_rng(0))
         points = hypercube.random(_SETTINGS.candidates)
         order = np.argsort(np.sum(problem.residuals(points) ** 2, axis=1))
         return np.asarray(points[order[: _SETTINGS.starts]])
 
     def _lowest(self, problem: SumOfSquares, starts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where the best of some searches ended (p,)."""
+        """Return the end (p,) of the best of several searches."""
         tolerance, steps = _SETTINGS.tolerance, _SETTINGS.steps
         minima = minimise(problem, starts, tolerance=tolerance, most_steps=steps, deadline=self.deadline)
         return np.asarray(minima.position[np.argmin(minima.cost)])
@@ -300,7 +302,7 @@ class Trials:
         return np.asarray(self.relative * target.amplitude**2)
 
     def _weighted(self, target: Observations, values: NDArray[np.complex128]) -> Residual:
-        """Return residuals over their noise and what values (n_lines,) typically leave of them, relative to these."""
+        """Return residuals weighted by noise and by the typical relative deviation of values (n_lines,)."""
         variance, size = self._variance(target), np.abs(values) ** 2
         typical = float(np.median(np.maximum(target.squares(values) - variance, 0.0) / size))
         return target.weighted(variance + typical * size, self._used)
@@ -321,10 +323,10 @@ class Trials:
 
 
 def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[np.float64]) -> float:
-    """Return which part of the power at drive points the structure gives out; a passive one only takes it up.
+    """Return the share of the power at drive points that the structure gives out; a passive one only takes power up.
 
-    Per force at its own point, a structure takes up a power in proportion to the real part of the mobility. Reversed
-    signs of any FRF show there, and conjugated phases of receptances and accelerances.
+    The power that a force puts into a structure at its own point is proportional to the real part of the mobility,
+    which a reversed sign makes negative, as does a conjugated phase of a receptance or an accelerance.
 
     Parameters
     ----------
@@ -336,8 +338,8 @@ def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[
     Returns
     -------
     float
-        Of the real parts that are clear of random error those below zero, over all, in magnitude; 0 if none is clear,
-        without drive points, without phases, and where measuring chains with unknowns turn these.
+        Sum of the negative real parts over that of all, in magnitude, among those that clearly exceed the random error.
+        0 if none does, and without drive points or phases, or where unknowns of the measurement chain turn the phase.
     """
     given_out = total = 0.0
     of_responses = zip(target.frfs, assembly.description.responses, target.split(variance), strict=True)
@@ -352,13 +354,13 @@ def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[
 
 
 def values_of(frfs: Sequence[Frf]) -> NDArray[np.complex128]:
-    """Return the values (n_lines,) of FRFs, one behind the other."""
+    """Return the values of FRFs, concatenated (n_lines,)."""
     return np.concatenate([frf.values for frf in frfs])
 
 
 @dataclass(frozen=True, eq=False)
 class LogRatio:
-    """Logarithms of the ratio of FRFs to measured ones: their real parts, then the phases where there are any.
+    """Logarithm of the ratio of FRFs to measured ones: the real parts, then, with phases, the imaginary parts.
 
     Parameters
     ----------
@@ -373,7 +375,7 @@ class LogRatio:
 
     @staticmethod
     def against(values: NDArray[np.complex128], relative: NDArray[np.float64], has_phase: bool) -> LogRatio:
-        """Return the residuals against measured values (f,) with a relative variance (f,), 1 where all is noise."""
+        """Return the residuals against measured values (f,) of a relative variance (f,), which is 1 for pure noise."""
         return LogRatio(values, 1.0 / np.hypot(_SETTINGS.error, np.sqrt(relative / 2.0)), has_phase)
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -385,7 +387,7 @@ class LogRatio:
         return self.weighted(frf_jacobian / frf[:, np.newaxis])
 
     def weighted(self, logarithms: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return the residuals (..., m) that logarithms (..., f) are."""
+        """Return the weighted residuals (..., m) of logarithms (..., f)."""
         if not self.has_phase:
             return np.asarray(logarithms.real * self.weight)
         return np.concatenate([logarithms.real * self.weight, logarithms.imag * self.weight], axis=-1)
