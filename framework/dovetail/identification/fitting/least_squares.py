@@ -16,14 +16,14 @@ from scipy.optimize import least_squares
 __all__ = ["Linearisation", "Minima", "Profiles", "SumOfSquares", "cuts", "minimise", "profiles", "without"]
 
 _AT_BOUND = 1e-5
-"""Distance from a face of the cube within which a search that is driven towards it ends on it: the method itself keeps
-all positions inside."""
+"""Distance from a face of the cube within which a search that is driven towards the face is moved onto it; the method
+itself keeps all positions inside."""
 _ROWS_PER_BLOCK = 1024
-"""Of the residuals and their derivatives, decomposed at once: four times as fast as all of 10,000 or more."""
+"""Rows of the residuals and derivatives that are decomposed at once: four times as fast as 10,000 or more."""
 _RISE = 1e-3
-"""Part of the lowest sum of squares, beyond 1, by which a profile rises on both sides of a minimum."""
+"""Rise of a profile on both sides of a minimum: 1 and this fraction of the lowest sum of squares."""
 _FIRST_DAMPING, _DAMPING_FACTOR = 1e-2, 10.0
-"""Part of the curvature that is added to it along a profile, and what it changes by after a step up or down."""
+"""Levenberg-Marquardt damping along a profile, relative to the curvature, and its change after each step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Linearisation:
 
 
 class SumOfSquares(Protocol):
-    """The function that is minimised. A position's residuals are the same alone and in any batch."""
+    """The function that is minimised. The residuals at a position do not depend on the rest of the batch."""
 
     def residuals(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m) at positions (n, p) in the unit cube."""
@@ -81,7 +81,7 @@ class Minima:
     curvature : (n, p, p) array
         J^T J there.
     steps : (n,) array
-        How often the derivatives were computed.
+        Number of times that the derivatives were computed.
     """
 
     position: NDArray[np.float64]
@@ -91,7 +91,7 @@ class Minima:
 
     @staticmethod
     def ranked(*minima: Minima) -> Minima:
-        """Return all of them, the lowest first."""
+        """Merge several sets of minima, the lowest first."""
         order = np.argsort(np.concatenate([group.cost for group in minima]), kind="stable")
         names = (entry.name for entry in fields(Minima))
         return Minima(*(np.concatenate([getattr(group, name) for group in minima])[order] for name in names))
@@ -99,13 +99,18 @@ class Minima:
 
 @dataclass(frozen=True, eq=False)
 class Profiles:
-    """Sums of squares where one of p coordinates after the other has n given values: cuts, or the lowest ones.
+    """Sums of squares with one coordinate held at given values, for each of p coordinates.
+
+    The other coordinates are either constant (`cuts`) or fitted (`profiles`).
 
     Parameters
     ----------
     values : (n,) array
+        Of the coordinate that is held.
     cost : (p, n) array
+        Sums of squares, a row for each coordinate.
     position : (p, n, p) array
+        Where they were taken.
     """
 
     values: NDArray[np.float64]
@@ -113,7 +118,7 @@ class Profiles:
     position: NDArray[np.float64]
 
     def low_points(self, start: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-        """Return the lowest minima (k, p) of the profiles, except where they start, with a rise around each."""
+        """Return the lowest minima (k, p) of the profiles, apart from the one at their start."""
         rise = self.cost.min() * _RISE + 1.0
         padded = -np.pad(self.cost, ((0, 0), (1, 1)), constant_values=np.inf)
         tops_of = (scipy.signal.find_peaks(row, prominence=rise)[0] - 1 for row in padded)
@@ -139,10 +144,10 @@ def minimise(
     ----------
     problem : SumOfSquares
     start : (n, p) array
-        Brought into the unit cube.
+        Points outside the unit cube are moved to its faces.
     tolerance : float
-        Decrease of a sum of m squares, per step, that is too small to go on where the sum is about m, as noise leaves
-        it. Where the sum is larger, the decrease may be larger in proportion.
+        Decrease of the sum of m squares in one step that ends a search, if the sum is about m, as for noise; for other
+        sums in proportion.
     most_steps : int
     deadline : float
         `time.monotonic()` after which no further step begins.
@@ -165,7 +170,7 @@ def minimise(
 def _search(
     problem: SumOfSquares, start: NDArray[np.float64], tolerance: float, most_steps: int, deadline: float
 ) -> tuple[NDArray[np.float64], np.float64, NDArray[np.float64], int]:
-    """Return where one search ends, its sum of squares and curvature there, and its number of steps."""
+    """Return the end of one search, the sum of squares and the curvature there, and the number of steps."""
 
     @lru_cache(maxsize=1)  # the method asks for the Jacobian where it has just asked for the residuals
     def linearise(position: bytes) -> Linearisation:
@@ -206,10 +211,10 @@ def _search(
 
 
 def _triangle(linear: Linearisation) -> NDArray[np.float64]:
-    """Return R of (J, r) = Q R: p + 1 rows with the same products J^T J, J^T r and r^T r as all m, for the method.
+    """Return R of (J, r) = Q R: p + 1 rows with the same products J^T J, J^T r and r^T r as all m rows.
 
-    The method decomposes the Jacobian several times in each step, which for thousands of lines takes longer than to
-    compute it. Blocks of rows, which stay in the processor's cache, are reduced first.
+    `scipy.optimize.least_squares` decomposes the Jacobian several times in each step, which for thousands of lines
+    takes longer than computing it. Blocks of rows that fit into the processor's cache are reduced first.
     """
     rows = np.concatenate([linear.jacobian[0], linear.residuals]).T
     blocks = len(rows) // _ROWS_PER_BLOCK
@@ -221,7 +226,7 @@ def _triangle(linear: Linearisation) -> NDArray[np.float64]:
 
 
 def cuts(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64]) -> Profiles:
-    """Return sums of squares where one coordinate after the other has given values and all others stay at a start."""
+    """Return sums of squares along each coordinate in turn, with all others constant."""
     size, count = len(start), len(values)
     position = np.tile(start, (size, count, 1))
     position[np.arange(size), :, np.arange(size)] = values
@@ -230,7 +235,10 @@ def cuts(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.f
 
 
 def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[np.float64], steps: int) -> Profiles:
-    """Minimise over all coordinates but one, which takes values further and further from a start; each in its turn.
+    """Hold each coordinate in turn at given values and minimise over all others.
+
+    The values are taken in order of their distance from the start, on either side; each search begins where the one at
+    the value before ended. All coordinates advance together, so that their residuals are computed in one batch.
 
     Parameters
     ----------
@@ -239,8 +247,7 @@ def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[
     values : (n,) array
         Increasing.
     steps : int
-        Of Levenberg and Marquardt, at each value, from where the one before it ended; the residuals and derivatives of
-        all coordinates are computed together.
+        Levenberg-Marquardt steps at each value.
     """
     size, count = len(start), len(values)
     lowest = Profiles(values, np.full((size, count), np.inf), np.empty((size, count, size)))
@@ -261,7 +268,7 @@ def profiles(problem: SumOfSquares, start: NDArray[np.float64], values: NDArray[
 def _stepped(
     problem: SumOfSquares, position: NDArray[np.float64], fixed: NDArray[np.intp], steps: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Take some steps in the unit cube from n positions, each with one coordinate fixed; return the ends and costs."""
+    """Take Levenberg-Marquardt steps from n positions, each with one fixed coordinate; return ends and costs."""
     size = position.shape[1]
     free = fixed[:, np.newaxis] != np.arange(size)
     damping = np.full(len(position), _FIRST_DAMPING)
@@ -283,7 +290,7 @@ def _stepped(
 
 
 def without(vectors: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return vectors (..., m) without what some directions (k, m), of whatever length, make of them."""
+    """Return vectors (..., m) without their projection on the span of some directions (k, m)."""
     lengths = np.maximum(np.linalg.norm(directions, axis=1), np.finfo(float).tiny)
     basis = np.linalg.qr(directions.T / lengths)[0]
     return np.asarray(vectors - (vectors @ basis) @ basis.T)

@@ -1,4 +1,4 @@
-"""The measured FRFs: one for each response of an assembly, on their own lines, which stand one behind the other."""
+"""Measured FRFs, one for each response of an assembly, each on its own lines; their lines are concatenated."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from dovetail.measurement import find_gaps, find_missing_ends, on_grid, within_b
 __all__ = ["MeasuredLines", "Observations", "one_per_response"]
 
 _LEAST_DISCREPANCY = 1e-6
-"""Relative error of a model below which it does not matter."""
+"""Relative error of a model that is negligible."""
 _RECIPROCITY, _EXCESS = 0.05, 3.0
-"""Difference of two FRFs with force and response exchanged that is said, also over what their random error explains."""
+"""Relative difference of two reciprocal FRFs that is reported, and its ratio to the one that random errors explain."""
 _MOST_GAPS = 5
-"""Gaps of a measurement that a warning lists."""
+"""Largest number of gaps that a warning lists."""
 
 _Residual = TypeVar("_Residual", Weighted, LogAmplitude)
 
@@ -64,7 +64,7 @@ def _counted(count: int, noun: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """Measured FRFs as arrays over all lines of all responses, one response behind the other.
+    """Measured FRFs as arrays over the lines of all responses, concatenated response by response.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Observations:
 
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> Observations:
-        """Take one FRF, or one for each response, of any quantities.
+        """Return the observations of one FRF, or of one for each response, in any quantities.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class Observations:
         return np.concatenate([frf.amplitude for frf in self.frfs])
 
     def at(self, lines: NDArray[np.intp]) -> Observations:
-        """Return the values at some lines (increasing numbers); a response without any of them is left out."""
+        """Return the observations at some lines (increasing indices), without responses that have none of them."""
         pairs = zip(self.frfs, split_by_response(lines, self.counts), strict=True)
         return Observations(
             tuple(
@@ -113,7 +113,7 @@ class Observations:
         )
 
     def split(self, lines: NDArray[Any]) -> list[NDArray[Any]]:
-        """Return an array (..., n_lines) response by response."""
+        """Split an array (..., n_lines) into those of the responses."""
         return np.split(lines, np.cumsum(self.counts)[:-1], axis=-1)
 
     @cached_property
@@ -122,7 +122,7 @@ class Observations:
 
     @property
     def variance_known(self) -> bool:
-        """Whether each measurement tells its random error."""
+        """Whether the random error of every measurement is known."""
         return all(variance is not None for variance in self._known_variances)
 
     def variance(self, model: NDArray[np.complex128] | None = None) -> NDArray[np.float64]:
@@ -140,7 +140,7 @@ class Observations:
         )
 
     def assumes(self, variance: NDArray[np.float64]) -> bool:
-        """Return whether a variance (n_lines,) is assumed for a response: it is not known, and lines are too few."""
+        """Return whether a variance (n_lines,) is assumed for some response, with too few lines to estimate it."""
         responses = zip(self.frfs, self._known_variances, self.split(variance), strict=True)
         return any(
             known is None and is_too_short(frf) and np.array_equal(own, estimated_variance(frf))
@@ -150,16 +150,16 @@ class Observations:
     def residual_variance(
         self, model: NDArray[np.complex128], used: NDArray[np.bool_], share: float = 1.0
     ) -> NDArray[np.float64]:
-        """Return E|error|^2 (n_lines,) of each line: known, or estimated from all that a model leaves.
+        """Return E|error|^2 (n_lines,) of each line: known, or estimated from the residuals of a model.
 
         Parameters
         ----------
         model : (n_lines,) array
-            Values that leave nothing but noise.
+            Values whose residuals are nothing but noise.
         used : (n_lines,) bool array
             Lines that were not left out.
         share : float
-            Part of the random error that a fit with as many parameters leaves.
+            Degrees of freedom over residuals: the part of the random error that a fit leaves in them.
         """
         responses = zip(self.frfs, self._known_variances, self.split(model), self.split(used), strict=True)
         return np.concatenate(
@@ -170,9 +170,9 @@ class Observations:
         )
 
     def by_line(self, residuals: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return residuals (m,), over their standard deviation, line by line: (n_freq, n) for each response.
+        """Return whitened residuals (m,) as an array (n_freq, n) for each response, a row for each line.
 
-        Those of noise are normally distributed, also where the variance scatters itself, as that of few averages does.
+        Those of noise are normally distributed, even if the variance is itself an estimate from few averages.
         """
         counts = [(len(frf.frequency), 2 if frf.has_phase else 1) for frf in self.frfs]
         ends = np.cumsum([lines * width for lines, width in counts])[:-1]
@@ -180,7 +180,7 @@ class Observations:
         return [normal_residuals(frf, part.reshape(shape)) for frf, part, shape in parts]
 
     def weighted(self, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> Weighted | StackedResiduals[Weighted]:
-        """Return the residuals over their standard deviation, of the lines `used`."""
+        """Return the whitened residuals of the lines `used`."""
         responses = zip(self.frfs, self.split(variance), self.split(used), strict=True)
         return _stacked([Weighted.against(*response) for response in responses], self.counts)
 
@@ -190,7 +190,7 @@ class Observations:
         return _stacked([LogAmplitude(*pair) for pair in pairs], self.counts)
 
     def squares(self, model: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return |difference|^2 (n_lines,) from a model's values; twice that of amplitudes where there is no phase."""
+        """Return |difference|^2 (n_lines,) from a model's values; without a phase, twice that of the amplitudes."""
         pairs = zip(self.frfs, self.split(model), strict=True)
         return np.concatenate(
             [np.abs(_difference(frf, values)) ** 2 * (1.0 if frf.has_phase else 2.0) for frf, values in pairs]
@@ -198,20 +198,20 @@ class Observations:
 
     @cached_property
     def level(self) -> NDArray[np.float64]:
-        """Median amplitude (n_lines,) of each line's response, against which errors that are alike everywhere stand."""
+        """Median amplitude of each line's response (n_lines,): the reference of errors that are equal on all lines."""
         levels = [float(np.median(frf.amplitude)) or float(frf.amplitude.mean()) for frf in self.frfs]
         return np.repeat(levels, self.counts)
 
     def discrepancy(
         self, model: NDArray[np.complex128], variance: NDArray[np.float64], used: NDArray[np.bool_]
     ) -> tuple[float, float]:
-        """Return the most likely errors of a model's values (n_lines,) beside the random error.
+        """Return the most likely errors of a model's values (n_lines,), in addition to the random error.
 
         Returns
         -------
         relative, background : float
-            Standard deviations, over the larger amplitude of model and measurement on each line (over the model's own,
-            one without a response would fit best), and over the level of its response.
+            Standard deviations relative to the larger amplitude of model and measurement on each line (if it were the
+            model's alone, a vanishing model would fit best), and to the level of its response.
         """
         magnitude = np.maximum(np.maximum(np.abs(model), self.amplitude)[used] ** 2, np.finfo(float).tiny)
         level = np.maximum(self.level[used] ** 2, np.finfo(float).tiny)
@@ -230,7 +230,7 @@ class Observations:
 
 
 def _difference(frf: Frf, model: NDArray[np.complex128]) -> NDArray[Any]:
-    """Return a model's values (n_freq,) less the measured ones: complex, or amplitudes where there is no phase."""
+    """Return a model's values (n_freq,) minus the measured ones: complex, or of amplitudes where there is no phase."""
     return model - frf.values if frf.has_phase else np.abs(model) - frf.amplitude
 
 
@@ -239,7 +239,7 @@ def _estimated(frf: Frf, model: NDArray[np.complex128] | None) -> NDArray[np.flo
 
 
 def _from_residuals(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the variance from residuals; that of amplitudes, which is not the same up and down, from their scatter."""
+    """Return the variance of residuals; for amplitudes, whose errors are not symmetric, that of their scatter."""
     return residual_variance(frf, model, used) if frf.has_phase else _estimated(frf, model)
 
 
@@ -254,11 +254,11 @@ class MeasuredLines:
     Parameters
     ----------
     described : Assembly
-        On the description's frequencies, from the first to the last of which the band reaches.
+        On the description's frequencies; the band reaches from the first to the last of them.
     whole : tuple of Frf
-        As they were given.
+        The FRFs as they were given.
     frfs : tuple of Frf
-        The same with their lines within the band only.
+        The FRFs on their lines within the band.
     """
 
     described: Assembly
@@ -267,12 +267,12 @@ class MeasuredLines:
 
     @staticmethod
     def of(assembly: Assembly, measured: Frf | Sequence[Frf]) -> MeasuredLines:
-        """Take one FRF, or one for each response.
+        """Return the lines of one FRF, or of one for each response.
 
         Raises
         ------
         MeasurementError
-            There are more or fewer than responses; or all that have too few lines within the band.
+            There are more or fewer FRFs than responses; or names all that have too few lines within the band.
         """
         whole = one_per_response(assembly, measured)
         pairs = zip(whole, assembly.each_response, strict=True)
@@ -281,7 +281,7 @@ class MeasuredLines:
 
     @cached_property
     def assembly(self) -> Assembly:
-        """The assembly on the measured lines, those of each response."""
+        """The assembly on the measured lines of each response."""
         return self.described.on(*(frf.frequency for frf in self.frfs))
 
     @property
@@ -296,14 +296,14 @@ class MeasuredLines:
         Raises
         ------
         MeasurementError
-            All that do not cover these frequencies, or have lines too far apart.
+            Names all that do not cover these frequencies, or whose lines are too far apart.
         """
         pairs = zip(one_per_response(assembly, self.whole), assembly.each_response, strict=True)
         return _each(on_grid, pairs)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Which parts of the band have not been compared, for want of lines."""
+        """Warnings about parts of the band without lines, and about reciprocal FRFs that differ."""
         messages = []
         for frf, alone, where in self._responses:
             ends = " and from ".join(
@@ -323,9 +323,9 @@ class MeasuredLines:
         return (*messages, *self._unlike_reciprocals())
 
     def _unlike_reciprocals(self) -> Iterable[str]:
-        """Yield which FRFs with force and response exchanged differ by more than their random error.
+        """Yield a warning for each pair of reciprocal FRFs that differ by more than their random error.
 
-        An FRF with a calibration may.
+        FRFs with a calibration are left out: they may differ.
         """
         calibrated = self.described.description.calibrations
         for (first, one, here), (second, other, there) in combinations(self._responses, 2):
@@ -343,7 +343,7 @@ class MeasuredLines:
 
     @property
     def warnings_of_features(self) -> tuple[str, ...]:
-        """Where the features of a network were interpolated over a gap."""
+        """Warnings about gaps over which the features of a network were interpolated."""
         return tuple(
             f"The measurement{where} lacks lines between {_listed(gaps)}: the network was given values "
             "interpolated over that."
@@ -352,7 +352,7 @@ class MeasuredLines:
         )
 
     def _gaps(self, frf: Frf) -> list[tuple[float, float]]:
-        """Return the gaps of a measurement, but for what the description leaves out."""
+        """Return the gaps of a measurement apart from the bands that the description leaves out."""
         left_out = self.described.description.left_out
         return [
             (below, above)
@@ -362,14 +362,14 @@ class MeasuredLines:
 
     @property
     def _responses(self) -> Iterable[tuple[Frf, Assembly, str]]:
-        """The measurement of each response, the assembly there, and words for where it is if there are several."""
+        """Measurement and assembly of each response, and words that say which one if there are several."""
         labels = self.described.description.response_labels
         places = [f" at {label}" if len(labels) > 1 else "" for label in labels]
         return zip(self.frfs, self.described.each_response, places, strict=True)
 
 
 def _each(prepare: Callable[[Frf, NDArray[np.float64]], Frf], pairs: Iterable[tuple[Frf, Assembly]]) -> tuple[Frf, ...]:
-    """Return each FRF prepared for its response's frequencies; raise the faults of all together."""
+    """Prepare each FRF for its response's frequencies; raise the faults of all FRFs together."""
     prepared, faults = [], list[Fault]()
     for frf, alone in pairs:
         try:
@@ -382,7 +382,7 @@ def _each(prepare: Callable[[Frf, NDArray[np.float64]], Frf], pairs: Iterable[tu
 
 
 def _difference_of_reciprocals(first: Frf, second: Frf) -> tuple[float, float]:
-    """Return the median relative difference on the lines that both have, and the one that random errors explain."""
+    """Return the median relative difference on common lines, and the one that random errors explain."""
     _, rows, others = np.intersect1d(first.frequency, second.frequency, return_indices=True)
     if not len(rows):
         return 0.0, 0.0

@@ -31,12 +31,12 @@ __all__ = [
 ]
 
 Weights = Literal["coherence", "amplitude"] | NDArray[np.float64]
-"""How much lines count, other than by their random error; as of `weighted_variance`."""
+"""How much each line counts if not by its random error; see `weighted_variance`."""
 
 FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth difference: it keeps the variance of white noise and removes nearly all of a smooth curve."""
 _FEWEST_AVERAGES = 3
-"""From which the mean of 1 / s^2 is finite."""
+"""Smallest number of averages for which the mean of 1 / s^2 is finite."""
 
 
 @dataclass(frozen=True)
@@ -44,54 +44,54 @@ class Settings:
     """Tuning constants of the estimate and of the search for isolated lines."""
 
     least: float = 1e-9
-    """Random error, as a part of the largest value, below which none is assumed: no measurement is better."""
+    """Smallest random error, relative to the largest value: no measurement is better."""
     short: float = 0.01
-    """Random error, as a part of the largest value, of an FRF with too few lines for an estimate."""
+    """Random error, relative to the largest value, that is assumed for an FRF with too few lines for an estimate."""
     bins: int = 24
-    """Of the magnitude: enough for a floor and a proportional part."""
+    """Largest number of bins of the magnitude: enough for a floor and a proportional part."""
     lines_per_bin: int = 20
-    """At least: a quantile of fewer lines scatters too much."""
+    """Smallest number of lines in a bin: a quantile of fewer lines scatters too much."""
     quantile: float = 0.4
-    """Of each bin, from which the noise is estimated: sharp resonances have their differences in the upper part."""
+    """Quantile of each bin from which the noise is estimated; differences at sharp resonances lie above it."""
     prominence: float = 5.0
-    """Size of an isolated line over that of its neighbours, or over that of noise, which practically never reaches it;
-    a misplaced resonance raises the neighbours too."""
+    """Size of an isolated line relative to its neighbours, or to noise, which practically never reaches it; a misplaced
+    resonance raises the neighbours too."""
     neighbours: tuple[int, ...] = (2, 3, 4)
-    """Distances, in lines, of the neighbours: the adjacent line is none, so that a bad pair is isolated too."""
+    """Distances, in lines, of the neighbours; without the adjacent line, so that a bad pair is isolated too."""
     rounded: float = 0.01
-    """Part of the lines with a coherence of exactly 1 above which the file has rounded away what it tells."""
+    """Share of lines with a coherence of exactly 1 above which the file's coherences are rounded too coarsely."""
     scattering: float = 0.5
-    """Part of the scatter of a variance that was estimated line by line from which a stated one is taken for such."""
+    """Share of the scatter of variances estimated line by line above which given ones are taken for such estimates."""
     least_coherence: float = 1e-3
-    """Coherence, and distance of it from 1, below which lines are weighted no less and no more."""
+    """Smallest coherence, and smallest distance from 1, by which lines are weighted."""
     most_decrease: float = 5.0
-    """Natural logarithm of the factor by which the most likely floor and share may be below the least."""
+    """Natural logarithm of the factor by which the most likely floor and share may lie below the least variance."""
     most_isolated: float = 0.05
-    """Part of all lines above which no line is called isolated: then the model is wrong, not the lines."""
+    """Share of all lines above which no line counts as isolated: then the model is wrong, not the lines."""
 
 
 _SETTINGS = Settings()
 
 
 def random_error_variance(frf: Frf) -> NDArray[np.float64]:
-    """Return E|error|^2 (n_freq,) of each line: known from the measurement, or else estimated."""
+    """Return E|error|^2 of each line (n_freq,): known from the measurement, or else estimated."""
     variance = known_variance(frf)
     return estimated_variance(frf) if variance is None else variance
 
 
 def known_variance(frf: Frf) -> NDArray[np.float64] | None:
-    """Return E|error|^2 of each line if the measurement has it, else None.
+    """Return E|error|^2 of each line if the measurement states it, else None.
 
     Lines with a coherence of 0, of which nothing is known, get the largest known variance or the square of their own
-    value, whichever is larger. Coherences of 1 are the highest that are less, but for rounding: where a file rounds
-    more than a few so, they do not tell the variance.
+    value, whichever is larger. A coherence of 1 is taken as rounded and replaced by the highest one below 1; where a
+    file has more than a few of these, its coherences do not tell the variance.
 
     Notes
     -----
-    A coherence from n averages scatters itself, and with it the variance s^2 of a line: 2 (n - 1) s^2 / E[s^2] is
-    chi-squared distributed with 2 (n - 1) degrees of freedom. Weights are 1 / s^2, whose mean is (n - 1) / (n - 2) of
-    what it would be without that scatter. Where the coherences do scatter so, the variances are larger by this factor,
-    and noise leaves a chi-squared of 1.
+    A coherence from n averages is itself an estimate, and so is the variance s^2 of a line: 2 (n - 1) s^2 / E[s^2] is
+    chi-squared distributed with 2 (n - 1) degrees of freedom. The mean of the weights 1 / s^2 is (n - 1) / (n - 2)
+    times what it would be with exact variances. Where the coherences scatter like such estimates, the variances are
+    multiplied by this factor, so that noise has a chi-squared of 1.
     """
     if frf.variance is None and frf.coherence is not None:
         rounded = frf.coherence == 1.0
@@ -113,7 +113,7 @@ def _factor_of_scatter(averages: int) -> float:
 
 
 def _scattering_averages(frf: Frf) -> int:
-    """Return of how many averages the coherences, and the variances that follow, are estimates; 0 if of none."""
+    """Return from how many averages coherences and variances were estimated; 0 if they do not scatter like that."""
     variance = frf.random_variance
     if variance is None or frf.variance is not None or frf.averages is None or frf.averages < _FEWEST_AVERAGES:
         return 0
@@ -126,7 +126,7 @@ def _scattering_averages(frf: Frf) -> int:
 
 
 def normal_residuals(frf: Frf, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return residuals that noise leaves normally distributed.
+    """Rescale residuals so that those of noise are normally distributed.
 
     Parameters
     ----------
@@ -136,10 +136,10 @@ def normal_residuals(frf: Frf, residuals: NDArray[np.float64]) -> NDArray[np.flo
 
     Notes
     -----
-    Over a variance that was estimated from k averages itself, the mean square of n residuals of noise has an F
-    distribution of n and 2 (k - 1) degrees of freedom. Its tail is long: of 10,000 lines from eight averages, noise
-    would be taken for a misfit in one case of eight. The square of each line therefore becomes the one that is as
-    improbable under a chi-squared distribution.
+    Divided by a variance that is itself estimated from k averages, the mean square of n residuals of noise has an F
+    distribution with n and 2 (k - 1) degrees of freedom. Its tail is long: with 10,000 lines from eight averages, noise
+    would be taken for a misfit in one case of eight. Each line's square is therefore replaced by the one that is
+    equally improbable under a chi-squared distribution.
     """
     averages = _scattering_averages(frf)
     if not averages:
@@ -176,10 +176,10 @@ def estimated_variance(frf: Frf, model: NDArray[Any] | None = None) -> NDArray[n
 
 
 def error_parts(frf: Frf) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a and b (n_freq,) of ``E|error|^2 = a + b |H|^2``, as the measurement states or shows them.
+    """Return a and b (n_freq,) of ``E|error|^2 = a + b |H|^2`` for a measurement.
 
-    A variance that is stated is a. From coherence and averages follows b; lines with a coherence of 0 get the largest
-    of the others, or 1. Of any other measurement both are estimated, the same at all lines.
+    A variance in the file is a. Coherence and averages give b; lines with a coherence of 0 get the largest b of the
+    others, or 1. Otherwise both are estimated from the scatter, the same for all lines.
     """
     if frf.variance is not None:
         return frf.variance, np.zeros_like(frf.variance)
@@ -207,7 +207,7 @@ class MeasuredNoise:
 
     @classmethod
     def of(cls, frf: Frf, frequency: NDArray[np.float64]) -> Self:
-        """Interpolate to some lines (n_freq,); those beyond the measurement get what its last line has.
+        """Interpolate to some lines (n_freq,); those beyond the measurement get the values of its last line.
 
         Raises
         ------
@@ -247,19 +247,19 @@ def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float
 
 
 def is_too_short(frf: Frf) -> bool:
-    """Return whether an FRF has fewer than 10 lines: 1 % of the largest value is then assumed as random error."""
+    """Return whether an FRF has fewer than 10 lines; 1 % of the largest value is then taken as its random error."""
     return len(frf.frequency) < 2 * len(FOURTH_DIFFERENCE)
 
 
 def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
-    """Return a variance (n_freq,) by which lines count as weights say; its level is that of the random error.
+    """Return the variance (n_freq,) that gives lines these weights, at the level of the random error.
 
     Parameters
     ----------
     frf : Frf
     weights : {"coherence", "amplitude"} or (n_freq,) array
-        By coherence, (1 - c) / c of the square of a line's amplitude is the variance's shape; by amplitude the square
-        itself, so that relative errors count, as in logarithms; for an array its inverse.
+        With "coherence", the variance is proportional to (1 - c) / c times the squared amplitude; with "amplitude", to
+        the squared amplitude itself, so that relative errors count, as with logarithms; with an array, to its inverse.
 
     Raises
     ------
@@ -276,7 +276,7 @@ def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
 
 
 def _importance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
-    """Return how much each line counts (n_freq,), beside its magnitude where that is part of the shape."""
+    """Return how much each line counts (n_freq,), apart from a factor of its magnitude."""
     if isinstance(weights, np.ndarray):
         if weights.shape != frf.frequency.shape or not (np.isfinite(weights).all() and (weights > 0).all()):
             problem = f"weights of shape {weights.shape} were given for {frf.frequency.size} lines."
@@ -291,7 +291,7 @@ def _importance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
 
 
 def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Estimate the random error from all of what a model leaves of a measurement, if that is nothing but noise.
+    """Estimate the random error from all residuals of a model, if they are nothing but noise.
 
     Parameters
     ----------
@@ -309,8 +309,7 @@ def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.
 
     Notes
     -----
-    The scatter from line to line, which `estimated_variance` needs before a model fits, has a fraction of this
-    estimate's certainty.
+    This estimate is much more certain than `estimated_variance`, which needs no model that fits.
     """
     least = _least_variance(frf)
     magnitude = np.maximum(np.abs(model) ** 2, np.finfo(float).tiny)
@@ -335,7 +334,7 @@ def most_likely_parts(
     level, magnitude : (n,) arrays
         Positive.
     least : float
-        Variance below which a part does not matter.
+        Variance that is negligible.
     known : (n,) array, optional
         The rest of the variance; 0 by default.
     """
@@ -362,7 +361,7 @@ def _least_variance(frf: Frf) -> float:
 
 
 def _unit_quantile(has_phase: bool) -> float:
-    """Return the quantile of |e|^2 where E|e|^2 = 1; for an amplitude, of its half in one direction."""
+    """Return the quantile of |e|^2 for E|e|^2 = 1; for an amplitude, that of the component along the phase."""
     if has_phase:
         return float(-np.log(1.0 - _SETTINGS.quantile))
     return float(scipy.stats.chi2.ppf(_SETTINGS.quantile, 1)) / 2.0

@@ -1,4 +1,4 @@
-"""Refinement: the parameters whose FRF leaves nothing but the measurement's random error."""
+"""Refinement: least-squares fits until the residuals are nothing but the measurement's random error."""
 
 from __future__ import annotations
 
@@ -28,58 +28,58 @@ class Settings:
     """Tuning constants of the refinement."""
 
     candidates: int = 1024
-    """Random points for the first batch of starts. The engine takes less time for them than a search for a few steps,
-    and 86 % of the searches from the most similar FRFs end in the right minimum, of those from random points 51 %."""
+    """Random points from which the first starts are chosen. Computing their FRFs takes less time than a few steps of a
+    search, and 86 % of the searches from the most similar FRFs end in the right minimum; from random points 51 %."""
     more_candidates: int = 4096
-    """For each further batch."""
+    """Random points for each further batch."""
     first_starts: int = 4
-    """Where none are given."""
+    """Starts of the first batch, if none are given."""
     more_starts: int = 8
-    """In each further batch."""
+    """Starts from random points in each further batch."""
     along_axes: int = 4
-    """Beside these, those that differ from the best minimum so far in one parameter."""
+    """Starts in each further batch that differ from the best minimum so far in one parameter."""
     grid_points: int = 128
-    """Along the range of each parameter, where such starts are looked for."""
+    """Points along the range of each parameter among which these starts are found."""
     doubtful: float = 0.01
-    """Probability of so large a sum of squares of noise below which there is another batch, though it may be noise."""
+    """Probability of so large a sum of squares under noise below which another batch follows nevertheless."""
     profiled_batch: int = 2
-    """The further batch from which on profiles through the best minimum so far are followed, on the same grid."""
+    """The first of the further batches with profiles through the best minimum so far, on the same grid."""
     along_profiles: int = 8
-    """Low points of the profiles from which searches begin."""
+    """Largest number of minima of the profiles from which searches begin."""
     profile_steps: int = 4
-    """Of the search at each point of a profile: it begins near its end."""
+    """Steps of the search at each point of a profile; few suffice, since it begins near its end."""
     widths: tuple[float, ...] = (0.01, 0.003)
-    """Relative frequency distance over which residuals are smoothed along profiles, and on the way from there."""
+    """Relative widths over which residuals are smoothed: along the profiles first, then in the searches from there."""
     first_carried: int = 2
-    """Searches of the first batch, those with the most similar FRFs, whose minima are fitted before the others'."""
+    """Searches of the first batch whose minima are fitted first: those with the most similar FRFs."""
     carried: int = 4
-    """The same of each further batch."""
+    """Searches of each further batch whose minima are fitted."""
     more_batches: int = 4
-    """At most. Where the model does not fit, more starts only confirm it."""
+    """Largest number of further batches. Where the model does not fit, more starts only confirm it."""
     enough_agreeing: int = 6
     """Searches that must end in the same minimum before it counts as the best one, where the model does not fit."""
     least_batches: int = 3
-    """Before a model is said not to fit."""
+    """Smallest number of batches before the model is taken not to fit."""
     fit_lines: int = 1500
-    """Of each response, about, on which minima are told apart; the best is fitted on all lines."""
+    """Approximate number of lines of each response on which minima are compared; the best is fitted on all lines."""
     search_tolerance: float = 1.0
-    """Decrease of the sum of squares, per step, that ends a search by logarithms: the fit goes on from there."""
+    """Decrease of the sum of squares in one step that ends a search by logarithms; the fit continues from there."""
     search_steps: int = 40
-    """At most. A search that needs more is in a bad valley."""
+    """Largest number of steps of such a search; one that needs more is in a wrong valley."""
     fit_tolerance: float = 0.02
-    """Decrease of the sum of squares, per step, that ends a fit; 1 is a standard deviation of a parameter."""
+    """Decrease of the sum of squares in one step that ends a fit; 1 is a standard deviation of a parameter."""
     fit_steps: int = 100
-    """At most; for the collet half of the fits take 14, and all of them fewer than 70."""
+    """Largest number of steps of a fit; for the collet, half of the fits take 14, and all of them fewer than 70."""
     most_delays: int = 100
-    """Delays of a response that are tried, eight for each turn of the phase at the highest frequency."""
+    """Largest number of delays of a response that are tried, eight for each turn of the phase at the highest line."""
     refitted: int = 4
-    """Minima that are fitted again when the weights change: another may then be the best."""
+    """Minima that are fitted again when the weights change, since another one may then be the best."""
     most_discrepancies: int = 8
-    """Times that the discrepancy of the model is estimated and fitted again; it settles after 2 or 3."""
+    """Largest number of times that the discrepancy is estimated and the fit repeated; 2 or 3 are usually enough."""
     least_freedom: int = 8
-    """Residuals beyond the parameters from which they tell the random error: its variance to a half, sqrt(2 / 8)."""
+    """Degrees of freedom that the residuals need for an estimate of the variance, to a half: sqrt(2 / 8)."""
     settled: float = 0.04
-    """Relative change of the variances that it adds at which it has settled."""
+    """Relative change of the discrepancy's variances at which these repetitions end."""
 
 
 _SETTINGS = Settings()
@@ -109,7 +109,7 @@ def refine(
     seed : int
         Of the Latin hypercube.
     progress : Progress
-        Called after each search; more are added while no fit is as good as the random error allows.
+        Called after each search. The total grows while no fit is as good as the random error allows.
 
     Returns
     -------
@@ -151,7 +151,7 @@ class _Refinement:
         self._progress = progress
 
     def _tell(self) -> None:
-        """Report one more search; no more than those of the first batch are expected until they have ended."""
+        """Report one more search; further batches are not counted in the total before they begin."""
         self._searches += 1
         self._progress("fit", self._searches, max(self._expected, self._searches + 1))
 
@@ -186,7 +186,10 @@ class _Refinement:
         )
 
     def _further(self, minima: Minima) -> tuple[Minima, Minima]:
-        """Search on, until a fit is noise, or enough searches agree that none is; return all minima and the best."""
+        """Search further until a fit reaches the noise, or enough searches agree that none will.
+
+        Returns all minima, and the best one fitted on all lines.
+        """
         profiled = np.inf
         for batch in range(1, _SETTINGS.more_batches + 2):
             minima = self._told_apart(minima.position)  # the weights have changed
@@ -212,35 +215,36 @@ class _Refinement:
         return minima, best
 
     def _first_batch(self, starts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return the given starts alone, which often are enough, or the middle of the ranges and similar points."""
+        """Return the given starts, which are often enough, or else the middle of the ranges and similar points."""
         if starts:
             return fractions_within(self._assembly, np.array(starts))
         middle = np.full((1, len(self._assembly.parameters)), 0.5)
         return np.concatenate([middle, self._most_similar(_SETTINGS.first_starts - 1, _SETTINGS.candidates)])
 
     def _most_similar(self, count: int, candidates: int) -> NDArray[np.float64]:
-        """Return those of many random points whose FRFs are most like the measured ones."""
+        """Return the points whose FRFs are most similar to the measured ones, among many random ones."""
         points = self._hypercube.random(candidates)
         squares = np.sum(self._search.residuals(points) ** 2, axis=1)
         return np.asarray(points[np.argsort(squares, kind="stable")[:count]])
 
     def _along_axes(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points that differ from a minimum in one parameter, where FRFs are more alike than on either side.
+        """Return points that differ from a minimum in one parameter only, at the minima along that parameter.
 
-        Where two resonances lie close together the way into the right minimum is narrow, but most parameters are right
-        in a wrong one. A second search from the same minimum finds other points, next to those.
+        Where two resonances are close together, the valley of the right minimum is narrow, but in a wrong minimum most
+        parameters are right already. Each call uses another grid, so that repetitions find other points nearby.
         """
         return cuts(self._search, position, self._grid()).low_points(position, _SETTINGS.along_axes)
 
     def _grid(self) -> NDArray[np.float64]:
-        """Return values along a range, with another offset each time."""
+        """Return evenly spaced values along a range, with a random offset."""
         return (np.arange(_SETTINGS.grid_points) + self._random.random()) / _SETTINGS.grid_points
 
     def _with_profiles(self, minima: Minima) -> Minima:
-        """Add the best minimum on the profiles through the best so far: all others follow while one parameter moves.
+        """Add the best minimum that is found along profiles through the best one so far.
 
-        Where a resonance hardly shows, the way into the right minimum is narrow; but nearly all of the FRF is right in
-        a wrong one, and stays so along a profile. Smoothed residuals feel such a resonance from further away.
+        Along a profile one parameter moves, and all others are fitted. Where a resonance is hardly visible, the valley
+        of the right minimum is narrow, but in a wrong minimum nearly all of the FRF is right, and it stays so along the
+        profile. Smoothed residuals sense such a resonance from further away.
         """
         target = self._target.at(self._few)
         residual = self._target.weighted(self._variance, self._used).at(self._few)
@@ -259,7 +263,7 @@ class _Refinement:
 
     @property
     def _search(self) -> FrfResiduals:
-        """Logarithms of amplitudes on few lines."""
+        """The problem of the first searches: logarithms of amplitudes on few lines."""
         logarithms = self._target.at(self._few).logarithms(self._variance[self._few])
         return FrfResiduals(self._model_of_few, logarithms)
 
@@ -276,7 +280,7 @@ class _Refinement:
         return minima.position[np.argsort(minima.cost, kind="stable")]
 
     def _with_delays(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Set delays to what fits best: amplitudes, by which was searched, do not tell them."""
+        """Set delays to the values that fit best: the amplitudes of the search do not depend on them."""
         residual = self._target.weighted(self._variance, self._used).at(self._some)
         problem = FrfResiduals(self._model_of_some, residual)
         calibrations = self._assembly.description.calibrations
@@ -291,7 +295,7 @@ class _Refinement:
         return position
 
     def _told_apart(self, start: NDArray[np.float64]) -> Minima:
-        """Fit on some of the lines: enough to tell which minimum is the best."""
+        """Fit on some of the lines, enough to compare the minima."""
         residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
         return self._minimised(FrfResiduals(self._model_of_some, residual), start)
 
@@ -314,7 +318,7 @@ class _Refinement:
         return self._model if len(lines) == len(self._variance) else self._model.at(lines)
 
     def _reweighted(self, best: Minima) -> Minima:
-        """Estimate the random error anew from the best fit, leave isolated lines out, fit again if that matters."""
+        """Estimate the random error again from the best fit, leave out isolated lines, and fit again if needed."""
         if not self._target.variance_known:
             self._variance = self._target.variance(self._values(best))
             best = self._with_residual_variance(best)
@@ -326,7 +330,7 @@ class _Refinement:
         return best if self._target.variance_known else self._with_residual_variance(best)
 
     def _with_residual_variance(self, best: Minima) -> Minima:
-        """Estimate the random error from all residuals, and fit again, if nothing but noise is left then."""
+        """Estimate the random error from all residuals and fit again, if nothing but noise is left."""
         if self._freedom < _SETTINGS.least_freedom or not self._has_size_of_noise(self._residuals(best)):
             return best
         from_scatter = self._variance
@@ -342,7 +346,7 @@ class _Refinement:
         return missed_resonances(self._target, self._variance, self._values(best))
 
     def _with_discrepancy(self, best: Minima, minima: Minima) -> tuple[Minima, tuple[float, float]]:
-        """Estimate the errors of the model, and fit with them: another of the minima may then be the best."""
+        """Estimate the errors of the model and fit with them, from several minima: another may then be the best."""
         starts = np.concatenate([best.position, minima.position[1 : _SETTINGS.refitted]])
         for _ in range(_SETTINGS.most_discrepancies):
             before, values = self._model_variance, self._values(best)
@@ -359,12 +363,12 @@ class _Refinement:
         return np.asarray(self._model.frf(self._assembly.from_unit(minima.position[:1]))[0])
 
     def _sizes(self, best: Minima) -> NDArray[np.float64]:
-        """Return the size of each line's residual at the best fit, over its standard deviation."""
+        """Return the size of each line's whitened residual at the best fit."""
         all_lines = self._target.weighted(self._variance, np.ones_like(self._used))
         return np.asarray(all_lines.size(self._values(best)))
 
     def _residuals(self, best: Minima) -> NDArray[np.float64]:
-        """Return the residuals at the best fit over their standard deviation."""
+        """Return the whitened residuals at the best fit."""
         values = self._values(best)[np.newaxis]
         return np.asarray(self._target.weighted(self._variance, self._used).of(values)[0])
 
@@ -376,7 +380,7 @@ class _Refinement:
         return float(np.sum(self._residuals(best) ** 2)) / self._freedom
 
     def _is_noise(self, best: Minima, false_alarm: float = NOISE_ALARM) -> bool:
-        """Say whether the residuals of the best fit are no larger than the random error, and as white."""
+        """Return whether the residuals of the best fit are no larger than the random error, and white."""
         residuals = self._residuals(best)
         return self._has_size_of_noise(residuals, false_alarm) and all(map(is_white, self._target.by_line(residuals)))
 

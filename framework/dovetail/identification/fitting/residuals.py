@@ -40,10 +40,10 @@ class Settings:
     smoothing: int = 9
     """Lines over which the square of a measured amplitude is averaged: noise goes, a resonance stays."""
     clear: float = 1e4
-    """Square of the amplitude over the variance above which Rice's distribution is normal to four digits, and beyond
-    which the difference of squares would lose its own."""
+    """Squared amplitude over variance above which Rice's distribution is normal to four digits, and above which the
+    difference of squares would lose digits to cancellation."""
     least_rice: float = 0.2
-    """Part of the variance that the variance of an amplitude has at least, by Rice's distribution at amplitude 0."""
+    """Smallest variance of an amplitude over that of the complex value: Rice's distribution at amplitude 0."""
 
 
 _SETTINGS = Settings()
@@ -74,7 +74,7 @@ def linearise_frf(
 
 @dataclass(frozen=True, eq=False)
 class ModelFrfs:
-    """FRFs of an assembly and their derivatives, the lines of each response behind those of the one before.
+    """FRFs of an assembly and their derivatives, the lines of all responses concatenated.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class ModelFrfs:
 
     @staticmethod
     def of(assembly: Assembly) -> ModelFrfs:
-        """Return those of all responses, at all lines."""
+        """Return the FRFs of all responses at all lines."""
         return ModelFrfs(assembly.each_response)
 
     @property
@@ -110,7 +110,7 @@ class ModelFrfs:
 
     @cached_property
     def _together(self) -> ResponseFrfs | None:
-        """All responses by one elimination, where they see the same structure on the same lines."""
+        """All responses computed together by one elimination, if they see the same structure on the same lines."""
         first, *others = self.assemblies
         same = all(first.shares_structure_with(other) for other in others)
         return (
@@ -118,19 +118,19 @@ class ModelFrfs:
         )
 
     def at(self, lines: NDArray[np.intp]) -> ModelFrfs:
-        """Return those at some lines (increasing numbers); a response without any of them is left out."""
+        """Return the FRFs at some lines (increasing indices), without responses that have none of them."""
         pairs = zip(self.assemblies, split_by_response(lines, self.counts), strict=True)
         return ModelFrfs(tuple(assembly.on(assembly.frequency[rows]) for assembly, rows in pairs if len(rows)))
 
 
 def split_by_response(numbers: NDArray[np.intp], counts: tuple[int, ...]) -> list[NDArray[np.intp]]:
-    """Split increasing numbers of lines by their response; in each response the lines count from 0 again."""
+    """Split increasing indices of lines by response; in each response they count from 0."""
     ends = np.cumsum((0, *counts))
     return [numbers[(numbers >= first) & (numbers < end)] - first for first, end in pairwise(ends.tolist())]
 
 
 def _end_to_end(array: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return (n, n_responses, n_freq, ...) values with the lines of each response behind those of the one before."""
+    """Concatenate the lines of all responses: (n, n_responses, n_freq, ...) becomes (n, n_lines, ...)."""
     return array.reshape(len(array), -1, *array.shape[3:])
 
 
@@ -158,7 +158,7 @@ class FrfResiduals:
     model : Assembly or ModelFrfs
         With parameters to identify.
     residual : Residual
-        Against the FRFs of the assembly's responses, in their quantities, one response behind the other.
+        Of the concatenated FRFs of the assembly's responses, in their quantities.
     """
 
     def __init__(self, model: Assembly | ModelFrfs, residual: Residual) -> None:
@@ -177,7 +177,7 @@ class FrfResiduals:
 
 
 class WithPrior:
-    """Residuals of a measurement and, behind them, of the normal priors of parameters: deviations from their middles.
+    """Residuals of a measurement, followed by those of normal priors: the parameters' deviations from the means.
 
     Parameters
     ----------
@@ -278,11 +278,11 @@ class Weighted:
         return Weighted(self.measured[lines], self.variance[lines], self.weight[lines], self.has_phase)
 
     def lines_of(self, residuals: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the lines to which residuals belong, increasing, each once; both by their numbers."""
+        """Return the indices of the lines to which residuals belong, increasing, each once."""
         return np.unique(residuals // self.components)
 
     def residuals_of(self, lines: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the residuals of lines, both by their numbers."""
+        """Return the indices of the residuals of some lines."""
         return np.asarray((self.components * lines[:, np.newaxis] + np.arange(self.components)).ravel())
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -313,7 +313,7 @@ _Kind = TypeVar("_Kind", bound=Residual)
 
 @dataclass(frozen=True, eq=False)
 class StackedResiduals(Generic[_Kind]):
-    """Residuals of several responses, those of one behind those of the other.
+    """Residuals of several responses, concatenated.
 
     Parameters
     ----------
@@ -342,17 +342,17 @@ class StackedResiduals(Generic[_Kind]):
         return np.concatenate([residual.size(block) for residual, block in pairs])
 
     def at(self: StackedResiduals[Weighted], lines: NDArray[np.intp]) -> StackedResiduals[Weighted]:
-        """Return the residuals of some lines (increasing numbers); a response without any of them is left out."""
+        """Return the residuals of some lines (increasing indices), without responses that have none of them."""
         pairs = zip(self.responses, split_by_response(lines, self.counts), strict=True)
         kept = [(residual.at(rows), len(rows)) for residual, rows in pairs if len(rows)]
         return StackedResiduals(*zip(*kept, strict=True))
 
     def lines_of(self: StackedResiduals[Weighted], residuals: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the lines to which residuals belong, increasing, each once; both by their numbers."""
+        """Return the indices of the lines to which residuals belong, increasing, each once."""
         return np.unique(self._lines[residuals])
 
     def residuals_of(self: StackedResiduals[Weighted], lines: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the residuals of lines, both by their numbers."""
+        """Return the indices of the residuals of some lines."""
         return np.flatnonzero(np.isin(self._lines, lines))
 
     @property
@@ -380,7 +380,7 @@ def _rice_mean(
 
 
 def _rice_deviation(target: Frf, variance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the standard deviation of |amplitude + complex noise|, with the amplitude from the lines around."""
+    """Return the standard deviation of |amplitude + complex noise|, for an amplitude smoothed over neighbours."""
     smooth = uniform_filter1d(target.amplitude**2, _SETTINGS.smoothing, mode="nearest")
     square = np.maximum(smooth - variance, 0.0)
     mean, _ = _rice_mean(np.sqrt(square), variance)

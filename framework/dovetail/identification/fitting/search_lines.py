@@ -1,4 +1,4 @@
-"""What a search looks at: few lines, but between them no resonance of the measurement; or means of neighbours."""
+"""The lines of a search: few, but among them those around each resonance; and residuals smoothed over neighbours."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ class Settings:
     """Tuning constants of the lines of a search."""
 
     even: int = 300
-    """Lines of each response at equal distances."""
+    """Evenly spaced lines of each response."""
     prominence: float = 6.0
-    """dB by which a clear resonance, or antiresonance, stands out on either side."""
+    """Prominence of a clear resonance or antiresonance in dB."""
     most_peaks: int = 30
-    """Resonances, and antiresonances, around which lines are taken: the most prominent."""
+    """Largest number of resonances, and of antiresonances, around which lines are taken: the most prominent ones."""
     reach: float = 0.1
-    """Distance of the last line around a resonance, over the band; the distances grow by `growth` from line to line."""
+    """Distance of the last line around a resonance, relative to the band; it grows by `growth` from line to line."""
     growth: float = 1.5
     floor: float = 3.0
     """Standard deviations of the noise below which amplitudes are not distinguished."""
     smoothing: int = 3
     """Lines over which the square of an amplitude is averaged."""
     closeness: float = 0.05
-    """Relative distance within which a resonance of the fitted FRF can be that of the measured one."""
+    """Relative distance within which a resonance of the fitted FRF counts as that of the measured one."""
     cut: float = 3.0
-    """Widths beyond which a line does not count."""
+    """Distance, in widths, beyond which a line has no weight."""
 
 
 _SETTINGS = Settings()
 
 
 def search_lines(observations: Observations, variance: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the lines for a search: at equal distances, and around each resonance and antiresonance.
+    """Return the lines for a search: evenly spaced ones, and those around each resonance and antiresonance.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def search_lines(observations: Observations, variance: NDArray[np.float64]) -> N
     Returns
     -------
     (n,) array
-        Increasing numbers of lines, those of the second response behind those of the first.
+        Increasing indices of the concatenated lines of all responses.
     """
     lines, first = [], 0
     for frf, of_response in zip(observations.frfs, observations.split(variance), strict=True):
@@ -66,12 +66,12 @@ def search_lines(observations: Observations, variance: NDArray[np.float64]) -> N
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
-    """Sums of neighbouring residuals, by noise as large as one: a narrow resonance is felt from further away.
+    """Weighted sums of neighbouring residuals with unit variance, which sense a narrow resonance from further away.
 
     Parameters
     ----------
     residual : Residual
-        Over its standard deviation.
+        Whitened.
     means : (n, m) sparse array
         Weights of the m residuals in each of the n sums.
     """
@@ -81,7 +81,7 @@ class Smoothed:
 
     @staticmethod
     def over(observations: Observations, residual: Residual, width: float) -> Smoothed:
-        """Smooth residuals of all lines over their neighbours, by a normal distribution of some relative width."""
+        """Smooth the residuals of all lines with a Gaussian of a given relative width."""
         blocks = [
             scipy.sparse.kron(_neighbours(np.log(frf.frequency), width), np.eye(2 if frf.has_phase else 1))
             for frf in observations.frfs
@@ -102,7 +102,7 @@ class Smoothed:
 
 
 def _neighbours(position: NDArray[np.float64], width: float) -> scipy.sparse.csr_array:
-    """Return weights of lines in sums around the middle of each stretch of one width that has lines."""
+    """Return the weights of lines in Gaussian sums, one around the middle of each stretch of one width with lines."""
     _, stretch = np.unique(np.floor(position / width), return_inverse=True)
     middles = np.bincount(stretch, position) / np.bincount(stretch)
     distance = (position - middles[:, np.newaxis]) / width
@@ -111,7 +111,7 @@ def _neighbours(position: NDArray[np.float64], width: float) -> scipy.sparse.csr
 
 
 def thinned_lines(observations: Observations, most: int, always: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return every n-th line, at most about `most` of each response, and the lines `always`."""
+    """Return every n-th line, about `most` of each response at most, and in addition the lines `always`."""
     steps = [max(1, round(count / most)) for count in observations.counts]
     firsts = np.cumsum((0, *observations.counts))[:-1].tolist()
     thinned = [
@@ -124,7 +124,7 @@ def thinned_lines(observations: Observations, most: int, always: NDArray[np.intp
 def missed_resonances(
     observations: Observations, variance: NDArray[np.float64], values: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """Return the frequencies [Hz] of clear resonances of the measurement that FRFs (n_lines,) lack."""
+    """Return the frequencies [Hz] of clear resonances of the measurement that a model's FRFs (n_lines,) do not have."""
     missed: list[float] = []
     responses = zip(observations.frfs, observations.split(variance), observations.split(values), strict=True)
     for frf, of_response, fitted in responses:
@@ -135,7 +135,7 @@ def missed_resonances(
 
 
 def _level(amplitude: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return amplitudes in dB, not below the noise."""
+    """Return smoothed amplitudes in dB, with the noise as their floor."""
     square = uniform_filter1d(amplitude**2, _SETTINGS.smoothing, mode="nearest")
     return np.asarray(10.0 * np.log10(square + _SETTINGS.floor**2 * variance))
 
@@ -157,7 +157,7 @@ def _of_response(level: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _distances(most: float) -> Iterator[int]:
-    """Yield 1, 2, 3, 5, 7, 11, ...: whole numbers that grow by a factor."""
+    """Yield 1, 2, 3, 5, 7, 11, ...: integers that grow by a factor."""
     distance = 1.0
     while distance <= most:
         yield round(distance)

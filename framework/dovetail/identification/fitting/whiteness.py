@@ -1,4 +1,4 @@
-"""Whether residuals are noise, and where not: a misfit is alike on neighbouring lines, and stands in one place."""
+"""Whether residuals are noise, and where they are not: those of a misfit are correlated between neighbouring lines."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 __all__ = ["NOISE_ALARM", "assess_runs", "find_deviating_bands", "has_size_of_noise", "is_white", "log_improbability"]
 
 NOISE_ALARM = 1e-6
-"""Probability that noise has a run, anywhere, or a sum of squares, that is not taken for noise."""
+"""Probability of a false alarm: that a run of lines, or the sum of squares, of noise is taken for a misfit."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """From where residuals are not noise, and what counts as a band of them."""
+    """When residuals are not noise, and which bands of them are reported."""
 
     scatter_error: float = 0.15
-    """Relative error of a variance that is estimated from the scatter from line to line, of however many lines."""
+    """Relative error of a variance that is estimated from the scatter from line to line, for any number of lines."""
     scatter_deviation: float = 5.0
-    """The same over the inverse root of the number of lines, in addition: quantiles of few lines scatter."""
+    """Additional relative error, times the root of the number of lines: quantiles of few lines scatter."""
     shortest_run: int = 8
-    """Lines; fewer may be an interference line."""
+    """Lines of the shortest run; fewer may be a line of interference."""
     windows: tuple[int, ...] = (16, 64, 256)
     """Lines over which squared residuals are averaged, so that narrow and wide bands are detected."""
     deviations: float = 6.0
@@ -31,11 +31,11 @@ class Settings:
     share: float = 0.9
     """Share of the whole excess that the bands together hold."""
     clear_excess: float = 3.0
-    """Excess of a single line that noise hardly has; the ends of a band are placed by such lines."""
+    """Excess of a single line that noise hardly ever has; such lines determine the ends of a band."""
     tail: float = 0.02
     """Share of a segment's excess that may lie outside its band at either end."""
     most_bands: int = 5
-    """More are not readable in a sentence."""
+    """Largest number of bands: a sentence with more is not readable."""
 
 
 _SETTINGS = Settings()
@@ -49,17 +49,17 @@ def has_size_of_noise(
     variance_known: bool,
     false_alarm: float = NOISE_ALARM,
 ) -> bool:
-    """Return whether a sum of squared residuals, over their variance, is what noise leaves by chance.
+    """Return whether a sum of squared whitened residuals is one that noise has by chance.
 
     Parameters
     ----------
     squares : float
     degrees_of_freedom : int
     lines : int
-        From whose scatter the variance was estimated, if it is not known.
+        Number of lines from whose scatter the variance was estimated, if it is not known.
     variance_known : bool
     false_alarm : float
-        Probability with which noise has a larger sum.
+        Probability of a larger sum for noise.
     """
     error = 0.0 if variance_known else _SETTINGS.scatter_error + _SETTINGS.scatter_deviation / np.sqrt(max(1, lines))
     least = max(0.0, squares - error * degrees_of_freedom)
@@ -67,10 +67,10 @@ def has_size_of_noise(
 
 
 def is_white(residuals: NDArray[np.float64]) -> bool:
-    """Return whether residuals (n_freq, n), over their standard deviation, have no run of lines that noise has not.
+    """Return whether whitened residuals (n_freq, n) have no run of lines that is improbable for noise.
 
-    Chi-squared averages over all lines. A resonance that the fit places wrongly, or another misfit in one place, is
-    seen in the sum of squares of the lines there, and in their sum: neighbouring lines err alike.
+    Chi-squared averages over all lines. A misplaced resonance, or another local misfit, shows in the sum of squares of
+    the lines there, and in their sum, since neighbouring lines deviate in the same direction.
     """
     return bool(assess_runs(residuals) <= np.log10(max(1, len(residuals)) / NOISE_ALARM))
 
@@ -135,7 +135,7 @@ def _ends(excess: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _deviates(excess: NDArray[np.float64], residuals_per_line: int) -> NDArray[np.bool_]:
-    """Return which lines (n_freq,) lie in a window whose mean excess is not noise."""
+    """Return which lines (n_freq,) lie in a window with a mean excess that is too large for noise."""
     deviates = np.zeros(len(excess), dtype=np.bool_)
     for length in _SETTINGS.windows:
         if length > len(excess):
@@ -148,6 +148,6 @@ def _deviates(excess: NDArray[np.float64], residuals_per_line: int) -> NDArray[n
 
 
 def _segments(deviates: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first line of each run of True, and the line after its last."""
+    """Return start and end of each run of True; the end is the line after the last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], deviates.astype(np.int8), [0]])))
     return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
