@@ -1,7 +1,7 @@
-"""Residuals that allow for errors of a model: averaged over neighbouring lines where natural frequencies are off.
+"""Residuals that allow for errors of a model: averaged over neighbouring lines if natural frequencies are off.
 
-A resonance a few of its widths beside the measured one leaves residuals that no longer depend linearly on where it is.
-Averaged over a band as wide as the error of natural frequencies they do, and all methods for small errors apply.
+Residuals at a resonance that is misplaced by several of its widths no longer depend linearly on its frequency. Averaged
+over a band as wide as the error of natural frequencies they do, and all methods for small errors apply.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ class Settings:
     """How residuals are averaged."""
 
     averaged_from: float = 1e-3
-    """Relative error of natural frequencies from which lines are averaged: below, its effect is nearly linear."""
+    """Relative error of natural frequencies above which lines are averaged; below, its effect is nearly linear."""
     width: float = 2.0
-    """Standard deviation of the Gaussian by which lines are weighted, over the error of natural frequencies: averaged
-    so far, resonances that are misplaced by several times this error differ by what displacements of them span."""
+    """Standard deviation of the Gaussian that weights the lines, over the error of natural frequencies. With averages
+    this wide, the effect of displacing a resonance by several times this error is still nearly linear."""
     spacing: float = 1.5
-    """Distance of averages, in standard deviations of the Gaussian."""
+    """Distance between averages, in standard deviations of the Gaussian."""
     reach: float = 4.0
     """Standard deviations beyond which lines have no weight."""
     narrow: float = 0.7
-    """Standard deviation, in distances of the lines, below which a line stands for itself."""
+    """Standard deviation, in spacings of the lines, below which a line is not averaged."""
     jitter: float = 1e-9
-    """Part of the variance that is added to it, since averages that share most lines are nearly dependent."""
+    """Relative increase of the variance, since averages that share most of their lines are nearly dependent."""
     lines_per_deviation: float = 1.5
-    """Lines of the model in a standard deviation of the Gaussian, at least."""
+    """Smallest number of lines of the model in a standard deviation of the Gaussian."""
     lines_per_width: float = 1.4
-    """Lines of the model in half the width of a resonance: the sum over a Lorentzian errs by exp(-2 pi) for one."""
+    """Lines of the model in half the width of a resonance; with one, the sum over a Lorentzian errs by exp(-2 pi)."""
     wander: float = 5.0
-    """Errors of natural frequencies by which a resonance may be elsewhere, with lines as close as it needs."""
+    """Displacement of a resonance, in errors of natural frequencies, up to which lines are as close as it needs."""
 
 
 _SETTINGS = Settings()
 
 
 def needs_average(size: ModelError) -> bool:
-    """Return whether natural frequencies are off by so much that lines are averaged."""
+    """Return whether the error of natural frequencies is so large that lines are averaged."""
     return size.natural_frequency >= _SETTINGS.averaged_from
 
 
@@ -65,7 +65,7 @@ def weigh(
     values: NDArray[np.complex128],
     size: ModelError,
 ) -> tuple[NDArray[np.intp], Residual]:
-    """Return residuals that allow for errors of a model, and the lines on which they need the model.
+    """Return residuals that allow for errors of a model, and the lines on which these need the model's FRFs.
 
     Parameters
     ----------
@@ -77,13 +77,13 @@ def weigh(
     values : (n_lines,) complex array
         The model's FRFs.
     size : ModelError
-        Its errors without a shape are part of the random error. Where `needs_average`, the standard deviation of the
-        Gaussian that weights the lines, over the frequency in its middle, is twice its error of natural frequencies.
+        Errors without a shape are added to the random error. If `needs_average`, the relative standard deviation of the
+        Gaussian that weights the lines is twice the error of natural frequencies.
 
     Returns
     -------
     lines : (m,) array
-        Increasing numbers; fewer than all where lines are averaged and resonances are broad.
+        Increasing indices; fewer than all if lines are averaged and resonances are broad.
     residuals : Residual
         Of single lines (`Weighted`, or those of several responses), or averaged over neighbouring ones, of the FRFs on
         these lines.
@@ -107,7 +107,7 @@ def weigh(
 
 
 def with_deviation(averages: Residual, deviations: Sequence[NDArray[np.float64]]) -> Residual:
-    """Return averages of one response or several with other standard deviations (n_freq,) of an error of each."""
+    """Return the averages of one or several responses with other standard deviations (n_freq,) of additional errors."""
     if isinstance(averages, AveragedResiduals):
         return averages.with_deviation(deviations[0])
     assert isinstance(averages, StackedResiduals)
@@ -118,7 +118,8 @@ def with_deviation(averages: Residual, deviations: Sequence[NDArray[np.float64]]
 def unshaped_deviation(target: Observations, values: NDArray[np.complex128], size: ModelError) -> NDArray[np.float64]:
     """Return the standard deviation (n_lines,) of the errors of a model that have no shape.
 
-    They are relative to the larger amplitude: in its antiresonances a model may be a thousandth of what is measured.
+    They are relative to the larger of the model's and the measured amplitude: at an antiresonance of the model, its
+    amplitude may be a thousandth of the measured one.
     """
     return np.asarray(size.other * np.maximum(np.abs(values), target.amplitude))
 
@@ -145,11 +146,11 @@ class AveragedResiduals:
         E|random error|^2 of each line.
     used : (n_freq,) bool array
     lines : (m,) array
-        Those on which FRFs are given.
+        The lines on which FRFs are given.
     width : float
-        Standard deviation of the Gaussian that weights the lines, over the frequency in its middle.
+        Standard deviation of the Gaussian that weights the lines, relative to the frequency in its middle.
     deviation : (n_freq,) array
-        Standard deviation of an error of each average, before it is averaged.
+        Standard deviation of an additional error of each average, at each line.
     """
 
     def __init__(
@@ -173,7 +174,7 @@ class AveragedResiduals:
         self._factor = self._factor_with(deviation)
 
     def with_deviation(self, deviation: NDArray[np.float64]) -> AveragedResiduals:
-        """Return the same averages with another standard deviation (n_freq,) of an error of each."""
+        """Return the same averages with another standard deviation (n_freq,) of the additional error of each."""
         other = copy(self)
         other._factor = self._factor_with(deviation)
         return other
@@ -207,7 +208,7 @@ class AveragedResiduals:
 
 
 Average = tuple[float, float]
-"""Middle and standard deviation [Hz]; the latter is 0 where a line stands for itself."""
+"""Middle and standard deviation [Hz]; the latter is 0 for a single line."""
 
 
 def _averages(frequency: NDArray[np.float64], width: float) -> list[Average]:

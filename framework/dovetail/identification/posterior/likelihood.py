@@ -1,10 +1,10 @@
-"""Likelihood and prior: random error and marginalised errors of the model, on all lines or few; normal coordinates.
+"""Likelihood and prior: residuals with random error and marginalised errors of the model, and normal coordinates.
 
-Errors of the model widen the covariance of the residuals. `MarginalisedResiduals` scales them to covariance 1 again,
-`ReducedResiduals` does so within a subspace, from the few lines that determine where in it they are.
+Errors of the model widen the covariance of the residuals. `MarginalisedResiduals` are scaled so that it is 1 again.
+`ReducedResiduals` are their coordinates in a subspace, computed from the few lines that determine them.
 
-Prior and measurement are both residuals in coordinates in which the prior is standard normal: a coordinate z is the
-normal quantile of a parameter's fraction of its range.
+Both prior and measurement are written as residuals, in coordinates in which the prior is standard normal: a coordinate
+z is the normal quantile of a parameter's fraction of its range.
 """
 
 from __future__ import annotations
@@ -47,36 +47,36 @@ __all__ = [
 
 @dataclass(frozen=True)
 class LikelihoodSettings:
-    """How far parts may be off, and how well the subspace of a reduced misfit represents residuals."""
+    """How far parts may be off, and how accurately residuals are represented in a subspace."""
 
     most_off: float = 0.3
-    """Logarithm of the ratio by which a quantity of a known part is off at most."""
+    """Largest deviation of a quantity of a known part, as the logarithm of the ratio to its described value."""
 
     tolerance: float = 1e-3
-    """Root of the mean square of what the subspace may miss of a residual vector, whose noise is 1."""
+    """Root mean square of the part of a residual vector outside the subspace; its noise is 1."""
     error_multiple: float = 3.0
-    """Standard deviations up to which the model's errors are represented as well as the residual vectors."""
+    """Standard deviations of the model's errors that are represented as accurately as the residual vectors."""
     most_shapes: int = 200
-    """Vectors of the basis at most."""
+    """Largest number of vectors of the basis."""
     least_amplitude: float = 1e-3
-    """Part of a response's largest amplitude from which on FRFs are relative to their own; below, to this one."""
+    """Smallest amplitude, over the largest of the response, by which FRFs are divided."""
 
 
 _SETTINGS = LikelihoodSettings()
 
 PRIOR_PRECISION = 12.0
-"""One over the variance of a parameter's fraction of its range under the prior, which is uniform."""
+"""Inverse prior variance of a parameter's fraction of its range; the prior is uniform."""
 
 Z_LIMIT = 8.0
-"""Largest coordinate: there a parameter is at the end of its range, to double precision."""
+"""Largest coordinate z: in double precision it is the end of a parameter's range."""
 
 _BLOCK = 64
-"""Samples whose residuals are in memory at once."""
+"""Number of samples whose residuals are in memory at a time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """Residuals of a measurement, and how they err together.
+    """Residuals of a measurement, and the errors of the model that correlate them.
 
     Parameters
     ----------
@@ -87,11 +87,11 @@ class Likelihood:
     model : ModelFrfs
         On the lines that the residuals need.
     residual : Residual
-        Over the standard deviation; averaged over neighbouring lines if the model's errors need that.
+        Whitened; averaged over neighbouring lines if the model's errors need that.
     by_line : Weighted or StackedResiduals or None
-        The same, if it is of single lines.
+        The same residuals if they are of single lines, else None.
     errors : (k, m) array
-        What one standard deviation of each error of the model adds to the residuals.
+        Change of the residuals by one standard deviation of each error of the model.
     """
 
     target: Observations
@@ -111,7 +111,7 @@ class Likelihood:
         return self.model.frf(self.model.assemblies[0].from_unit(fraction))
 
     def log(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the logarithm (n,), but for a constant, of the likelihood at fractions of the ranges (n, p)."""
+        """Return the log-likelihood (n,), up to a constant, at fractions of the ranges (n, p)."""
         blocks = [fraction[first : first + _BLOCK] for first in range(0, max(1, len(fraction)), _BLOCK)]
         squares = [marginalised_squares(self.misfit.residuals(block), self.errors) for block in blocks]
         return np.asarray(-np.concatenate(squares) / 2.0)
@@ -152,14 +152,14 @@ def build_likelihood(
 
 
 def _as_large(derivatives: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return derivatives by quantities (k, m), times as much as makes each as large as errors (n, m) are together."""
+    """Scale derivatives by quantities of parts (k, m) so that each is as large as errors (n, m) are together."""
     wanted = max(float(np.linalg.norm(errors)), np.finfo(float).tiny)
     sizes = np.linalg.norm(derivatives, axis=1, keepdims=True)
     return np.asarray(wanted / np.maximum(sizes, wanted / _SETTINGS.most_off) * derivatives)
 
 
 def check_options(samples: int) -> None:
-    """Make sure that there are samples.
+    """Make sure that the number of samples is a positive integer.
 
     Raises
     ------
@@ -183,13 +183,13 @@ class MarginalisedResiduals:
     ----------
     misfit : SumOfSquares
     errors : (k, m) array
-        What one standard deviation of each error of the model adds to the residuals.
+        Change of the residuals by one standard deviation of each error of the model.
     weight : float
-        By which residuals and errors are multiplied.
+        Factor of residuals and errors.
 
     Notes
     -----
-    Their squares sum to `marginalised_squares`: ``(1 + E^T E)^(-1/2)`` is 1 but in the directions of the errors.
+    Their squares sum to `marginalised_squares`. ``(1 + E^T E)^(-1/2)`` is 1 except in the directions of the errors.
     """
 
     def __init__(self, misfit: SumOfSquares, errors: NDArray[np.float64], weight: float = 1.0) -> None:
@@ -212,23 +212,24 @@ class MarginalisedResiduals:
 
 
 class ReducedResiduals:
-    """Marginalised residuals in a subspace, from the few lines that determine where in it they are.
+    """Coordinates of marginalised residuals in a subspace, computed from the few lines that determine them.
 
     Parameters
     ----------
     likelihood : Likelihood
         Residuals of all lines of all responses.
     snapshots : (n, f) complex array
-        FRFs, on the lines of the likelihood's model, at points all over the region of interest.
+        FRFs at points all over the region of interest, on the lines of the likelihood's model.
     origin : (f,) complex array
-        The one from which differences are taken.
+        The FRF from which differences are taken.
 
     Notes
     -----
-    A basis by singular value decomposition, its interpolation lines by pivoted QR (Drmac and Gugercin, A new selection
-    operator for the discrete empirical interpolation method, 2016); for likelihoods this is known as reduced-order
-    quadrature (Canizares et al., 2013). What lies outside the subspace does not depend on the parameters. Averages over
-    lines are linear in the FRF if that has a phase: then the lines are those that determine it; amplitudes need all.
+    The basis is that of a singular value decomposition, and its interpolation lines follow from pivoted QR (Drmac and
+    Gugercin, A new selection operator for the discrete empirical interpolation method, 2016); for likelihoods this is
+    known as reduced-order quadrature (Canizares et al., 2013). The part of the residuals outside the subspace does not
+    depend on the parameters. Averages over lines are linear in an FRF with phase, so that the lines that determine the
+    FRF suffice; averages of amplitudes need all lines.
     """
 
     def __init__(
@@ -265,10 +266,10 @@ class ReducedResiduals:
 
 
 class _FewLines(NamedTuple):
-    """What determines where in a subspace of k dimensions residuals are.
+    """How the coordinates of residuals in a subspace of k dimensions follow from few lines.
 
-    `residual` are q residuals of a `model` on few lines, `origin` (q,) those of the origin, and `to_basis` (q, k) leads
-    from their differences to the subspace.
+    `residual` are q residuals of a `model` on few lines, `origin` (q,) those of the origin, and `to_basis` (q, k) maps
+    their difference to the coordinates.
     """
 
     model: ModelFrfs
@@ -279,7 +280,7 @@ class _FewLines(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _ScaledValues:
-    """FRFs as they are, real and imaginary parts over a scale (n_lines,)."""
+    """Real and imaginary parts of FRFs over a scale (n_lines,)."""
 
     scale: NDArray[np.float64]
 
@@ -296,7 +297,7 @@ def _few_lines(
     basis: NDArray[np.float64],
     origin: NDArray[np.float64],
 ) -> _FewLines:
-    """Return the lines on which vectors of a basis of the residuals differ most."""
+    """Return the lines whose residuals determine the coordinates in a basis best."""
     lines = by_line.lines_of(_pivots(basis))
     rows = by_line.residuals_of(lines)
     to_basis = np.asarray(np.linalg.pinv(basis[rows]).T)
@@ -310,9 +311,9 @@ def _few_lines_of_averages(
     of_frf: NDArray[np.complex128],
     origin: NDArray[np.complex128],
 ) -> _FewLines:
-    """Return the lines that determine the FRF, and what averages make of it.
+    """Return the lines that determine the FRF, and the map from there to the coordinates of the averages.
 
-    FRFs are scaled so that differences of them (n, f) are as large as those of residuals (n, m).
+    FRFs are scaled so that their differences (n, f) are as large as those of the residuals (n, m).
     """
     of_responses = np.split(np.abs(origin), np.cumsum(likelihood.model.counts)[:-1])
     amplitude = np.concatenate([np.maximum(one, _SETTINGS.least_amplitude * one.max()) for one in of_responses])
@@ -340,7 +341,7 @@ def _on_lines(likelihood: Likelihood, lines: NDArray[np.intp]) -> ModelFrfs:
 
 
 def _inverse_square_root(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return it for 1 and a positive matrix; eigenvalues below 1 are errors of rounding."""
+    """Return M^(-1/2) of a symmetric M = 1 + A, A positive; eigenvalues below 1 are rounding errors."""
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray((vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T)
 

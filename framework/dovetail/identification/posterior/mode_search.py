@@ -1,4 +1,4 @@
-"""The modes of the posterior, searched from points all over the ranges, not only from the best fit."""
+"""Search for the modes of the posterior, from the best fit and from points all over the ranges."""
 
 from __future__ import annotations
 
@@ -33,31 +33,31 @@ __all__ = ["CubeResiduals", "likelihood_at_mode", "maximise_posterior", "search_
 
 @dataclass(frozen=True)
 class ModeSearchSettings:
-    """How many searches there are, on how many lines, and how far each is carried.
+    """Number of searches, the lines of each, and when they end.
 
-    Tolerances are changes of the sum of squares in one step, at which a search ends.
+    A tolerance is the decrease of the sum of squares in one step at which a search ends.
     """
 
     searches: int = 12
-    """From a Latin hypercube over the ranges, besides the best fit."""
+    """Searches from a Latin hypercube over the ranges, in addition to the best fit."""
     lines: int = 1000
-    """Of the FRF, evenly chosen, for the first searches."""
+    """Evenly chosen lines of the FRF for the first searches."""
     margin: float = 0.02
-    """Fraction of a range that searches keep away from its ends, where there is no prior probability."""
+    """Distance, as a fraction of a range, that starts keep from its ends, where z becomes infinite."""
     first_tolerance: float = 1.0
     first_steps: int = 40
-    """Of the first search, by the logarithms of the amplitudes; it need only come near."""
+    """Limits of the first searches, by the logarithms of amplitudes, which need only come near a mode."""
     tempering: tuple[float, ...] = (0.03, 0.1, 0.3)
-    """Weights of the measurement by which half of the searches approach a mode: the less weight, the wider it is."""
+    """Increasing weights of the measurement with which half of the searches approach a mode: less weight widens it."""
     tempering_steps: int = 25
     rough_tolerance: float = 0.1
     rough_steps: int = 100
-    """Of the searches on the chosen lines."""
+    """Limits of the searches on the chosen lines."""
     refined_modes: int = 4
-    """The best modes on the chosen lines, whose search is completed on all lines."""
+    """Number of modes on the chosen lines, the best ones, from which the search continues on all lines."""
     tolerance: float = 1e-2
     steps: int = 100
-    """Of the searches on all lines: modes are where sampling starts, and need not be sharper."""
+    """Limits of the searches on all lines; sampling starts at the modes and does not need them more precisely."""
 
 
 _SETTINGS = ModeSearchSettings()
@@ -66,16 +66,16 @@ _SETTINGS = ModeSearchSettings()
 def likelihood_at_mode(
     assembly: Assembly, measured: Frf | Sequence[Frf], fit: Fit, model_error: ModelError
 ) -> tuple[Likelihood, NDArray[np.float64]]:
-    """Build the likelihood where errors that the model is allowed are those of its FRFs.
+    """Build the likelihood with the errors of the model taken at its best FRFs.
 
-    What errors add to the FRFs follows from the FRFs, which a fit that is not to the noise need not have right. Where
-    parts may be off, it is therefore built once more at the mode near the fit.
+    The effect of errors on the FRFs depends on the FRFs themselves, which a fit that does not reach the noise may have
+    wrong. If quantities of parts may be off, the likelihood is therefore built again at the mode near the fit.
 
     Returns
     -------
     Likelihood
     (p,) array
-        Fractions of the ranges, from which the search goes on.
+        Fractions of the ranges from which the search continues.
     """
     fraction = assembly.to_unit(fit.theta)
     if not model_error.quantities:
@@ -110,7 +110,7 @@ def search_modes(
     Returns
     -------
     (n, p) array
-        Normal quantiles of the fractions, the highest mode first. Several may be one and the same mode.
+        Normal quantiles of the fractions, the highest mode first. The same mode may occur several times.
     """
     variance, errors = likelihood.variance, likelihood.errors
     step = max(1, len(variance) // _SETTINGS.lines)
@@ -154,19 +154,19 @@ def maximise_posterior(
     most_steps: int = _SETTINGS.steps,
     tell: Callable[[], None] = lambda: None,
 ) -> NDArray[np.float64]:
-    """Search a mode from each start z (n, p); return where the searches ended (n, p), the highest first."""
+    """Search for a mode from each start z (n, p); return the ends of the searches (n, p), the highest first."""
     problem, cube = CubeResiduals(posterior), CubeResiduals.from_normal(starts)
     minimum = minimise(problem, cube, tolerance=tolerance, most_steps=most_steps, tell=tell)
     return CubeResiduals.to_normal(minimum.position[np.argsort(minimum.cost, kind="stable")])
 
 
 def start_near(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return z from which a search begins near fractions of the ranges, away from their ends."""
+    """Return the start z of a search near fractions of the ranges, at a distance from their ends."""
     return normal_from_unit(np.clip(fraction, _SETTINGS.margin, 1.0 - _SETTINGS.margin))
 
 
 class CubeResiduals:
-    """Residuals of prior and measurement by the position in the unit cube, for the search of posterior modes.
+    """Residuals of prior and measurement as functions of a position in the unit cube, for the search of modes.
 
     Parameters
     ----------

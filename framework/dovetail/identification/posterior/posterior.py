@@ -39,19 +39,19 @@ Form: TypeAlias = Literal["samples", "laplace"]
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """Limits from which a verdict or a warning is given."""
+    """Limits of verdicts and warnings."""
 
     identified: float = 0.9
-    """Part of the prior variance that the measurement takes away from a parameter that is identified."""
+    """Smallest gain, the share of the prior variance that the measurement removes, of an identified parameter."""
     weakly_identified: float = 0.5
-    """The same for one that is weakly identified."""
+    """Smallest gain of a weakly identified parameter."""
     trading: float = 0.6
-    """Correlation from which two parameters are said to trade with each other."""
+    """Correlation above which two parameters are said to trade with each other."""
     end_zone: float = 0.25
-    """Part of a parameter's interval that counts as near an end of its range."""
+    """Width of the zone at an end of a parameter's range, over the width of its interval."""
     end_share: float = 1.0 / 3.0
-    """Share of the posterior near an end from which the parameter presses against it. Half a Gaussian that only the
-    range holds has 0.37 there; a parameter that is even over its range has 0.23."""
+    """Share of the posterior in this zone above which a parameter presses against the end. Half a Gaussian, cut off by
+    the range, has 0.37 there; a parameter that is uniform over its range has 0.23."""
     effective_samples: int = 50
     """Below this effective sample size, a tail of an interval rests on two or three samples."""
     split_half_difference: float = 0.5
@@ -70,7 +70,7 @@ class Verdict:
     word : str
         "identified", "weakly identified" or "not identifiable"; "not believed" if the result is not to be believed.
     gain : float
-        Part of the prior variance that the measurement takes away; 1 where the parameter is known exactly.
+        Share of the prior variance that the measurement removes; 1 if the parameter is known exactly.
     reason : str
         A sentence.
     """
@@ -98,9 +98,9 @@ class Posterior:
     model_error : ModelError
         The errors that the model was allowed.
     searches : int
-        Searches for a sample; n of them converged.
+        Number of searches, each for one sample; n of them converged.
     lines : int
-        Lines by which the posterior was computed: of the form "samples" the few to which the FRF was reduced.
+        Number of lines with which the posterior was computed; with the form "samples", after the reduction to few.
     seconds : float
     form : {"samples", "laplace"}
         Samples of the posterior itself, or of its Laplace approximation.
@@ -167,16 +167,16 @@ class Posterior:
         )
 
     def sample(self, count: int, seed: int = 0) -> NDArray[np.float64]:
-        """Return samples of equal weight, drawn from `theta` by their weights: (count, n_params), SI."""
+        """Return samples of equal weight (count, n_params) in SI, drawn from `theta` by weight."""
         return np.asarray(self.theta[self.draw(count, np.random.default_rng([seed, 5]))])
 
     def draw(self, count: int, random: np.random.Generator) -> NDArray[np.intp]:
-        """Return the numbers (count,) of samples, each drawn as often as its weight says, in random order."""
+        """Return the indices (count,) of samples drawn by weight, in random order."""
         return random.permutation(drawn_by_weight(self.weight, count, random))
 
     @property
     def effective_sample_size(self) -> float:
-        """Number of independent, equally weighted samples that tell as much (Kish)."""
+        """Number of independent samples of equal weight with the same information (Kish)."""
         return float(1.0 / np.sum(self.weight**2))
 
     @property
@@ -186,16 +186,16 @@ class Posterior:
 
     @cached_property
     def split_half_difference(self) -> Mapping[str, float]:
-        """Difference of each interval between two halves of the samples, in parts of its width, by name.
+        """Difference of each interval between two halves of the samples, relative to its width, by name.
 
-        It is taken on the parameters' scales. With n effective samples that are sound it is about 1.3 / sqrt(n).
+        It is taken on the parameters' scales. For n independent samples it is about 1.3 / sqrt(n).
         """
         differences = split_half_difference(self.fraction, self.weight, LEVEL)
         return dict(zip(self.names, differences.tolist(), strict=True))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known before the intervals are believed."""
+        """Warnings that a reader of the intervals must know."""
         messages = []
         if self.unreliable:
             messages.append(
@@ -278,7 +278,7 @@ class Posterior:
         return end if shares[end] >= _SETTINGS.end_share else ""
 
     def _explanation(self, index: int, word: Word) -> str:
-        """Say which parameters one that is not well known trades with, or that the FRF says little about it."""
+        """Say with which parameters this one trades, or that the FRF says little about it."""
         row = self.correlation[index].copy()
         row[index] = 0.0
         partners = [int(other) for other in np.argsort(-np.abs(row))[:2] if abs(row[other]) >= _SETTINGS.trading]
@@ -323,7 +323,7 @@ class Posterior:
 
 
 def drawn_by_weight(weight: NDArray[np.float64], count: int, random: np.random.Generator) -> NDArray[np.intp]:
-    """Return numbers (count,) of samples, increasing, each as often as its weight says (systematic resampling)."""
+    """Return increasing indices (count,) of samples drawn by weight (systematic resampling)."""
     levels = (np.arange(count) + random.random()) / count * weight.sum()
     return np.asarray(np.minimum(np.searchsorted(np.cumsum(weight), levels), len(weight) - 1))
 

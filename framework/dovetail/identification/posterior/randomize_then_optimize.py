@@ -30,26 +30,26 @@ class RandomizeThenOptimizeSettings:
     """Constants of the searches (damped Gauss-Newton with geodesic acceleration) and of the Metropolis steps."""
 
     damping: float = 1e-4
-    """First damping, in parts of the diagonal of the normal matrix: starts are near, so hardly any."""
+    """First damping, relative to the diagonal of the normal matrix; starts are near, so little is needed."""
     damping_factors: tuple[float, float] = (1 / 5, 3.0)
-    """After a step that comes nearer to the target, and after one that does not."""
+    """Change of the damping after a step that comes nearer to the target, and after one that does not."""
     longest_step: float = 2.0
     """Largest change of a coordinate in one step: the prior's standard deviation is 1."""
     probe: float = 0.1
-    """Part of a step at which the curvature of the residuals along it is measured."""
+    """Fraction of a step after which the curvature of the residuals along it is measured."""
     largest_bend: float = 1.5
-    """Acceleration over velocity above which a step is not trusted."""
+    """Ratio of acceleration to velocity above which a step is not trusted."""
     tolerance: float = 1e-6
-    """Squared distance from the target, in standard deviations, at which a search ends. One that ends within a hundred
-    times of it has converged."""
+    """Squared distance from the target, in standard deviations, at which a search ends. A search that ends within a
+    hundred times this distance has converged."""
     correlation: float = 0.6
-    """Of the components before and after a Metropolis step. The larger, the more steps are accepted."""
+    """Correlation of the components before and after a Metropolis step; the larger, the more steps are accepted."""
     metropolis_iterations: int = 40
-    """After which a Metropolis step is given up; most converge after ten to thirty."""
+    """Iterations after which a Metropolis step is given up; most converge after ten to thirty."""
     return_distance: float = 1e-2
-    """Difference of coordinates within which the reversed step has come back to its start."""
+    """Largest difference of coordinates at which a reversed step counts as back at its start."""
     remaining_correlation: float = 0.1
-    """Of samples with those from which they were moved, at which they count as independent."""
+    """Correlation of moved samples with the original ones below which they count as independent."""
     most_metropolis_steps: int = 10
 
 
@@ -74,12 +74,12 @@ class LinearisedPoints:
 
     @staticmethod
     def at(posterior: PosteriorResiduals, z: NDArray[np.float64]) -> LinearisedPoints:
-        """Return the points z (n, d)."""
+        """Linearise the residuals at points z (n, d)."""
         return LinearisedPoints(z, *posterior.linearise(z))
 
     @property
     def log_posterior(self) -> NDArray[np.float64]:
-        """(n,) logarithms, but for a constant, of the probability density of z."""
+        """(n,) logarithms, up to a constant, of the probability density of z."""
         return np.asarray(_squared_norms(self.residuals) / -2.0)
 
     def at_rows(self, rows: NDArray[np.intp]) -> LinearisedPoints:
@@ -120,7 +120,7 @@ class TangentMap:
     def solve(
         self, target: NDArray[np.float64], start: LinearisedPoints, most_steps: int
     ) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
-        """Find z with given components, all rows side by side.
+        """Find z with given components, for all rows at once.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class TangentMap:
         target: NDArray[np.float64],
         damping: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return damped steps, bent by half their geodesic acceleration, and which of them may be trusted."""
+        """Return damped steps with half their geodesic acceleration, and which of them may be trusted."""
         along = points.jacobian[rows] @ self._tangents_of(rows)
         matrix = along @ along.transpose(0, 2, 1)
         diagonal = np.einsum("ndd->nd", matrix).copy()
@@ -190,7 +190,7 @@ def decorrelate(
     random: np.random.Generator,
     progress: Progress = silent,
 ) -> LinearisedPoints:
-    """Move points by Metropolis steps until they are independent of where they were."""
+    """Move points by Metropolis steps until they are independent of their starts."""
     correlation = 1.0
     for number in range(_SETTINGS.most_metropolis_steps):
         progress("independence", number, _SETTINGS.most_metropolis_steps)
@@ -220,10 +220,10 @@ def metropolis_step(
 
     Notes
     -----
-    In the tangent map anchored at a point the posterior is nearly standard normal, however bent the valley is. So the
-    proposal has the components ``0.6 u + 0.8 n``, with u those of the point and n drawn. Metropolis and Hastings make
-    it exact: the density of a proposal is that of its components times the map's determinant. A proposal that
-    does not come back when it is reversed, where the map folds over, is rejected.
+    In the tangent map anchored at a point, the posterior is nearly standard normal, however curved its valley is. The
+    proposal therefore has the components ``0.6 u + 0.8 n``, with those of the point, u, and a standard normal draw n.
+    The Metropolis-Hastings rule makes the step exact: the density of a proposal is that of its components times the
+    map's determinant. A proposal whose reverse does not return, because the map folds over, is rejected.
     """
     forth = TangentMap(posterior, points)
     components = forth.components(points.residuals)
@@ -242,14 +242,14 @@ def metropolis_step(
 
 
 def _log_proposal(tangent_map: TangentMap, start: LinearisedPoints, end: LinearisedPoints) -> NDArray[np.float64]:
-    """Return the logarithm of the density with which steps from `start`, the map's anchors, end at `end`."""
+    """Return the log density of proposals `end` from `start`, the map's anchors."""
     kept = _SETTINGS.correlation * tangent_map.components(start.residuals)
     squares = _squared_norms(tangent_map.components(end.residuals) - kept)
     return np.asarray(tangent_map.log_determinant(end) - squares / (2.0 * (1.0 - _SETTINGS.correlation**2)))
 
 
 def _are_reversible(posterior: PosteriorResiduals, start: LinearisedPoints, end: LinearisedPoints) -> NDArray[np.bool_]:
-    """Say which steps lead back to their start when they are reversed."""
+    """Return which steps lead back to their start when they are reversed."""
     back = TangentMap(posterior, end)
     returned, converged = back.solve(back.components(start.residuals), end, _SETTINGS.metropolis_iterations)
     return np.asarray(converged & (np.abs(returned.z - start.z).max(axis=1) < _SETTINGS.return_distance))
