@@ -85,12 +85,12 @@ def measured_noises(assembly: Assembly) -> list[MeasuredNoise | None]:
 
 @dataclass(frozen=True, eq=False)
 class Augmentation:
-    """Makes a noisy FRF of a clean one, another each time.
+    """Makes noisy FRFs of clean ones, with other random numbers each time.
 
     Parameters
     ----------
     settings : AugmentationSection
-        How much of what.
+        Kinds and levels of noise.
     frequency : (n_freq,) array
         Hz.
     deviation : float
@@ -195,19 +195,18 @@ class Augmentation:
 
 @dataclass(frozen=True, eq=False)
 class NoisyFeatures:
-    """Features of the training FRFs with noise, by the number of the epoch.
+    """Features of the training FRFs with noise, as a function of the epoch.
 
     Parameters
     ----------
     assembly : Assembly
-        Its description's `augmentation` says how much of what, and its seed fixes every epoch.
+        Its description's `augmentation` states the noise, and its seed determines every epoch.
     clean : (n_samples, n_responses n_freq) float32 or complex64 array
-        Accelerance without noise, its amplitude or with its phase, all responses side by side. Fresh samples, as many,
-        replace them.
+        Accelerance without noise, amplitudes or with phases, all responses side by side. Fresh samples replace them.
     theta : (n_samples, n_params) array
         SI.
     augmentations : sequence of Augmentation
-        Of each response, which err separately.
+        One for each response, whose noise is independent of the others'.
     """
 
     assembly: Assembly
@@ -217,7 +216,7 @@ class NoisyFeatures:
 
     @classmethod
     def of(cls, assembly: Assembly, clean: NDArray[np.number], theta: NDArray[np.float64]) -> Self:
-        """Take the noise's unit, the standard deviation of a response's amplitudes, from the training samples.
+        """Take the unit of the noise, the standard deviation of each response's amplitudes, from the training samples.
 
         Raises
         ------
@@ -246,23 +245,23 @@ class NoisyFeatures:
 
     @property
     def seed(self) -> int:
-        """Of all random numbers."""
+        """The seed of all random numbers."""
         return self.assembly.description.identification.seed
 
     @property
     def reuse(self) -> int:
-        """How often a fresh sample is drawn on average."""
+        """Average number of times that a fresh sample is used."""
         return self.augmentations[0].settings.reuse
 
     @property
     def copies(self) -> int:
-        """Number of different epochs where each is costly."""
+        """Number of different epochs if each is costly to reduce."""
         return self.augmentations[0].settings.copies
 
     def __call__(self, epoch: int, count: int | None = None) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Return features (n_samples, n_responses n_freq) and parameters (n_samples, n_params).
+        """Return features (n_samples, n_responses n_freq) and parameters (n_samples, n_params) of an epoch.
 
-        Of fresh samples there are `count`, by default as many as those that they replace.
+        There are `count` fresh samples, by default as many as training samples.
         """
         return self._made(epoch, count, log10p1)
 
@@ -273,7 +272,7 @@ class NoisyFeatures:
     def _made(
         self, epoch: int, count: int | None, write: Callable[..., object]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Return what `write` makes of noisy amplitudes, and the parameters."""
+        """Return noisy amplitudes, transformed by `write`, and the parameters."""
         theta, seed = self.theta, self.seed
         if self.fresh:
             theta = latin_hypercube(self.assembly, count or len(theta), (seed, _SAMPLE_STREAM, epoch))
@@ -316,7 +315,7 @@ def _deviation(accelerance: NDArray[np.number]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ReducedEpochs:
-    """The dataset's FRFs, with other noise in every epoch.
+    """The dataset's FRFs, with new noise in every epoch.
 
     Parameters
     ----------

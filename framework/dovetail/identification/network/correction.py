@@ -1,9 +1,9 @@
-"""A second look at an FRF: what the model, linearised where a network's answer lies, tells of how to correct it.
+"""Correction of a network's answer by the assembly's FRF and Jacobian there.
 
-A network sees an FRF through a few features and blurs what is sharp in it. The assembly itself does not: its FRF at the
-network's answer differs from the measured one line by line, and its Jacobian there tells which parameters bring them
-together. One such step is not to be trusted, since resonances move by more than their widths. So the step is taken with
-several degrees of caution, and a second regressor learns from thousands of them what they are worth.
+A network sees an FRF through a few features, which blur its details. The assembly's own FRF at the network's answer can
+be compared with the measured one line by line, and its Jacobian tells which parameters reduce the difference. A single
+Gauss-Newton step is not reliable, since resonances move by more than their widths. So steps are taken with several
+degrees of caution, and a second regressor learns from many examples how far to trust each of them.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ from dovetail.parallel import cores
 __all__ = ["Correction", "Linearisation", "correction_states", "restore_corrections"]
 
 _CAUTIONS = (0.03, 0.3, 3.0, 30.0)
-"""Parts of the spread that the answer leaves at a line, squared, that count as random error there; of an average of
-several lines as many times less."""
+"""Degrees of caution: the factor of the answer's variance at a line that is added to the random error there. For an
+average of several lines it is divided by their number."""
 _EDGE = 2.3
-"""Normal quantile beyond which the model is not linearised: the ends of a range tell nothing of what is beyond."""
+"""Largest normal quantile at which the model is linearised: beyond, at the ends of a range, it hardly changes."""
 _FARTHEST = 5.0
 """Normal quantile of a draw at the very end of a range."""
 _MOST_DEVIATIONS = 30.0
-"""By which a line counts at most."""
+"""Largest whitened residual; larger ones are cut."""
 _NEIGHBOURS = 64
 """Lines over which the variance of the noise is averaged."""
 _LEAST_VARIANCE, _LEAST_AMPLITUDE = 1e-8, 1e-30
-"""By which nothing is divided by zero."""
+"""Lower limits, which prevent divisions by zero."""
 _ROWS = 64
 """FRFs whose Jacobians are in memory at a time, on each core."""
 _STEPS, _FEWEST_LINES, _BENT = (4, 2), 250, 0.01
-"""Of each so many lines one is kept, if so many are left, and if a parabola through as many lines on either side
-follows three of four peaks so closely."""
+"""Steps of the lines that are kept; the first is taken that leaves enough lines, and with which a parabola fitted to as
+many lines on either side deviates by no more than this from three of four peaks, in logarithms."""
 _TRIALS = 100
-"""FRFs on which that is tried."""
+"""FRFs on which this is tested."""
 _BANDS = (64, 16)
-"""Parts of the axis, of as many lines each, over which residuals are averaged, besides those line by line: an average
-follows the parameters more nearly along a straight line than a flank that a resonance leaves."""
+"""Numbers of bands over which residuals are averaged, in addition to those line by line: averages depend on the
+parameters more nearly linearly than the flank of a resonance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ class Linearisation:
     assembly : Assembly
     targets : TargetScaling
     step : int
-        Of each so many lines one is kept; neighbours are averaged, so that what they tell is not lost.
+        Every so many-th line is kept, after averaging over its neighbours, so that their information is not lost.
     bands : tuple of int
-        Residuals are taken line by line, and averaged over each of so many bands.
+        Numbers of bands over which residuals are averaged, in addition to those line by line.
     """
 
     assembly: Assembly
@@ -77,7 +77,7 @@ class Linearisation:
 
     @staticmethod
     def of(assembly: Assembly, targets: TargetScaling) -> Linearisation:
-        """Return one that keeps as few lines as the assembly's resonances allow."""
+        """Return the linearisation with as few lines as the assembly's resonances allow."""
         fraction = np.random.default_rng(0).random((_TRIALS, len(assembly.parameters)))
         logarithms = _by_response(assembly.accelerance_amplitude(assembly.from_unit(fraction)), assembly)
         peaks, lines = scipy.signal.argrelmax(logarithms, axis=-1), logarithms.shape[-1]
@@ -94,21 +94,21 @@ class Linearisation:
         return self.assembly.on(self.assembly.frequency[:: self.step])
 
     def __call__(self, amplitude: NDArray[np.floating], before: TargetDistribution) -> NDArray[np.float32]:
-        """Return features from FRFs and the answers to them.
+        """Return the second regressor's features of FRFs and the answers so far.
 
         Parameters
         ----------
         amplitude : (n_samples, n_responses n_freq) array
             Of the accelerance [m/(N s^2)], all responses side by side.
         before : TargetDistribution
-            The answers.
+            The answers so far.
 
         Returns
         -------
         (n_samples, n_features) float32 array
-            For lines and each kind of bands, and for each caution, the corrected parameters, the correction, the
-            deviation that is left and the residuals' mean square; then the answer, its deviations and the random
-            error. Parameters are normal quantiles of the targets, deviations and squares logarithms.
+            For single lines and each number of bands, and for each caution: the corrected parameters, the correction,
+            the remaining standard deviations and the residuals' mean square. Then the answer, its standard deviations
+            and the random error. Parameters are normal quantiles of the targets; deviations and squares are logarithms.
         """
         blocks = [slice(start, start + _ROWS) for start in range(0, len(amplitude), _ROWS)]
 
@@ -160,14 +160,14 @@ def _by_response(amplitude: NDArray[np.floating], assembly: Assembly) -> NDArray
 
 
 def _averaged(logarithms: NDArray[np.floating], step: int) -> NDArray[np.floating]:
-    """Return each line (last axis) as a parabola has it that is fitted to `step` lines on either side."""
+    """Replace each line (last axis) by the value of a parabola fitted to it and `step` lines on either side."""
     if step == 1:
         return logarithms
     return np.asarray(scipy.signal.savgol_filter(logarithms, 2 * step + 1, polyorder=2, axis=-1))
 
 
 def _variance_of_averages(step: int) -> float:
-    """Return the variance that white noise keeps in them."""
+    """Return the variance of white noise after `_averaged`, relative to the one before."""
     return 1.0 if step == 1 else float(np.sum(scipy.signal.savgol_coeffs(2 * step + 1, polyorder=2) ** 2))
 
 
@@ -181,13 +181,13 @@ def _gaussians(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
 
 
 def _noise_variance(logarithms: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return the variance of the noise of logarithms (..., n_freq), from how neighbouring lines differ."""
+    """Estimate the variance of the noise of logarithms (..., n_freq) from differences of neighbouring lines."""
     differences = convolve1d(logarithms, FOURTH_DIFFERENCE, axis=-1, mode="mirror")
     return np.asarray(uniform_filter1d(differences**2, _NEIGHBOURS, axis=-1, mode="mirror") + _LEAST_VARIANCE)
 
 
 def _over_bands(values: NDArray[np.floating], bands: int) -> NDArray[np.floating]:
-    """Return the means of values (n, n_responses, n_lines, ...) over bands of as many lines each, or one more."""
+    """Average values (n, n_responses, n_lines, ...) over bands of equally many lines, up to one."""
     starts = np.arange(bands) * values.shape[2] // bands
     lines = np.diff(starts, append=values.shape[2]).astype(values.dtype)
     means: NDArray[np.floating] = np.add.reduceat(values, starts, axis=2)
@@ -203,7 +203,11 @@ def _corrections(
     means: NDArray[np.float64],
     factors: NDArray[np.float64],
 ) -> list[NDArray[np.float64]]:
-    """Return what each caution tells from averages of so many lines; answers have means and factors' covariances."""
+    """Return the features of each caution.
+
+    `averaged` is the number of lines behind each residual. The answer is a Gaussian with these means (n, t), and with
+    Cholesky factors (n, t, t) of its covariance.
+    """
     count, parameters = means.shape
     residuals, variance = residuals.reshape(count, -1), variance.reshape(count, -1)
     along = jacobian.reshape(count, -1, parameters) @ factors.astype(np.float32)
@@ -238,7 +242,7 @@ class Correction:
     regressor: FittedRegressor
 
     def features(self, amplitude: NDArray[np.floating], before: TargetDistribution) -> NDArray[np.float32]:
-        """Return what `regressor` takes, from FRFs (n_samples, n_responses n_freq) and the answers before."""
+        """Return the scaled features of FRFs (n_samples, n_responses n_freq) and the answers so far."""
         return self.feature_scaling.transform(self.linearisation(amplitude, before))
 
 

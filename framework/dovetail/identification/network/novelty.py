@@ -1,7 +1,7 @@
 """How far a measurement lies from the FRFs that a network was trained on.
 
-Three statistics grow with this distance. Their limits are values that hardly an FRF of another joint exceeds, on which
-the network was not trained either, at several levels of noise.
+Three statistics grow with this distance. Their limits, at several levels of noise, are values that hardly any FRF of
+the same assembly exceeds, among those that were not used for training.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ __all__ = ["Novelty", "PrincipalComponents", "learn_novelty"]
 
 @dataclass(frozen=True)
 class NoveltySettings:
-    """What the statistics are learned from, and what counts in them."""
+    """From what the statistics are learned, and how they are computed."""
 
     training_frfs: int = 600
-    """Of which the principal components are taken, at most: 25 for each component."""
+    """Largest number of FRFs from which the principal components are taken: 25 for each component."""
     samples_per_held_out: int = 40
-    """Training samples for each FRF from which the limits are taken: it costs seven FRFs, and its six answers."""
+    """Training samples for each held-out FRF, which costs the computation of seven FRFs and six answers."""
     held_out_frfs: tuple[int, int] = (40, 400)
-    """From which the limits are taken, at least and at most."""
+    """Smallest and largest number of held-out FRFs, from which the limits are taken."""
     exceeding: float = 1.0 / 400.0
-    """Part of such FRFs that exceed a limit."""
+    """Fraction of such FRFs that exceed a limit."""
     tail: float = 0.2
-    """Upper part of the values that the exponential tail is fitted to."""
+    """Upper fraction of the values to which the exponential tail is fitted."""
     components: int = 24
-    """Principal components, at most."""
+    """Largest number of principal components."""
     noise_levels: tuple[float, ...] = (0.003, 0.01, 0.02, 0.05, 0.1, 0.2)
-    """Standard deviation of the noise, over that of the FRF."""
+    """Standard deviations of the noise, over that of the FRF."""
     largest_square: float = 9.0
-    """Square of a line's distance that counts as much as any larger one: a sharp resonance is never met exactly."""
+    """Limit of the square of a line's distance: a sharp resonance is never reproduced exactly."""
     least_variance: float = 1e-6
-    """Of a feature, so that none has infinite weight."""
+    """Smallest variance of a feature, so that none has infinite weight."""
     clear: float = 3.0
-    """Standard deviations of noise above which the logarithm of an amplitude is compared."""
+    """Standard deviations of noise above which the logarithms of amplitudes are compared."""
     smoothed_lines: int = 5
     """Lines over which amplitudes are averaged, so that noise does not hide a plateau."""
     near_maximum: float = 0.75
-    """Amplitude over the largest from which a line may belong to a plateau."""
+    """Ratio to the largest amplitude above which a line may belong to a plateau."""
 
 
 _SETTINGS = NoveltySettings()
@@ -80,7 +80,7 @@ class PrincipalComponents:
     variance : (k,) array
         Of the training features along each.
     rest : (n_freq,) array
-        Variance that they leave of features that they were not fitted to.
+        Variance of the part of held-out features that the components do not represent.
     """
 
     mean: NDArray[np.float64]
@@ -90,7 +90,7 @@ class PrincipalComponents:
 
     @classmethod
     def fit(cls, amplitude: NDArray[np.floating], held_out: NDArray[np.floating]) -> Self:
-        """Take the components from training amplitudes (n, n_freq), and the rest from others (m, n_freq)."""
+        """Take the components from training amplitudes (n, n_freq), the rest from held-out ones (m, n_freq)."""
         from sklearn.utils.extmath import randomized_svd
 
         features = log10p1(amplitude).astype(np.float64)
@@ -103,7 +103,7 @@ class PrincipalComponents:
         return cls(mean, components, variance + _SETTINGS.least_variance, rest + _SETTINGS.least_variance)
 
     def residuals(self, amplitude: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far each line (n_freq,) is from the nearest FRF of the components, in standard deviations.
+        """Return the distance of each line (n_freq,) from the best combination of components, in standard deviations.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class Novelty:
     levels : (n,) array
         Increasing levels of noise, over the standard deviation of the amplitudes.
     limits : (n, 3) array
-        At each, values of the statistics that one in 400 joints exceeds that the network was not trained on.
+        Values of the three statistics at each level that one in 400 held-out FRFs exceeds.
     """
 
     basis: PrincipalComponents
@@ -138,7 +138,7 @@ class Novelty:
     limits: NDArray[np.float64]
 
     def check(self, measured: Frf, reconstructed: NDArray[np.float64]) -> Adequacy:
-        """Say whether a measurement is unlike all that the network was trained on.
+        """Judge whether a measurement is unlike all FRFs that the network was trained on.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ _BASIS_ARRAYS = tuple(field.name for field in fields(PrincipalComponents))
 
 
 def _share_near_maximum(amplitude: NDArray[np.float64]) -> float:
-    """Return the share of the lines (n_freq,) whose amplitude is close to the largest: of a clipped peak, many."""
+    """Return the share of lines (n_freq,) with almost the largest amplitude; it is large if a peak is clipped."""
     smooth = uniform_filter1d(amplitude, _SETTINGS.smoothed_lines, mode="nearest")
     return float(np.mean(smooth > _SETTINGS.near_maximum * smooth.max()))
 

@@ -121,7 +121,7 @@ def _seconds(assembly: Assembly, minutes: float | None) -> float | None:
 
 
 def _check_correction(assembly: Assembly) -> None:
-    """Raise what stands in the way of a correction, before any work.
+    """Make sure, before any work, that a correction can be trained.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def _with_augmentation(assembly: Assembly, *, fresh: bool) -> Assembly:
 
 
 def needs_phase(assembly: Assembly) -> bool:
-    """Whether a mass is to be left at the drive point of FRFs that come from the dataset."""
+    """Return whether a remaining sensor mass is added to FRFs of the dataset, which takes their phases."""
     augmentation = assembly.description.identification.augmentation
     return augmentation is not None and augmentation.mass > 0 and not augmentation.fresh
 
@@ -317,7 +317,7 @@ def _context(
     noisy: NoisyFeatures | None,
     seconds: float | None,
 ) -> FeatureContext:
-    """Return what the features are of; their FRFs with phases where these are as the dataset keeps them."""
+    """Return the context of the features, with the FRFs' phases if they are stored and no noise is added."""
     return FeatureContext(
         frequency=assembly.frequency,
         responses=tuple(response.name for response in assembly.description.responses),
@@ -350,9 +350,9 @@ def _fit_reducer(
 def _forecast(
     assembly: Assembly, features: NDArray[np.float32], theta: NDArray[np.float64], context: FeatureContext
 ) -> str:
-    """Say how long reducer and regressor will take, from what they take for a few of the samples.
+    """Forecast the times of reducer and regressor from those for a few of the samples, as a note for the progress.
 
-    Nothing is said where one of them fails on so few. Where the regressor was told a time, that holds.
+    It is empty if one of them fails on so few. If the regressor was given a time, the note states that one.
     """
     with suppress(Exception):
         count = max(round(_PILOT_SHARE * len(features)), 2)
@@ -372,7 +372,7 @@ class _PilotOver(Exception):  # noqa: N818 - nothing is wrong
 def _pilot(
     assembly: Assembly, features: NDArray[np.float32], theta: NDArray[np.float64], context: FeatureContext
 ) -> NDArray[np.float64]:
-    """Return the seconds that the reducer and all epochs of the regressor take for these samples."""
+    """Return the seconds that the reducer and all epochs of the regressor take for few samples."""
     settings = assembly.description.identification
     start, epochs, all_epochs = time.perf_counter(), 1, 1
 
@@ -396,5 +396,5 @@ def _pilot(
 
 
 def _rounded(seconds: float) -> str:
-    """Write a time as one would say it."""
+    """Write a time in whole seconds or minutes."""
     return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
