@@ -138,7 +138,7 @@ def study(
 
 @dataclass(eq=False)
 class _Worker:
-    """The part of one worker of a cluster in a study."""
+    """What one worker of a cluster does in a study: take turns at its trials."""
 
     assembly: Assembly
     folder: Path
@@ -160,7 +160,7 @@ class _Worker:
 
 
 class _Work:
-    """A study at which this process is."""
+    """The work of this process on a study."""
 
     def __init__(self, assembly: Assembly, folder: Path, registry: Registry, progress: Progress) -> None:
         self.plan = StudyPlan(assembly, registry, progress)
@@ -175,7 +175,7 @@ class _Work:
             pass
 
     def turns(self, progress: Progress) -> Iterator[int]:
-        """Yield the numbers of turns, for others to take, until all trials have ended."""
+        """Yield a number for each turn that a worker may take, until all trials have ended."""
         for turn in count():
             trials = self.ledger.trials()
             if _is_over(trials):
@@ -185,7 +185,7 @@ class _Work:
             yield turn
 
     def take_turn(self, progress: Progress) -> bool:
-        """Try a trial, or wait for those of others; return whether all have ended."""
+        """Run a trial, or wait for those of other processes; return whether all have ended."""
         trial = self.ledger.claim(self.plan.propose)
         trials = self.ledger.trials()
         ended = sum(other.ended for other in trials)
@@ -202,12 +202,12 @@ class _Work:
 
     @property
     def _most(self) -> int:
-        """How many trials are known from the start."""
+        """The number of trials, as far as it is known from the start."""
         search = 0 if self.plan.section.search is None else self.plan.section.search.trials
         return len(self.plan.first) + search + (len(self.plan.sweeps) > 1) + 1
 
     def load_libraries(self, progress: Progress) -> None:
-        """Train once on few samples, so that the first trial's times are not those of loading and compiling."""
+        """Train once on few samples, so that the first trial's times do not include loading and compiling."""
         if self.plan.settings.samples - self.plan.test_samples >= _LARGE:
             with suppress(DovetailError):
                 train_and_evaluate(self.plan.variant({}), self._dataset(_WARM, self.plan.settings.seed, progress))
@@ -225,7 +225,7 @@ class _Work:
                 self.ledger.note(trial, state="done", answer=answer)
 
     def _answer(self, trial: Trial, progress: Progress) -> dict[str, Any] | None:
-        """Return errors and times of a trial, or None if it was pruned."""
+        """Run a trial and return its errors and times, or None if it was pruned."""
         assembly = self.plan.variant(trial.changes)
         samples = self.plan.settings.samples - self.plan.test_samples
         if trial.kind == "search" and self.plan.section.search is not None and self.plan.section.search.prune:
@@ -261,7 +261,7 @@ class _Work:
             )
 
     def result(self) -> Study:
-        """Return what came out."""
+        """Return the results, once all trials have ended."""
         plan, trials = self.plan, self.ledger.trials()
         best = plan.best(trials)
         test = next(trial for trial in trials if trial.kind == "test")
@@ -270,12 +270,12 @@ class _Work:
 
 
 def _is_over(trials: Sequence[Trial]) -> bool:
-    """Return whether the test, which is proposed when all other trials have ended, has ended too."""
+    """Return whether the test, which is proposed after all other trials have ended, has ended."""
     return any(trial.kind == "test" and trial.ended for trial in trials)
 
 
 def words(trial: Trial) -> str:
-    """Return what a trial tries, in a line."""
+    """Describe the settings of a trial in one line."""
     changes = ", ".join(f"{place} = {value}" for place, value in trial.changes.items())
     return f"test of {changes or 'the description'}" if trial.kind == "test" else changes or "as described"
 

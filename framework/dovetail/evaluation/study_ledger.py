@@ -1,9 +1,8 @@
-"""The ledger of a study: every trial, who is at it, and what came out, in one file that several processes share.
+"""The ledger of a study: every trial, who works on it, and its result, in one file that several processes share.
 
 A process claims a trial before it begins. The claim ends when the process ends, which a lock of the operating system
-tells, or when the process has given no sign of life for as long as the lease. The trial is then claimed anew, with the
-same settings; whoever comes back late finds the claim gone, and what it has is not taken. So no trial is lost, and none
-has two answers.
+shows, or when the process has not renewed its lease in time. Another process then claims the trial, with the same
+settings; the result of a process that has lost its claim is refused. So no trial is lost, and none has two results.
 """
 
 from __future__ import annotations
@@ -30,25 +29,25 @@ State: TypeAlias = Literal["waiting", "running", "done", "pruned", "failed"]
 _FORMAT = 1
 _FILE = "ledger.json"
 _SIGNS = 4
-"""Of life, given in the time of a lease."""
+"""Number of times that a process renews its lease within the time of the lease."""
 
 
 @dataclass
 class Trial:
-    """Settings that are tried, and what came out.
+    """The settings of a trial, its state, and its result.
 
     Parameters
     ----------
     number : int
         From 0.
     kind : {"described", "sweep", "together", "search", "test"}
-        The settings of the description, one option changed, the best of each sweep, a search's proposal, or the best
-        settings once more on the test part.
+        The settings of the description, one option changed, the best value of each sweep, a search's proposal, or the
+        best settings evaluated on the test part.
     changes : dict of str to Any
         Options that differ from the description, by their places in `identification`.
     state : {"waiting", "running", "done", "pruned", "failed"}
     owner, machine : str
-        Who is at it.
+        The process that claimed it, and its machine.
     until : float
         End of the lease, in seconds since 1970.
     first : float or None
@@ -57,6 +56,8 @@ class Trial:
         Errors, times and sizes.
     reason : str
         Why it failed.
+    claims : int
+        How often it was claimed.
     """
 
     number: int
@@ -73,7 +74,7 @@ class Trial:
 
     @property
     def ended(self) -> bool:
-        """Whether nobody needs to do it any more."""
+        """Whether no process needs to work on it any more."""
         return self.state in ("done", "pruned", "failed")
 
 
@@ -91,11 +92,11 @@ class Ledger:
     Parameters
     ----------
     folder : Path
-        Of the study's own files; made if it is not there.
+        For the study's own files; made if it does not exist.
     about : mapping
-        Of which study they are; a ledger of another one is refused.
+        Identifies the study; a ledger of another one is refused.
     lease : float
-        Seconds.
+        Seconds after which a process that gives no sign of life loses its trial.
 
     Raises
     ------
@@ -113,12 +114,12 @@ class Ledger:
 
     @staticmethod
     def is_in(folder: Path) -> bool:
-        """Return whether there is a ledger in a folder."""
+        """Return whether a folder has a ledger."""
         return (folder / _FILE).exists()
 
     @contextmanager
     def at_work(self) -> Iterator[None]:
-        """Hold the lock that tells others that this process is alive; remove what killed ones have left of theirs."""
+        """Hold the lock that shows others that this process is alive; remove the lock files of killed processes."""
         with held(self._lock_of(self._owner)):
             yield
         for marker in self.folder.glob(".process-*.lock"):  # also of those that were killed before they claimed a trial
@@ -130,12 +131,12 @@ class Ledger:
             return trials
 
     def claim(self, propose: Callable[[Sequence[Trial]], Proposal | None]) -> Trial | None:
-        """Return a trial that is this process's from now on, or None if there is none at the moment.
+        """Claim a trial for this process; return None if there is none to claim at the moment.
 
         Parameters
         ----------
         propose : callable
-            Called with all trials where none is waiting; returns a further one, or None.
+            Called with all trials if none is waiting; returns a further one, or None.
         """
         with self._open() as trials:
             for other in trials:
@@ -153,7 +154,7 @@ class Ledger:
             return trial
 
     def note(self, trial: Trial, **values: Any) -> bool:
-        """Write values of a trial; return False, and write nothing, if it is another process's by now."""
+        """Record values of a trial; return False and record nothing if this process has lost its claim."""
         with self._open() as trials:
             known = trials[trial.number]
             if known.state != "running" or known.owner != self._owner:
@@ -164,7 +165,7 @@ class Ledger:
 
     @contextmanager
     def signs_of_life(self, trial: Trial) -> Iterator[None]:
-        """Renew the lease of a trial while the block runs; if it fails, give the trial back."""
+        """Renew the lease of a trial while the block runs; give the trial back if the block has not ended it."""
         ended = threading.Event()
 
         def renew() -> None:
@@ -193,7 +194,7 @@ class Ledger:
 
     @contextmanager
     def _open(self) -> Iterator[list[Trial]]:
-        """Yield the trials while no other process reads or writes them, and write what has changed."""
+        """Yield the trials while no other process reads or writes them, and write the changes."""
         file = self.folder / _FILE
         with held(self.folder / "trials"):
             before = self._read(file) if file.exists() else None

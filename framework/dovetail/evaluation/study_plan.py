@@ -22,7 +22,7 @@ __all__ = ["StudyPlan", "Sweep"]
 
 @dataclass(frozen=True)
 class Sweep:
-    """One option over its values, all others as described.
+    """The trials in which one option takes several values, with all others as described.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class StudyPlan:
         With a study in its description.
     registry : Registry
     progress : callable
-        Told of each value that is looked at.
+        Called for each value that is checked.
 
     Attributes
     ----------
@@ -56,13 +56,13 @@ class StudyPlan:
         The trials known from the start.
     sweeps : list of Sweep
     described : dict of str to Any
-        What the description has for each option that is varied.
+        The description's value of each option that is varied.
     space : SearchSpace or None
 
     Raises
     ------
     DescriptionError
-        There is no study, or an option cannot have a value that it is to be tried with.
+        There is no study, or an option cannot have one of the values to be tried.
     """
 
     def __init__(self, assembly: Assembly, registry: Registry, progress: Progress = silent) -> None:
@@ -83,7 +83,7 @@ class StudyPlan:
         self.space = self._search_space()
 
     def about(self) -> dict[str, Any]:
-        """Return what tells this study from others, as plain values."""
+        """Return what identifies this study, as plain values."""
         settings = self.settings
         return {
             "fingerprint": self.assembly.description.fingerprint,
@@ -92,12 +92,12 @@ class StudyPlan:
         }
 
     def _planned(self) -> tuple[list[Proposal], list[Sweep]]:
-        """Return the trials known from the start, those with the same settings once, and the sweeps over them.
+        """Return the trials known from the start, without repetitions of the same settings, and the sweeps over them.
 
         Raises
         ------
         DescriptionError
-            All values that their options cannot have.
+            Names all values that their options cannot have.
         """
         first, numbers = [Proposal("described")], {_key(self.assembly): 0}
         sweeps, faults = [], list[Fault]()
@@ -149,17 +149,17 @@ class StudyPlan:
         return Assembly(replace(self.assembly.description, text=description.text, identification=identification))
 
     def identification(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the section `identification` with changes, the whole sections before their options."""
+        """Return the section `identification` with changes; those of whole sections are made before their options'."""
         section = dict(self._plain["identification"])
         for place in sorted(changes, key=lambda place: place.count(".")):
             section = _changed(section, place.split("."), changes[place])
         return section
 
     def complete_sections(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the changed sections as a description that extends this one must have them.
+        """Return the changed sections in the form that a description needs that extends this one.
 
-        A section that was exchanged as a whole has all its options then, so that nothing of the old one is left. Beside
-        a reducer stands the augmentation, which a description that names a reducer does not have by default.
+        A section that was replaced as a whole states all its options, so that none is inherited from the old one. A
+        reducer comes with the augmentation, which a description that names a reducer does not have by default.
         """
         sections, settings = self.identification(changes), self.variant(changes).description.identification
         if "augmentation" in changes and settings.augmentation is not None:
@@ -174,7 +174,7 @@ class StudyPlan:
         return {name: sections[name] for name in names}
 
     def propose(self, trials: Sequence[Trial]) -> Proposal | None:
-        """Return the next trial: one known from the start, the best of each sweep together, a search's, or the test."""
+        """Return the next trial: a planned one, the best value of each sweep together, a search's, or the test."""
         number = len(trials)
         if number < len(self.first):
             return self.first[number]
@@ -192,7 +192,7 @@ class StudyPlan:
         return Proposal("test", self.best(trials).changes)
 
     def _together(self, trials: Sequence[Trial]) -> dict[str, Any] | None:
-        """Return the best value of each sweep, or None where these settings have been tried."""
+        """Return the best value of each sweep, or None if these settings have been tried already."""
         changes: dict[str, Any] = {}
         for sweep in self.sweeps:
             done = [trials[number] for number in sweep.trials if trials[number].state == "done"]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 __all__ = ["RemainingUncertainty", "remaining_uncertainty"]
 
 _NOISE_DRAWS = 2
-"""Measurements that are drawn for each parameter vector."""
+"""Number of measurements that are drawn for each parameter vector."""
 _STEPS, _FORGOTTEN = 800, 100
-"""Of the walk through each posterior, and those at its beginning that do not count."""
+"""Steps of the random walk through each posterior, and those before them that do not count (burn-in)."""
 _LEAST = 0.01
-"""Information in any direction, next to none: the range alone has 12."""
+"""Smallest information in any direction; it is negligible, since the range alone has 12."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +24,9 @@ class RemainingUncertainty:
     Parameters
     ----------
     variance : (..., p) array
+        Mean posterior variance.
     deviation : (..., p) array
-        Mean of the standard deviation, which an interval's width goes with.
+        Mean posterior standard deviation, to which an interval's width is proportional.
     """
 
     variance: NDArray[np.float64]
@@ -52,10 +53,10 @@ def remaining_uncertainty(
 
     Notes
     -----
-    The measurement is taken as linear around the truth, so that the posterior is a normal distribution cut off at the
-    ends of the ranges. Where parameters trade with each other the cut is what limits them, which a normal prior of the
-    same variance does not know. It is sampled by elliptical slices (A. Gessner, O. Kanjilal, P. Hennig, Integrals over
-    Gaussians under linear domain constraints, AISTATS 2020), all posteriors side by side.
+    The measurement is linearised around the truth, so that the posterior is a normal distribution truncated at the ends
+    of the ranges. Where parameters trade with each other, it is the truncation that limits them, which a normal prior
+    of the same variance would not represent. All posteriors are sampled together by elliptical slice sampling
+    (A. Gessner, O. Kanjilal, P. Hennig, Integrals over Gaussians under linear domain constraints, AISTATS 2020).
     """
     random = np.random.default_rng([seed, 4])
     shape, count = information.shape[:-1], truth.shape[-1]
@@ -77,7 +78,7 @@ def remaining_uncertainty(
 
 
 class _Walk:
-    """Walks through normal distributions that are truncated at the faces of the unit cube."""
+    """Random walks through normal distributions that are truncated at the faces of the unit cube."""
 
     def __init__(self, roots: NDArray[np.float64], truth: NDArray[np.float64], random: np.random.Generator) -> None:
         self._roots = roots
