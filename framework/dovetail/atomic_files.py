@@ -1,8 +1,8 @@
 """Bounded reading of a file, and writing that never leaves half a file or half a folder.
 
-What is written stands beside its target, under a name that cannot be guessed, until it is whole. One process at a time
-writes a target: it holds a lock of the operating system, which ends with the process, and whoever holds it removes what
-a killed process has left.
+New content is written beside its target, under a name that cannot be guessed, until it is complete. Only one process at
+a time writes a target: it holds a lock of the operating system, which ends with the process. Whoever holds the lock
+removes the remains of killed processes.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ LARGEST_FILE = 100_000_000
 """Bytes; a larger file is refused before it is opened."""
 
 _LEAST_ROOM = 5_000_000
-"""Bytes that must be free before any work; a folder of results takes less."""
+"""Bytes that must be free before any work begins; a folder of results takes less."""
 _LONGEST_WRITING = 60.0
-"""Seconds to wait for another process that writes the same file."""
+"""Longest wait in seconds for another process that writes the same file."""
 _CURRENT_FOLDER, _EXCHANGE = -100, 2
-"""What ``renameat2`` of Linux calls them; ``renamex_np`` of macOS has the same 2."""
+"""AT_FDCWD and RENAME_EXCHANGE of Linux's ``renameat2``; RENAME_SWAP of macOS's ``renamex_np`` is 2 too."""
 
 
 def read_bounded(path: Path, largest: int = LARGEST_FILE) -> bytes:
-    """Return the bytes of a file that may be a stranger's.
+    """Return the bytes of a file that may come from an untrusted source.
 
     Parameters
     ----------
@@ -108,27 +108,27 @@ def write_whole(path: Path, content: bytes, *, overwrite: bool) -> None:
 
 @contextmanager
 def new_folder(target: Path, replaced: Container[str] = (), first: str = "", last: str = "") -> Iterator[Path]:
-    """Yield an empty folder beside `target`, which takes its place at once if the block ends without an error.
+    """Yield an empty folder beside `target`, which replaces it in one step if the block ends without an error.
 
     Parameters
     ----------
     target : Path
-        What the block does not write stays in it.
+        Its files that the block does not write are kept.
     replaced : container of str
-        Names in `target` that do not stay.
+        Names in `target` that are not kept.
     first, last : str
-        Of the files, where they must take their places one by one.
+        The first and the last file to be moved, where the files must be moved one by one.
 
     Raises
     ------
     FileError
-        It cannot be written, or another process does not end writing it.
+        It cannot be written, or another process keeps writing it.
 
     Notes
     -----
-    The folder in which this process works, and one that is a disk of its own, cannot change its place. The files are
-    then written within it and take their places one by one. The last, the manifest, goes before any other is
-    replaced: a folder that has it is whole.
+    The working folder of this process, and the root of a disk, cannot be moved. The files are then written within it
+    and moved one by one. The last of them, the manifest, is removed before any other file is replaced: a folder that
+    has a manifest is complete.
     """
     target = target.resolve()
     with suppress(OSError):  # what it means is seen below
@@ -171,7 +171,7 @@ def _move_into(folder: Path, fresh: Path, replaced: Container[str], first: str, 
 
 @contextmanager
 def new_files(targets: Sequence[Path], *, overwrite: bool) -> Iterator[list[Path]]:
-    """Yield where to write files of these names; they take their places, one right after the other, when all are there.
+    """Yield temporary paths for files of these names; when all are written, they are moved one right after the other.
 
     Raises
     ------
@@ -214,7 +214,7 @@ def _keep_others(old: Path, fresh: Path, replaced: Container[str]) -> None:
 
 
 def _link(source: str | Path, target: str | Path) -> None:
-    """Give a file a second name, or copy it where it can have only one."""
+    """Make a hard link to a file, or copy it where that is not possible."""
     try:
         if os.path.islink(source):
             raise OSError
@@ -224,7 +224,7 @@ def _link(source: str | Path, target: str | Path) -> None:
 
 
 def _take_place(fresh: Path, target: Path) -> None:
-    """Move a folder to its target. What was there is then at `fresh`, or gone; where it fails it stays."""
+    """Move a folder to its target; what was there is then at `fresh` or removed. If this fails, it stays as it was."""
     if not target.exists():
         fresh.rename(target)
     elif not _exchange(fresh, target):
@@ -239,7 +239,7 @@ def _take_place(fresh: Path, target: Path) -> None:
 
 
 def _exchange(first: Path, second: Path) -> bool:
-    """Exchange two folders in one step; return False where the system cannot."""
+    """Exchange two folders atomically; return False if the system cannot."""
     names = os.fsencode(first), os.fsencode(second)
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "renameat2"):
         return bool(library.renameat2(_CURRENT_FOLDER, names[0], _CURRENT_FOLDER, names[1], _EXCHANGE) == 0)
@@ -250,13 +250,13 @@ def _exchange(first: Path, second: Path) -> bool:
 
 @contextmanager
 def held(path: Path, wait: float = _LONGEST_WRITING, tell: Callable[[str], None] | None = None) -> Iterator[None]:
-    """Let no other process of Dovetail write a path meanwhile, and remove what killed ones have left beside it.
+    """Keep other processes of Dovetail from writing a path, and remove the remains of killed ones beside it.
 
     Parameters
     ----------
     path : Path
     wait : float
-        Seconds to wait for another process; negative: for as long as it takes.
+        Seconds to wait for another process; if negative, without limit.
     tell : callable, optional
         Called with the name of the other process before waiting.
 
@@ -267,7 +267,7 @@ def held(path: Path, wait: float = _LONGEST_WRITING, tell: Callable[[str], None]
 
     Notes
     -----
-    On a disk that has no locks, or that cannot be written, nothing is held.
+    On a disk that has no locks, or that cannot be written, there is no protection.
     """
     from filelock import FileLock, Timeout
 
@@ -304,7 +304,7 @@ def held(path: Path, wait: float = _LONGEST_WRITING, tell: Callable[[str], None]
 
 
 def is_held(path: Path) -> bool:
-    """Return whether a process that is alive holds a path; what a killed one has left of its lock is removed."""
+    """Return whether a living process holds a path; the lock file of a killed one is removed."""
     from filelock import FileLock, Timeout
 
     marker = path.absolute().with_name(f".{path.name}.lock")
@@ -322,7 +322,7 @@ def is_held(path: Path) -> bool:
 
 
 def _sign(marker: Path) -> None:
-    """Write the number of this process into a lock, behind the byte that Windows locks."""
+    """Write this process's id into a lock file, after the byte that Windows locks."""
     with marker.open("r+b", buffering=0) as stream:
         stream.seek(1)
         stream.write(f"{os.getpid():<12}".encode())
@@ -336,12 +336,12 @@ def _holder(marker: Path) -> str:
 
 
 def beside(target: Path) -> Path:
-    """Return a name beside `target` that cannot be guessed; whoever holds `target` next removes what is there."""
+    """Return a temporary name beside `target` that cannot be guessed; the next holder of `target` removes its file."""
     return target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
 
 
 def _sweep(path: Path) -> None:
-    """Remove what killed processes have left of `path`; if they had moved it away, move it back."""
+    """Remove the remains that killed processes have left beside `path`; if they had moved it away, move it back."""
     start = f".{path.name}."
     left = re.compile(re.escape(start) + r"[0-9a-f]{16}\.(part|old)")
     for name in os.listdir(path.parent):  # of ten thousand files perhaps
@@ -357,12 +357,12 @@ def _sweep(path: Path) -> None:
 
 
 def check_target(target: Path, room: int = _LEAST_ROOM) -> None:
-    """Make sure, before any work, that a folder can be written at `target`, or replaced there as a whole.
+    """Make sure, before any work, that a folder can be written at `target`, or replaced as a whole.
 
     Raises
     ------
     FileError
-        The folder cannot be moved, or as `check_room`.
+        The folder cannot be moved; or as in `check_room`.
     """
     folder = target.resolve()
     if _stays(folder):
@@ -372,7 +372,7 @@ def check_target(target: Path, room: int = _LEAST_ROOM) -> None:
 
 
 def check_room(folder: Path, room: int = _LEAST_ROOM) -> None:
-    """Make sure, before any work, that files can be made in a folder, which need not be there yet.
+    """Make sure, before any work, that files can be written in a folder, which need not exist yet.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Tables of numbers in text files: where they start, what separates their columns, and what stands above them.
+"""Tables of numbers in text files: where they start, what separates their columns, and what their header is.
 
-Above a table there may be any lines of text. `find_table` finds the header by a name in it, `find_rows` the first row
-of numbers below no header that counts, and `read_rows` reads the numbers, with decimal points or decimal commas.
+A table may follow any lines of text. `find_table` finds its header by the names in it; `find_rows` finds the first row
+of a table whose columns the caller names; `read_rows` reads the numbers, with decimal points or decimal commas.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from dovetail.measurement.recording import MOST_LINES
 __all__ = ["TextTable", "check_end", "find_rows", "find_table", "is_number", "read_rows", "split_lines"]
 
 _MOST_ABOVE = 10_000
-"""Lines above a table: the longest protocol of an analyser has some hundred."""
+"""Largest number of lines above a table; the longest headers of analysers have some hundred."""
 _LONGEST_LINE = 100_000
-"""Characters: a row or a header of a thousand impacts."""
+"""Characters of the longest line: a row or a header of a thousand impacts."""
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
-"""Bytes that no text in a single-byte code has; form feeds and tabs are none."""
+"""Bytes that do not occur in text of a single-byte encoding; form feeds and tabs do."""
 _BLANKS = ""
-"""As a separator: blanks, one or more."""
+"""The separator of columns that are separated by one or more blanks."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LAST_NUMBER = re.compile(r"[^\s,;]+(?=\s*$)")
 _LAST_ROWS, _FEWEST_ROWS, _MANY_DIGITS = 60, 3, 8
-"""Rows that are looked at, rows that must be there, and characters of a number that is not round by chance."""
+"""Rows at the end that are compared, rows that this takes, and characters of a number that is not rounded by chance."""
 _WORDS = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
 """A word with the brackets behind it, as in ``Real [um/N]``."""
 
@@ -48,9 +48,9 @@ class TextTable(NamedTuple):
     lines : sequence of str
         All of its lines.
     header : tuple of str
-        Cells of the header; of the columns that the caller names, where there is none.
+        Cells of the header; without one, the names that the caller gives.
     line : int
-        Index of the header, or of the first row where there is none.
+        Index of the header; without one, of the first row.
     first : int
         Index of the first row of numbers.
     separator : str
@@ -66,7 +66,7 @@ class TextTable(NamedTuple):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Cells of a row of units right below the header, or nothing."""
+        """Cells of a row of units right below the header; empty if there is none."""
         below = self.lines[self.line + 1][:_LONGEST_LINE] if self.line + 1 < len(self.lines) else ""
         cells = _split_names(below, self.separator, len(self.header))
         if len(cells) != len(self.header) or not any(cells) or any(map(is_number, cells)):
@@ -75,7 +75,7 @@ class TextTable(NamedTuple):
 
 
 def split_lines(path: Path, content: bytes) -> list[str]:
-    """Return the lines of a text file, whatever ends them: UTF-8, UTF-16 with its mark, or else Latin-1.
+    """Return the lines of a text file with any line ends, in UTF-8, UTF-16 with a byte order mark, or else Latin-1.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def find_table(
     Returns
     -------
     TextTable
-        Where no line is a header, that below a line just above the numbers that has as many cells.
+        If no line is a header, the header is a line just above the numbers that has as many cells.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def find_table(
 
 
 def _below(table: TextTable, start: int) -> TextTable:
-    """Return a table without a row of units, or without what SignalCalc writes between header and rows."""
+    """Return a table that starts below a row of units, or below the lines that SignalCalc writes under a header."""
     between = [line[:_LONGEST_LINE].strip() for line in table.lines[table.first : start]]
     if "Units:" in between and not any(is_number(cell) for line in between for cell in line.split()):
         return table._replace(first=start)
@@ -152,7 +152,7 @@ def _below(table: TextTable, start: int) -> TextTable:
 
 
 def find_rows(where: str, lines: Sequence[str], columns: Sequence[str], wanted: Sequence[int]) -> TextTable:
-    """Return the table that starts at the first line with a number in each wanted column of those that are named.
+    """Return the table that starts at the first line with as many cells as names and a number in each wanted column.
 
     Raises
     ------
@@ -174,7 +174,10 @@ def find_rows(where: str, lines: Sequence[str], columns: Sequence[str], wanted: 
 
 
 def _start_of_numbers(lines: Sequence[str]) -> int:
-    """Return the index of the first of two rows with as many numbers, or of the last line with text if that is one."""
+    """Return the index of the first of two successive rows of numbers of equal length, or of a single row at the end.
+
+    Without any it is the number of lines.
+    """
     before, width = None, 0
     for number, line in enumerate(lines[: _MOST_ABOVE + 2]):
         if not line or line.isspace():
@@ -192,7 +195,7 @@ def _start_of_numbers(lines: Sequence[str]) -> int:
 def _separator(line: str) -> str:
     """Return what separates the cells of a line: a tab, a semicolon, a comma, or blanks.
 
-    Where blanks stand between numbers with a comma inside, the comma is a decimal one.
+    A comma within numbers that are separated by blanks is a decimal comma.
     """
     text = line[:_LONGEST_LINE].strip(" ")
     for separator in "\t;":
@@ -204,7 +207,7 @@ def _separator(line: str) -> str:
 
 
 def _split(line: str, separator: str) -> list[str]:
-    """Return the cells of a line without quotes and blanks around them."""
+    """Split a line into cells, without quotes and blanks around them."""
     if separator == _BLANKS:
         return line.split()
     cells = line.split(separator)
@@ -215,7 +218,7 @@ def _split(line: str, separator: str) -> list[str]:
 
 
 def _split_names(line: str, separator: str, width: int) -> list[str]:
-    """Return the cells of a header or of a row of units, which may hold blanks; `width` is 0 where it is not known."""
+    """Split a header or a row of units, whose cells may contain blanks, into `width` cells (0 if unknown)."""
     if separator != _BLANKS:
         return _split(line, separator)
     ways = re.split(r"\s{2,}", line.strip()), _WORDS.findall(line), line.split()
@@ -299,9 +302,9 @@ def read_rows(
 
 
 def check_end(where: str, lines: Sequence[str]) -> None:
-    """Refuse a text that ends within its last number: the line is not ended, and the number shorter than all others.
+    """Refuse a truncated file: its last line does not end, and its last number is shorter than all others.
 
-    Numbers of many digits are seldom round, so those of few are no sign.
+    It is refused only if all numbers have many digits, since short numbers may be shorter by chance.
 
     Raises
     ------
@@ -320,7 +323,7 @@ def check_end(where: str, lines: Sequence[str]) -> None:
 
 
 def _decimal_point(text: str, marks: dict[str, int], where: str, number: int) -> str:
-    """Return a number with a decimal point; `marks` keeps in which line each of comma and point was first."""
+    """Return a number with a decimal point; `marks` records the line in which comma and point first occurred."""
     for mark in ",.":
         if mark in text:
             marks.setdefault(mark, number)
