@@ -51,9 +51,9 @@ CHAIN = (
 )
 """What may be unknown of a response's measurement chain; a description states the ranges."""
 SIGN = Parameter("sign", "1", -1.0, 1.0, "linear", "1, or -1 where the sensor or the force points the other way")
-"""Known, or told from the measurement before anything is sought; NaN until then."""
+"""Known, or determined from the measurement before anything is fitted; NaN until then."""
 SHARED = "calibration"
-"""Owner of the parameters that the chains of all responses share, and the key of a description where they stand."""
+"""Owner of the parameters that the chains of all responses share, and their key in a description."""
 
 
 class _SensorMass(JointModel):
@@ -71,11 +71,11 @@ class _SensorMass(JointModel):
 
 
 class _Windowed(ChangedJoint):
-    """A joint or a part as a measurement under an exponential window shows it; the decay rate is the last parameter."""
+    """A joint or a part as seen under an exponential window, whose decay rate is the last parameter."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Those of the model, and the decay rate."""
+        """The model's parameters and the decay rate."""
         return (*self.model.parameters, CHAIN[3])
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
@@ -87,12 +87,12 @@ class _Windowed(ChangedJoint):
 
 
 def read_calibration(path: Path, faults: FaultList, others: Sequence[str] = ()) -> ParameterEntry:
-    """Read what a description says of a response's measurement chain, or of those of all responses.
+    """Read the measurement chain of a response, or what the chains of all responses share.
 
     Parameters
     ----------
     path : Path
-        Of the section ``calibration:``, which need not be there.
+        Of the section ``calibration:``, which need not exist.
     faults : FaultList
         Collects the faults.
     others : sequence of str
@@ -127,7 +127,7 @@ def read_calibration(path: Path, faults: FaultList, others: Sequence[str] = ()) 
 
 
 def shared_by(shared: ParameterEntry, own: ParameterEntry) -> ParameterEntry:
-    """Return the entry of a response to whose chain what all responses share belongs, but for sensors' masses."""
+    """Return a response's entry completed by ties to the shared parameters; the shared mass is at sensors instead."""
     common = [parameter for parameter in shared.parameters if parameter.name != "mass"]
     ties = {parameter.name: Tie(SHARED, parameter.name) for parameter in common if parameter.name != "sign"}
     sign = {"sign": shared.fixed["sign"]} if "sign" in shared.fixed else {}
@@ -135,7 +135,7 @@ def shared_by(shared: ParameterEntry, own: ParameterEntry) -> ParameterEntry:
 
 
 def _read_sign(path: Path, sign: Item, faults: FaultList) -> float:
-    """Return 1 or -1, and NaN for a sign that is to be told from the measurement."""
+    """Return 1 or -1, or NaN for a sign that is to be determined from the measurement."""
     if sign.value == "unknown":
         return np.nan
     if isinstance(sign.value, (int, float)) and not isinstance(sign.value, bool) and abs(sign.value) == 1:
@@ -145,13 +145,13 @@ def _read_sign(path: Path, sign: Item, faults: FaultList) -> float:
 
 
 def unknown_signs(description: Description) -> tuple[str, ...]:
-    """Return the responses whose sign is to be told from the measurement."""
+    """Return the responses whose sign is to be determined from the measurement."""
     calibrations = description.calibrations.items()
     return tuple(name for name, entry in calibrations if name != SHARED and np.isnan(entry.fixed.get("sign", 1.0)))
 
 
 def with_signs(description: Description, signs: Mapping[str, float]) -> Description:
-    """Return the description with known signs of some responses, by their names; its text stays as it is."""
+    """Return the description with known signs of some responses, by name; its text is unchanged."""
     calibrations = dict(description.calibrations)
     for name, sign in signs.items():
         calibrations[name] = replace(calibrations[name], fixed={**calibrations[name].fixed, "sign": sign})
@@ -159,20 +159,20 @@ def with_signs(description: Description, signs: Mapping[str, float]) -> Descript
 
 
 class Chain:
-    """What a measurement chain makes of an FRF, and the derivatives of that by its parameters.
+    """The factor by which a measurement chain multiplies an FRF, and its derivatives by the chain's parameters.
 
-    Under a window of decay rate s a velocity is i omega + s times the displacement, and so is the next derivative.
+    Under a window of decay rate s, each time derivative is a factor of i omega + s in place of i omega.
 
     Parameters
     ----------
     frequency : (n_freq,) array
         Hz.
     quantity : {"receptance", "mobility", "accelerance"}
-        That was measured.
+        The measured quantity.
     entry : ParameterEntry
-        Of the response.
+        The response's.
     theta : (n, n_chain) array
-        Its parameters, in SI.
+        Its parameters in SI.
     """
 
     def __init__(
@@ -195,7 +195,7 @@ class Chain:
 
     @cached_property
     def factor(self) -> NDArray[np.complex128]:
-        """Gain times delay, (n, n_freq)."""
+        """(n, n_freq) gain, sign, delay, and the window's change of the time derivatives."""
         return np.asarray(self._gain * self._turned * self._ratio**self._power)
 
     def derivative(self, column: int) -> NDArray[np.complex128]:
@@ -212,12 +212,12 @@ class Chain:
 
 
 def entries_at_response(description: Description) -> dict[str, JointEntry]:
-    """Return all that depends on parameters in the structure as the first response sees it, by its name in the graph.
+    """Return all components of the first response's structure that depend on parameters, by their names in the graph.
 
     Raises
     ------
     ParameterError
-        A window, and a part or a joint without matrices.
+        There is a window, and a part or a joint without matrices.
     """
     entries: dict[str, JointEntry] = {**description.joints, **description.unknown_parts}
     entries |= {name: structurally_damped(joint) for name, joint in entries.items() if joint.structural_damping}
@@ -282,13 +282,13 @@ def graph_of(description: Description, entries: Mapping[str, JointEntry], *, rig
 
 
 def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
-    """Return a graph in which unknown parts that are known by their FRFs are so between the DOFs in use only.
+    """Return a graph in which unknown parts that are described by FRFs have only the DOFs in use.
 
     Parameters
     ----------
     graph : Graph
     points : sequence of (str, int)
-        Substructure and DOF of those where force and response are.
+        Substructure and DOF of each force and response.
     """
     connections = dict(graph.connections)
     for name, connection in graph.connections.items():
@@ -304,7 +304,7 @@ def graph_between(graph: Graph, points: Sequence[tuple[str, int]]) -> Graph:
 def matrices_without_window(
     graph: Graph, theta: Mapping[str, NDArray[np.float64]]
 ) -> StructuralMatrices | SparseMatrices:
-    """Return the structure's matrices as they are, not as an exponential window shows them, by `assembly_matrices`."""
+    """Return the matrices of the structure itself, as `assembly_matrices`, without the effect of a window."""
     windowed = {name for name, connection in graph.connections.items() if isinstance(connection.model, _Windowed)}
     rates_of_zero = {name: np.append(theta[name][:-1], 0.0) for name in windowed}
     return assembly_matrices(graph, {**theta, **rates_of_zero})

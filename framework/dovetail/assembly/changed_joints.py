@@ -1,4 +1,4 @@
-"""Joints with other matrices than their model's; among them those whose dampers act as structural damping."""
+"""Joints whose matrices are derived from those of their model, such as joints with structural damping."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ class ChangedJoint(JointModel):
 
 
 class _StructurallyDamped(ChangedJoint):
-    """A joint whose viscous damping C acts as the structural damping that is as strong at one frequency [Hz].
+    """A joint with structural damping in place of its viscous damping C, equally strong at one frequency [Hz].
 
-    A damper c has the structural damping 2 pi f c then, and a spring k beside it the loss factor 2 pi f c / k.
+    A damper c becomes the structural damping 2 pi f c, which gives a parallel spring k the loss factor 2 pi f c / k.
     """
 
     def __init__(self, model: JointModel, frequency: float) -> None:
@@ -91,14 +91,14 @@ class DampingSection(ComponentConfig):
 
 
 def structurally_damped(joint: JointEntry) -> JointEntry:
-    """Return a joint with the model that its structural damping makes of it."""
+    """Return a joint whose model has the joint's structural damping."""
     assert joint.structural_damping is not None
     model = _StructurallyDamped(joint.connection.model, joint.structural_damping)
     return replace(joint, connection=replace(joint.connection, model=model))
 
 
 def has_dampers(joint: JointEntry) -> bool:
-    """Return whether a joint gives matrices, with viscous damping among them at the upper ends of its ranges."""
+    """Return whether a joint has matrices with viscous damping, at the upper ends of its ranges."""
     model = joint.connection.model
     if depends_on_frequency(model):
         return False
@@ -108,9 +108,9 @@ def has_dampers(joint: JointEntry) -> bool:
 
 
 def with_damping(description: Description, structural: float | None) -> Description:
-    """Return the description with all dampers of joints as structural damping, equal at a frequency [Hz], or viscous.
+    """Return the description with structural damping in all joints, equal at a frequency [Hz], or viscous in all.
 
-    Its text stays as it is.
+    Its text is unchanged.
     """
     joints = description.joints.items()
     damped = {name for name, joint in joints if structural is None or has_dampers(joint)}

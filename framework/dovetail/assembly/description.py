@@ -333,7 +333,7 @@ def fingerprint(text: str) -> str:
 
 
 def _without_folders(value: Any) -> Any:
-    """Return plain values in which files have their names alone: on another machine they are in another folder."""
+    """Return plain values with file names stripped of their folders, which differ from machine to machine."""
     if isinstance(value, dict):
         return {key: _without_folders(entry) for key, entry in value.items()}
     if isinstance(value, list):

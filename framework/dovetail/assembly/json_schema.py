@@ -111,7 +111,7 @@ def _description() -> Schema:
 
 
 def _complete_sections(definitions: dict[str, Schema]) -> None:
-    """Add what only the validators of the sections know, and pydantic does not."""
+    """Add what the validators of the sections demand, which pydantic does not write into the schema."""
     position = definitions["attachment"]["properties"]["at"]
     position["anyOf"] = [position.pop("items"), {"type": "array", "items": _QUANTITY, "minItems": 1}]
     for key in ("type", "x-unit"):
@@ -139,7 +139,7 @@ def _complete_sections(definitions: dict[str, Schema]) -> None:
 
 
 def _name_options(definitions: dict[str, Schema], registry: Registry) -> None:
-    """Say which options a study may name: those of the models that there are."""
+    """Restrict the options that a study may name to those of the registered models."""
     options = {"augmentation": set(definitions["identification.AugmentationSection"]["properties"])}
     for kind in ("reducer", "regressor"):
         schemas = (definitions[f"{kind}.{offer.component.name}"] for offer in registry.offers(kind))

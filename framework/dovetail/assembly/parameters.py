@@ -29,7 +29,7 @@ Parameters that a mapping does not name take the middle of their ranges, and so 
 
 @dataclass(frozen=True)
 class _Source:
-    """Where the value of an entry's parameter comes from: a constant, or a factor times an identified parameter."""
+    """The value of an entry's parameter: a constant, or a factor times an identified parameter."""
 
     factor: float
     column: int | None = None
@@ -47,13 +47,13 @@ class ParameterSpace:
     Parameters
     ----------
     entries : mapping of str to ParameterEntry
-        Of each joint, substructure or response, by its name.
+        Of each joint, substructure or response, by name.
     joints : collection of str
-        Those that are joints.
+        Names of the joints among them.
     connected : collection of str
-        Those on which the structure depends, joints among them.
+        Names of those on which the structure depends, joints included.
     tied : mapping of str to ParameterEntry
-        Further ones, all of whose parameters are known or tied.
+        Further entries, without identified parameters: all of theirs are known or tied.
 
     Notes
     -----
@@ -94,7 +94,7 @@ class ParameterSpace:
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
-        """A table of the identified parameters, as texts."""
+        """A table of the identified parameters as texts, with a header."""
         texts = [(p.name, format_quantity(p.lower, p.unit), format_quantity(p.upper, p.unit)) for p in self.parameters]
         scales = [(p.scale, p.prior, p.description) for p in self.parameters]
         head = ("parameter", "from", "to", "scale", "prior", "description")
@@ -165,7 +165,7 @@ class ParameterSpace:
         return Fault(f"parameter {name}", "the assembly has no such parameter.", listing(self.names, 20), hint)
 
     def by_owner(self, batch: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Return all parameters of each owner, the known and tied ones included, as (n, parameters of the owner)."""
+        """Return the values of all parameters of each owner, including known and tied ones, (n, n_owner)."""
         theta_of_owner = {}
         for name, sources in self._sources.items():
             values = np.empty((len(batch), len(sources)))
@@ -175,7 +175,7 @@ class ParameterSpace:
         return theta_of_owner
 
     def varying_columns(self, owner: str) -> list[int]:
-        """Return the columns of an owner's parameters that follow from identified ones."""
+        """Return the columns of an owner's parameters that depend on identified ones."""
         return [column for column, source in enumerate(self._sources[owner]) if source.column is not None]
 
     def add_derivatives(self, owner: str, derivatives: NDArray[Any], total: NDArray[Any]) -> None:
@@ -186,7 +186,7 @@ class ParameterSpace:
 
     @cached_property
     def is_plain(self) -> bool:
-        """Whether nothing varies but the identified parameters of joints and parts, each by itself."""
+        """Whether the derivatives by the engine's columns are those by the parameters: no ties, no chains."""
         varying = [source for sources in self._sources.values() for source in sources if source.column is not None]
         sought = [source for name in self._connected for source in self._sources[name] if source.column is not None]
         return len(varying) == len(self.parameters) == len(sought)
@@ -210,14 +210,14 @@ def _source(
 
 
 def points_and_pairs(responses: Sequence[Response]) -> tuple[list[Point], list[tuple[int, int]]]:
-    """Return the DOFs where responses are measured and excited, each once, and output and input of each response."""
+    """Return the DOFs of all responses and forces, each once, and the indices of output and input of each response."""
     ends = [(response.point, response.force_point) for response in responses]
     points = list(dict.fromkeys(point for pair in ends for point in pair))
     return points, [(points.index(output), points.index(force)) for output, force in ends]
 
 
 class ResponseFrfs:
-    """FRFs of responses and their derivatives, as the measurement chains show them, in the responses' quantities.
+    """FRFs of responses as measured through their chains, in the responses' quantities, and their derivatives.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ class ResponseFrfs:
         return Chain(self.engine.frequency, response.quantity, entry, by_owner[response.name])
 
     def _by_parameter(self, derivatives: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return derivatives by the identified parameters, from those by all columns that the engine varies."""
+        """Return derivatives by the identified parameters, from those by all of the engine's varying columns."""
         jacobian = np.zeros((*derivatives.shape[:-1], len(self._space.parameters)), dtype=np.complex128)
         first = 0
         for name in self.engine.graph.connections:
@@ -295,7 +295,7 @@ class ResponseFrfs:
         jacobian: NDArray[np.complex128],
         by_owner: Mapping[str, NDArray[np.float64]],
     ) -> NDArray[np.complex128]:
-        """Return the FRFs (n, n_freq) of a response as its chain shows them; change their derivatives in place."""
+        """Return the FRFs (n, n_freq) of a response after its chain; their derivatives are changed in place."""
         chain, name = self._chain(index, by_owner), self._responses[index].name
         jacobian *= chain.factor[..., np.newaxis]
         of_chain = [values * chain.derivative(column) for column in self._space.varying_columns(name)]

@@ -24,7 +24,7 @@ RESPONSES: Path = ("responses",)
 def read_responses(
     substructures: Substructures, faults: FaultList
 ) -> tuple[tuple[Response, ...], dict[str, ParameterEntry], tuple[Place, ...]]:
-    """Return the responses without those that have faults, calibrations by name, and where sensors always are.
+    """Return the responses without faults, the calibrations by name, and the places of sensors in every measurement.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def read_responses(
 
 
 def _paths(faults: FaultList) -> list[Path]:
-    """Return where the sections of the responses are."""
+    """Return the paths of the responses' sections."""
     single, several = faults.root.at(RESPONSE), faults.root.at(RESPONSES)
     if several is None:
         return [] if single is None else [RESPONSE]
@@ -59,7 +59,7 @@ def _paths(faults: FaultList) -> list[Path]:
 def _read_sensors(
     shared: ParameterEntry, responses: Sequence[Response], substructures: Substructures, faults: FaultList
 ) -> tuple[Place, ...]:
-    """Return the nodes with a sensor of the shared mass: those stated, or those of the responses, each once."""
+    """Return the nodes with a sensor of the shared mass, each once: those stated, or else those of the responses."""
     path: Path = (SHARED, "at")
     stated = faults.root.at(path)
     if "mass" not in [parameter.name for parameter in shared.parameters]:
@@ -115,7 +115,7 @@ def _read_all(
 
 
 def calibration_place(name: str, faults: FaultList) -> Path:
-    """Return where the calibration of the response with this name is, or that of all."""
+    """Return the path of the calibration of the response with this name, or of the shared one."""
     if name == SHARED:
         return (SHARED,)
     several = faults.root.at(RESPONSES)
