@@ -98,7 +98,7 @@ def new_estimator(model: Any, options: Mapping[str, Any], seed: int | None = Non
 
 
 class KeptEstimator:
-    """A fitted estimator that was made of its own state, also where it was just fitted.
+    """A fitted estimator that is rebuilt from its state, even right after it was fitted.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class KeptEstimator:
         Raises
         ------
         DovetailError
-            It cannot be fitted to these samples, or answers otherwise when it is made of its state.
+            It cannot be fitted to these samples, or answers differently when it is rebuilt from its state.
         """
         samples = rows.astype(np.float64)
         try:
@@ -158,7 +158,7 @@ class KeptEstimator:
         return kept
 
     def answer(self, features: NDArray[Any], method: str) -> NDArray[np.float64]:
-        """Return what a method answers to features (n_samples, n_features), a row for each."""
+        """Return the answers of a method to features (n_samples, n_features), a row for each."""
         rows = checked_rows(features, self._owner, width=self._width).astype(np.float64)
         with _in_this_process():
             return _rows(getattr(self._estimator, method)(rows), len(rows))
@@ -169,7 +169,7 @@ class KeptEstimator:
 
 
 def _in_this_process() -> Any:
-    """Return a context in which `n_jobs` starts no processes: these would import from the current folder."""
+    """Return a context in which `n_jobs` starts no processes, which would import from the current folder."""
     from joblib import parallel_config
 
     return parallel_config("sequential")
@@ -177,7 +177,7 @@ def _in_this_process() -> Any:
 
 @contextmanager
 def _own_random_numbers() -> Iterator[None]:
-    """Seed NumPy's global generator, from which some estimators draw; the caller's is afterwards as it was."""
+    """Seed NumPy's global generator, from which some estimators draw, and restore its state afterwards."""
     before = np.random.get_state()  # noqa: NPY002
     np.random.seed(0)  # noqa: NPY002
     try:

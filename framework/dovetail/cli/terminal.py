@@ -39,11 +39,11 @@ __all__ = [
 ]
 
 _UNLIMITED = 10_000
-"""Columns in a pipe: a row stays a line, for grep."""
+"""Width in a pipe, where each row of a table stays on one line, for grep."""
 _GAP = 3
 """Blanks between the columns of a table."""
 _PATIENCE = 0.5
-"""Seconds without a word after which a command shows that it is at work."""
+"""Seconds without output after which a command shows that it is at work."""
 
 
 class Ranged(Protocol):
@@ -76,7 +76,7 @@ _chosen = {"_quiet": 0, "_verbose": 0}
 
 
 def choose(context: typer.Context, option: typer.CallbackParam, value: int) -> None:
-    """Take in how often -q or -v was given, before a command or behind it."""
+    """Count how often -q or -v was given, before and after the name of the command."""
     name = str(option.name)
     _chosen[name] = value + (_chosen[name] if context.parent is not None else 0)
     if any(_chosen.values()):
@@ -87,7 +87,7 @@ def choose(context: typer.Context, option: typer.CallbackParam, value: int) -> N
 
 
 class _Waiting:
-    """A bar that moves where a command has not said anything for a while, such as while libraries are loaded."""
+    """A moving bar that is shown while a command prints nothing for a while, as when libraries are loaded."""
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
@@ -95,7 +95,7 @@ class _Waiting:
         self._shown = ExitStack()
 
     def begin(self) -> None:
-        """Show the bar after a while, unless something is printed."""
+        """Show the bar after a while, unless `end` is called before."""
         self.end()
         self._timer = threading.Timer(_PATIENCE, self._show)
         self._timer.daemon = True
@@ -109,7 +109,7 @@ class _Waiting:
                 self._shown.enter_context(StageBars(transient=True))("at work", 0, 1)
 
     def end(self) -> bool:
-        """Make room for what is printed; return whether the bar was waited for or shown."""
+        """Remove the bar; return whether it was shown or about to be shown."""
         with self._lock:
             timer, self._timer = self._timer, None
             self._shown.close()
@@ -123,7 +123,7 @@ _WAITING = _Waiting()
 
 @contextmanager
 def waiting() -> Iterator[None]:
-    """Show on a terminal that a command is at work, whenever it has not said anything for a while."""
+    """Show on a terminal that a command is at work, whenever it has printed nothing for a while."""
     if _shows_progress():
         _WAITING.begin()
     try:
@@ -134,7 +134,7 @@ def waiting() -> Iterator[None]:
 
 @contextmanager
 def room() -> Iterator[None]:
-    """Take the bar of `waiting` away while something else is printed, or asked."""
+    """Remove the bar of `waiting` while something else is printed or asked."""
     waited = _WAITING.end()
     try:
         yield
@@ -148,7 +148,7 @@ def _shows_progress() -> bool:
 
 
 def note(text: str) -> None:
-    """Tell the user something on stderr, unless they want to have it quiet."""
+    """Print a note on stderr, unless -q was given."""
     if not _chosen["_quiet"]:
         tell(text)
 
@@ -225,8 +225,8 @@ def table(
     numbers : sequence of str
         Headers of the columns that are set flush right and never wrapped.
     split : bool
-        Whether columns that are too wide for the terminal follow below, after the first column once more, in place of
-        cells that are wrapped.
+        Whether columns that do not fit into the terminal follow below, after a repetition of the first column, in place
+        of cells that are wrapped.
     """
     cells = [[terminal_text(cell) for cell in row] for row in rows]
     kept = [column for column in range(len(headers)) if any(row[column] for row in cells)]
@@ -238,7 +238,7 @@ def table(
 
 
 def _blocks(columns: Sequence[int], widths: Mapping[int, int]) -> Iterator[list[int]]:
-    """Yield columns that fit side by side into the terminal, the first of all before each of the others."""
+    """Yield groups of columns that fit side by side into the terminal; each begins with the first of all columns."""
     first, *others = columns
     block, taken = [first], widths[first]
     for column in others:
@@ -268,7 +268,7 @@ def _print_columns(
 
 
 def _width() -> int:
-    """Return the columns of the terminal."""
+    """Return the width of the output in characters."""
     return shutil.get_terminal_size().columns if sys.stdout.isatty() or "COLUMNS" in os.environ else _UNLIMITED
 
 
@@ -288,7 +288,7 @@ def _show(renderable: RenderableType) -> None:
 def progress_bars() -> Iterator[Progress]:
     """Show the progress of each stage as a bar with the time left.
 
-    Nothing is shown where stderr is no terminal, with -q, and with -v, whose records take the place of the bars.
+    Nothing is shown if stderr is not a terminal, with -q, or with -v, which prints records instead.
     """
     from dovetail.interfaces import progress_reporter
 

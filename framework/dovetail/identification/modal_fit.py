@@ -38,47 +38,47 @@ from dovetail.synthesis import DampedModes
 __all__ = ["identify_from_modes"]
 
 _LEAST_FREEDOM = 0.5
-"""Degrees of freedom below which what remains of a fit tells nothing."""
+"""Degrees of freedom below which the residuals of a fit say nothing about errors."""
 _LEAST_ERRORS = (TYPICAL.natural_frequency, TYPICAL.damping)
-"""Of natural frequencies and damping ratios, relative."""
+"""Smallest relative errors of natural frequencies and of damping ratios."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How the search goes, and what is assumed of errors that nobody states."""
+    """Constants of the search, and the errors that are assumed if none are stated."""
 
     assumed: ModelError = field(default=ModelError(5e-3, damping=0.3))
-    """Relative errors of a table that states none and has too few modes to show any."""
+    """Relative errors of a table that states none and has too few modes to estimate any."""
     starts: int = 6
-    """Searches, from the best of eight times as many points of a Latin hypercube over the ranges."""
+    """Number of searches, from the best of eight times as many points of a Latin hypercube over the ranges."""
     rough: ModelError = field(default=ModelError(0.03, damping=0.5))
-    """Errors that the first searches are allowed: the less they weigh, the fewer places they end in."""
+    """Errors allowed in the first searches: the larger they are, the fewer local minima there are."""
     rounds: int = 3
-    """In which the size of the errors is told from what remains."""
+    """Rounds in which the errors are estimated from the residuals and the fit is repeated."""
     further_modes: int = 4
-    """Modes of the model that are computed beyond twice those of the table, since it may lack some."""
+    """Modes of the model that are computed beyond twice those of the table, which may lack some."""
     reach: float = 1.5
-    """Times the last natural frequency of the table, up to which modes of the model are computed."""
+    """Highest mode of the model that is computed, over the highest natural frequency of the table."""
     least_damping: float = 1e-4
     """Damping ratio to which relative errors of smaller ones refer."""
     apart: float = 0.1
-    """Difference of a coordinate, in standard deviations of the prior, from which on two ends are two."""
+    """Difference of a coordinate, in standard deviations of the prior, above which two ends are distinct."""
     region: float = 20.0
-    """Sum of squares above the best one up to which another end of a search is a place where samples start."""
+    """Sum of squares above the lowest one up to which the end of a search is also a start of samples."""
 
 
 _SETTINGS = Settings()
 
 
 class _ModalResiduals:
-    """Differences of natural frequencies and damping ratios over their standard deviations, by the parameters.
+    """Whitened residuals of natural frequencies and damping ratios, as functions of the parameters.
 
     Parameters
     ----------
     assembly : Assembly
     measured : ModalParameters
     error : ModelError
-        What model and table are allowed beside the standard deviations that the table states.
+        Errors of model and table in addition to the standard deviations that the table states.
     """
 
     def __init__(self, assembly: Assembly, measured: ModalParameters, error: ModelError) -> None:
@@ -95,7 +95,7 @@ class _ModalResiduals:
         self.deviation = self.deviations(error)
 
     def deviations(self, error: ModelError) -> NDArray[np.float64]:
-        """Return the standard deviation of each number of the table, (m,)."""
+        """Return the standard deviation of each number of the table (m,)."""
         sizes = zip((error.natural_frequency, error.damping), _LEAST_ERRORS, self.groups, strict=False)
         parts = [
             max(size, least) * scale if sd is None else np.hypot(sd, size * scale)
@@ -104,11 +104,11 @@ class _ModalResiduals:
         return np.concatenate(parts)
 
     def split(self, numbers: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Return those of the frequencies and, where the table has them, of the damping."""
+        """Split numbers of the table (m,) into those of frequencies and, if there are any, those of damping ratios."""
         return np.split(numbers, len(self.measured.frequency) * np.arange(1, len(self.groups)))
 
     def with_error(self, error: ModelError) -> _ModalResiduals:
-        """Return the same residuals with other errors."""
+        """Return the same residuals with other errors allowed."""
         other = copy(self)
         other.deviation = self.deviations(error)
         return other
@@ -123,7 +123,7 @@ class _ModalResiduals:
         return poles, sum((d @ self._slopes[name].T for name, d in by_joint.items()), none)
 
     def matched(self, poles: NDArray[np.complex128]) -> NDArray[np.intp]:
-        """Return which pole belongs to each mode of the table, -1 for none: the nearest together, by logarithms."""
+        """Return the pole of each mode of the table, -1 for none, by the least sum of log distances."""
         found = np.full(len(self.measured.frequency), -1, dtype=np.intp)
         distance = np.abs(np.log(self.measured.frequency[:, None] * 2.0 * np.pi / np.abs(poles)))
         rows, columns = linear_sum_assignment(distance)
@@ -227,7 +227,7 @@ def identify_from_modes(
 
 
 def _search(residuals: _ModalResiduals, random: np.random.Generator) -> NDArray[np.float64]:
-    """Return where searches from all over the ranges end, (n, p) normal quantiles, the best first and each once."""
+    """Return the distinct ends of searches from all over the ranges, (n, p) normal quantiles, the best first."""
     rough = PosteriorResiduals(residuals)
     cube = scipy.stats.qmc.LatinHypercube(len(residuals.assembly.parameters), rng=random).random(8 * _SETTINGS.starts)
     points = normal_from_unit(cube)
@@ -240,14 +240,14 @@ def _search(residuals: _ModalResiduals, random: np.random.Generator) -> NDArray[
 
 
 def _freedom(residuals: _ModalResiduals, z: NDArray[np.float64]) -> list[float]:
-    """Return how many numbers of the frequencies, and of the damping, the parameters and their prior cannot follow."""
+    """Return the degrees of freedom of the frequencies, and those of the damping ratios."""
     jacobian = PosteriorResiduals(residuals).linearise(z[None])[1]
     tangent = np.linalg.qr(jacobian[0].T)[0]
     return [float(np.sum(1.0 - part)) for part in residuals.split(np.sum(tangent**2, axis=1)[len(z) :])]
 
 
 def _shown(residuals: _ModalResiduals, z: NDArray[np.float64], freedom: list[float]) -> ModelError:
-    """Return the errors that explain what remains at a best fit."""
+    """Return the errors that explain the residuals of a best fit."""
     remains = residuals.split(residuals.residuals(unit_from_normal(z)[None])[0] * residuals.deviation)
     assumed = (_SETTINGS.assumed.natural_frequency, _SETTINGS.assumed.damping)
     groups = zip(remains, residuals.groups, freedom, _LEAST_ERRORS, assumed, strict=False)
@@ -256,7 +256,7 @@ def _shown(residuals: _ModalResiduals, z: NDArray[np.float64], freedom: list[flo
 
 
 def _size(off: Any, sd: Any, scale: Any, freedom: float, least: float, assumed: float) -> float:
-    """Return the relative error beside the stated ones with which residuals have the squares that they should have."""
+    """Return the relative error with which, added to the stated ones, chi-squared equals the degrees of freedom."""
     if freedom < _LEAST_FREEDOM:
         return assumed if sd is None else least
 
@@ -308,7 +308,7 @@ def _result(
 
 
 def _warnings(result: ModalIdentification) -> tuple[str, ...]:
-    """Return what must be known before the numbers are relied on."""
+    """Return the warnings that a reader of the result must know."""
     measured, error = result.measured, result.posterior.model_error
     lacking = [f"{mode.natural_frequency:.6g}" for mode in result.modes if mode.measured_frequency is None]
     words = [f"The table lacks modes that the model has: {listing(lacking)} Hz."] if lacking else []

@@ -61,7 +61,7 @@ def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | M
 
 
 def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, float]) -> Frf:
-    """Return what `predict` does, without a warning: its callers show the note of the FRF."""
+    """Return the same as `predict`, without a warning: the callers show the note of the FRF."""
     values, caveat = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.caveat
     response, label = assembly.description.response, f"{assembly.name}, predicted"
     return response.frf(assembly.frequency, assembly.frf(values), label=label, note=caveat)
@@ -118,7 +118,7 @@ def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, fl
 
 
 def _changed_damping(assembly: Assembly, result: AnyIdentification | Mapping[str, float]) -> list[Fault]:
-    """Return the joints of the same name whose dampers act otherwise than where they were identified."""
+    """Return a fault for each joint whose structural damping is not the one with which it was identified."""
     identified = {} if isinstance(result, Mapping) else json.loads(result.provenance.get("description", "{}"))
     faults = []
     for name, section in (identified.get("joints") or {}).items():
@@ -159,7 +159,7 @@ def _split_name(name: str) -> tuple[str | None, str]:
 
 
 def _match(values: list[_Value], joint: str, name: str, shared: bool) -> _Value | None:
-    """Return the value for a parameter; `shared` if its name does not tell its owner, which must then be the same."""
+    """Return the value for a parameter; if its name is `shared` by several owners, the owner must be the same."""
     same_name = [value for value in values if value.name == name]
     exact = [value for value in same_name if value.joint == joint]
     if exact:
@@ -174,7 +174,7 @@ class Settings:
     draws: int = 400
     """Posterior samples whose FRFs are computed; enough for quantiles of 5 and 95 %."""
     step: float = 1e-4
-    """Of the normal coordinates, for derivatives by central differences."""
+    """Step of the normal coordinates for derivatives by central differences."""
 
 
 _SETTINGS = Settings()
@@ -245,7 +245,7 @@ def predict_band(
 
 
 def predicted_band(assembly: Assembly, result: AnyIdentification, level: float = LEVEL, seed: int = 0) -> Band:
-    """Return what `predict_band` does, without a warning."""
+    """Return the same as `predict_band`, without a warning."""
     posterior = result.posterior
     if posterior is None:
         problem = f"the joint was identified by the method '{result.method}', which does not say how sure it is."

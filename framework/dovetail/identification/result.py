@@ -89,7 +89,7 @@ class AtPoint:
 
 
 class _Answer:
-    """What a result says of the parameters, whatever it was identified from."""
+    """What results from FRFs and from modal parameters have in common: the parameters, and what is known of them."""
 
     method: str
     parameters: Mapping[str, IdentifiedParameter]

@@ -259,7 +259,7 @@ def _load(entry: EntryPoint, owner: str) -> object:
 
 @contextmanager
 def _contained(source: str, problem: str = "", *apart: type[Exception]) -> Iterator[None]:
-    """Turn what a stranger's code raises, which may be anything, into a PluginError; Ctrl-C and `apart` pass."""
+    """Turn any exception of a plugin's code into a PluginError; Ctrl-C and the types in `apart` pass."""
     try:
         yield
     except BaseException as error:
@@ -278,7 +278,7 @@ def _reason(error: BaseException) -> str:
 
 
 def _answers_of(plugin: ModuleType | object, source: str) -> tuple[list[type[Component]], Mapping[str, Any]]:
-    """Return the components and the defaults that a plugin's hooks give."""
+    """Return the components and the defaults from a plugin's hooks."""
     manager = pluggy.PluginManager(GROUP)
     manager.add_hookspecs(HookSpecification)
     hint = f"a function '{_HOOK}()' marked with @dovetail.hookimpl that returns a list of component classes"
@@ -309,7 +309,7 @@ def _is_marked(plugin: ModuleType | object, name: str) -> bool:
 
 
 def _reason_against(component: Any) -> str:
-    """Return why what a hook gave cannot be used, or an empty text, even if it raises where it is looked at."""
+    """Return why what a hook returned cannot be used, or an empty text; it may raise when it is examined."""
     try:
         with _contained("", "a class that it offers cannot be looked at: "):
             return _unfitness(component)

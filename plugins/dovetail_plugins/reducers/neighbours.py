@@ -84,7 +84,7 @@ class Neighbours:
         return np.concatenate([indices for indices, _ in found]), np.concatenate([squares for _, squares in found])
 
     def _nearest(self, points: NDArray[Any], count: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Choose candidates in single precision, and in double precision where its rounding might hide a nearer row."""
+        """Find candidates in single precision; repeat in double precision where rounding might hide a nearer row."""
         points = points.astype(np.float64)
         candidates, border = _candidates(points.astype(np.float32), self._short_rows, self._short_squares, count)
         indices, squares = self._sorted(points, candidates, count)
@@ -99,7 +99,7 @@ class Neighbours:
     def _sorted(
         self, points: NDArray[np.float64], candidates: NDArray[np.intp], count: int
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Measure each distance, and keep the shortest, nearest first."""
+        """Compute the distances of all candidates and keep the shortest, nearest first."""
         differences = self._rows[candidates] - points[:, np.newaxis]
         squares = np.einsum("ijk,ijk->ij", differences, differences)
         order = np.argsort(squares, axis=1, kind="stable")[:, :count]
@@ -109,9 +109,10 @@ class Neighbours:
 def _candidates(
     points: NDArray[Any], rows: NDArray[Any], squares: NDArray[Any], count: int
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return some rows near each point by a matrix product, whose rounding depends on the block, and a border.
+    """Return the rows nearest to each point, and a bound beyond which all other rows are.
 
-    All other rows are beyond the border, but for rounding: in squared distances, less the square of the point.
+    Both come from a matrix product, whose rounding depends on the block, and hold up to this rounding. The bound is a
+    squared distance minus the point's squared norm.
     """
     ranking = points @ rows.T
     ranking *= -2.0
@@ -125,9 +126,9 @@ def _candidates(
 
 
 def _columns_with_the_least(ranking: NDArray[Any], count: int) -> NDArray[np.intp]:
-    """Return columns (n_points, n) that hold the `count` least of each row; all where these would be most of them.
+    """Return columns (n_points, n) among which are those of the `count` smallest values of each row.
 
-    They are in the groups of columns with the `count` least minima, which are found in one pass.
+    They are the groups of columns with the `count` smallest minima; all columns, if these groups hold most of them.
     """
     groups = ranking.shape[1] // SETTINGS.group
     if groups < 2 * count:
