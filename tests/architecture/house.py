@@ -1,4 +1,4 @@
-"""What can be counted of the house: its imports, its lines, its names. Run it to print the figures."""
+"""Measures of the source code: circular imports, lines, names. Run this file to print them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ROOT / "framework" / "dovetail", ROOT / "plugins" / "dovetail_plugins"
 
 EMPTY_NAMES = frozenset({"found", "one", "own", "given", "left", "places", "parts"})
-"""Words that say nothing of what they hold."""
+"""Names that say nothing about their values."""
 SHORT_LIFE = 5
 """Lines within which such a name may still be used."""
 
@@ -30,7 +30,7 @@ def module_name(file: Path) -> str:
 
 
 def imports() -> dict[str, set[str]]:
-    """Return which modules each module imports, deferred and type-checking imports counted.
+    """Return the modules that each module imports, deferred and type-checking imports included.
 
     A name taken from a package is followed to the module that defines it; of a package's own ``__init__`` that only
     hands names on, nothing else is counted.
@@ -45,7 +45,7 @@ def imports() -> dict[str, set[str]]:
 
 
 def _handed_on(tree: ast.Module) -> dict[str, tuple[str, str]]:
-    """Return the names that a module imports at its top: where from, and what they are called there."""
+    """Return the names that a module imports at its top, with the module each comes from and its name there."""
     return {
         alias.asname or alias.name: (node.module or "", alias.name)
         for node in tree.body
@@ -71,7 +71,7 @@ def _imported(
 
 
 def circles() -> list[list[str]]:
-    """Return the groups of modules that import each other, directly or round about."""
+    """Return the groups of modules that import each other, directly or indirectly."""
     graph = imports()
     reach = {module: _reached(module, graph) for module in graph}
     together = {module: frozenset(other for other in reach[module] if module in reach[other]) for module in graph}

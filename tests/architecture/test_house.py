@@ -1,4 +1,4 @@
-"""What can be counted of the house: no circles, few and short files, names that say something, and short trips."""
+"""Limits of the source code: no circular imports, few and short files, meaningful names, short call paths."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ conformance kit is not counted: it grows with every mistake of a plugin that it 
 """
 
 
-def test_no_module_imports_itself_round_about():
+def test_there_are_no_circular_imports():
     assert house.circles() == []
 
 
@@ -31,12 +31,12 @@ def test_no_file_is_longer_than_400_lines():
     assert {name: length for name, length in lengths.items() if length > 400} == {}
 
 
-def test_there_is_no_more_code_than_its_features_are_worth():
+def test_the_code_stays_within_its_limit():
     files = [file for file in house.source_files() if "testing" not in file.parts]
     assert sum(map(house.code_lines, files)) < LINES_OF_CODE
 
 
-def test_no_name_lives_long_that_says_nothing_of_what_it_holds():
+def test_names_that_say_nothing_are_used_within_few_lines_only():
     assert [use for file in house.source_files() for use in house.empty_names(file)] == []
 
 

@@ -1,9 +1,9 @@
-"""Which files of framework and plugins a job enters: two trips through the house, counted while they run.
+"""Which files of framework and plugins a job enters, traced while it runs: an identification and a synthesis.
 
     python tests/architecture/trips.py
 
 A file is entered when a function that it defines is called, in any thread; the report's templates count too. What an
-import runs does not count: neither the statements of a module nor the functions that these call. Both trips take the
+import runs does not count: neither the statements of a module nor the functions that these call. Both jobs use the
 smallest assembly, one mass on a spring and a damper.
 """
 
