@@ -1,4 +1,4 @@
-"""Text of files and their names on its way to a terminal, a page, a table or a spreadsheet: shown, never obeyed."""
+"""Text of files, and their names, escaped for terminals, pages, tables and spreadsheets, which might interpret it."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class Commands(TyperGroup):
 
 @contextmanager
 def _shown_not_obeyed() -> Iterator[None]:
-    """Let no word of a wrong command line, which a wildcard may have brought, reach a terminal as it is."""
+    """Escape control characters in messages about a wrong command line, whose words may be names of files."""
     try:
         yield
     except Exception as error:

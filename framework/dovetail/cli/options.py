@@ -39,7 +39,7 @@ _Choice = TypeVar("_Choice", bound=str)
 
 
 def _with_global(context: typer.Context, value: list[Path] | None) -> list[Path]:
-    """Put the plugin files that stand before the command in front of those behind it."""
+    """Prepend the plugin files that are given before the command to those after it."""
     return [*(context.obj or ()), *(value or ())]
 
 

@@ -77,7 +77,7 @@ def plot(
 
 
 def _summary(frf: Frf) -> dict[str, Any]:
-    """Return what an FRF is, as plain values."""
+    """Return the properties of an FRF as plain values."""
     from dovetail.identification.resonance_peaks import resonance_peaks
 
     return {

@@ -87,7 +87,7 @@ class Plan:
 
     @property
     def narrowing(self) -> dict[str, float]:
-        """Of each parameter: its interval from the most telling pair over that from `first` alone."""
+        """Width of each parameter's interval from the best pair of points, relative to that from `first` alone."""
         if not self.seconds:
             return {}
         alone, pair = self.points[self.first].deviation, self.seconds[0].deviation

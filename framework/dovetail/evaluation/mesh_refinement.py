@@ -1,4 +1,4 @@
-"""The same assembly with a finer mesh, as a truth from which the model has a realistic error."""
+"""The same assembly with a finer mesh: a truth from which the model differs by a realistic error."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class SearchSpace:
         }
 
     def is_hopeless(self, trials: Iterable[Trial], error: float) -> bool:
-        """Return whether an error on the first part of the samples is worse than the median of the others there."""
+        """Return whether an error on the first part of the samples is above the median of the others there."""
         asked = self._study(trials, 0).ask()
         asked.report(error, 1)
         return bool(asked.should_prune())

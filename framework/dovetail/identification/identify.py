@@ -154,7 +154,7 @@ def identify(
 
 
 def check_mass(assembly: Assembly, mass: float) -> None:
-    """Raise a MeasurementError where a mass [kg] cannot be taken off an FRF as it was measured."""
+    """Raise a MeasurementError if an accelerometer's mass [kg] cannot be removed from a measured FRF."""
     for response in assembly.description.responses if mass else ():
         if response.rotation or not response.is_drive_point:
             what = "a rotation per moment" if response.rotation else "no drive point"
@@ -246,7 +246,7 @@ def _prepared(
     *,
     phase: bool,
 ) -> tuple[Frf, ...]:
-    """Return the measurements with the weights that are wanted, and without phase where that is not to count."""
+    """Return the measurements with the requested weights, and without phase if it is to be ignored."""
     frfs = one_per_response(assembly, measured)
     for frf, response in zip(frfs, assembly.description.responses, strict=True):
         _check_numbers(frf)
@@ -265,7 +265,7 @@ def _prepared(
 
 
 def _check_numbers(frf: Frf) -> None:
-    """Raise a MeasurementError where amplitudes are zero at many lines, or one beyond what arithmetic holds."""
+    """Raise a MeasurementError if many amplitudes are zero, or if one exceeds the range of the arithmetic."""
     zeros = int(np.count_nonzero(frf.amplitude == 0.0))
     if zeros > _MOST_ZEROS * frf.amplitude.size:
         problem = f"its amplitude is exactly zero at {zeros} of {frf.amplitude.size} lines, as no structure's is."
@@ -287,7 +287,7 @@ def _check_kind(frf: Frf, response: Response) -> None:
 
 
 def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
-    """Tell the signs of responses that the description leaves open, from a fit that does not look at their phase."""
+    """Determine the signs that the description leaves open, from a fit that ignores the phases."""
     description = lines.assembly.description
     unknown = unknown_signs(description)
     if not unknown:
@@ -309,7 +309,7 @@ def _amplitudes(frf: Frf) -> Frf:
 
 
 def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
-    """Return 1 or -1, with which the phases of an FRF are more like the model's, with the delay that suits them."""
+    """Return the sign, 1 or -1, with which the phases of an FRF agree better with the model's, at the best delay."""
     response = assembly.description.response
     delays = [column for column, p in enumerate(assembly.parameters) if p.name == f"{response.name}.delay"]
     vectors = np.repeat(theta[np.newaxis], _DELAYS if delays else 1, axis=0)

@@ -160,7 +160,7 @@ def _weighted_sum(weights: NDArray[np.float64], values: NDArray[Any]) -> NDArray
 
 @dataclass(frozen=True, eq=False)
 class _Entries:
-    """The entries of M, K, C and D that are looked at; the others, most of them, are zero at all vectors so far.
+    """The entries of M, K, C and D that are differentiated; the others, the majority, have been zero so far.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ __all__ = ["check_cover", "find_gaps", "find_missing_ends", "within_band"]
 
 @dataclass(frozen=True)
 class Settings:
-    """Which lines lie in a band, and from when on lines count as missing."""
+    """Which lines lie in a band, and when lines count as missing."""
 
     tolerance: float = 1e-9
     """Relative; how far a line may lie beyond the band, for rounding."""

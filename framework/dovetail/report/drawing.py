@@ -67,7 +67,7 @@ class _Part:
         return self.y + ((outer + inner) / 2 if inner else 0.0)
 
     def fits(self, other: _Part, room: float) -> bool:
-        """Whether both can be in one row: one behind the other, or one inside the other all along."""
+        """Return whether two parts can share a row: one after the other, or one entirely inside the other."""
         (start, end), (first, last) = self.ends, other.ends
         apart = (0.0 if self.pieces and other.pieces else room) - 1e-6
         if start >= last + apart or first >= end + apart:
@@ -324,7 +324,7 @@ class _Page:
             self.axes.spines[side].set_visible(False)
 
     def _write(self, labels: Sequence[_Label], y: float, first: float, last: float) -> None:
-        """Write labels in one line, moved aside until none covers another, and lead from each to what it names."""
+        """Write labels in one line, moved apart until none covers another, with a leader from each to what it names."""
         widths = np.array([label.width / self.along for label in labels])
         x = np.array([label.along for label in labels])
         for _ in range(200):

@@ -155,6 +155,6 @@ def _minimum_degree(
 
 
 def _fill(graph: dict[int, set[int]], pivot: int) -> int:
-    """Count the new entries that eliminating `pivot` makes, twice."""
+    """Return twice the number of new entries that eliminating `pivot` makes."""
     adjacent = graph[pivot]
     return sum(len(adjacent - graph[dof]) - 1 for dof in adjacent)

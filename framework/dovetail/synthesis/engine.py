@@ -143,7 +143,7 @@ class Engine:
         self._has_probed_derivatives = True
 
     def prepared(self, factors: FactorsLike = None) -> Factors:
-        """Return factors as the methods of this engine take them without further work, for many calls.
+        """Arrange factors once for many calls of this engine's methods.
 
         Parameters
         ----------

@@ -66,7 +66,7 @@ class Factors:
 
     @cached_property
     def magnitudes(self) -> Factors:
-        """Their magnitudes, as those of amplitudes."""
+        """The factors for amplitudes: the magnitudes of these."""
         return Factors(np.abs(self.values).astype(np.complex128))
 
     @cached_property

@@ -139,7 +139,7 @@ class Network:
         return self._told(*self._last(amplitude))
 
     def _last(self, amplitude: NDArray[np.floating]) -> tuple[FittedRegressor, NDArray[np.float32]]:
-        """Return the regressor that has the last word, and its features."""
+        """Return the last regressor, after all corrections, and its features."""
         regressor, features = self.regressor, self._features(amplitude)
         for correction in self.corrections:
             told = self._told(regressor, features)
@@ -149,7 +149,7 @@ class Network:
         return regressor, features
 
     def _told(self, regressor: FittedRegressor, features: NDArray[np.float32]) -> TargetDistribution | None:
-        """Return the distribution that a regressor tells, if it has finite draws for each row."""
+        """Return the distribution that a regressor predicts; it must have finite draws for each row."""
         recipe = self.recipes[1]
         label = component_label(recipe)
         with plugin_errors(regressor, label):
@@ -176,7 +176,7 @@ class Network:
 
 
 def no_distribution(recipe: Regressor) -> Fault:
-    """Return what is wrong with a regressor that is to be corrected and tells values alone."""
+    """Return the fault of a regressor that is to be corrected but predicts values without a distribution."""
     problem = f"the {component_label(recipe)} tells values alone, not how far they are known."
     return Fault("identification.correction", problem, "one that tells it, such as mlp with 'uncertainty: gaussian'")
 

@@ -182,7 +182,7 @@ def assign_fields(
 
 
 def taken_for(fields: Mapping[str, str], names: Sequence[str], units: Sequence[str] = ()) -> list[str]:
-    """Return in words what each name of a file was taken for, those that are read first.
+    """Say what each name of a file was taken for; names that are read come first.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def _inventory(contents: Mapping[str, str], limit: int = 20) -> str:
 
 
 def _looks_like_radians(phase: NDArray[np.float64]) -> bool:
-    """Return whether a phase that is called one in degrees lies within +-pi on many lines and wraps there."""
+    """Return whether a phase labelled in degrees looks like radians: within +-pi on many lines, and wrapping there."""
     within = phase.size >= _MANY_LINES and bool(np.all(np.abs(phase) <= _HALF_TURN))
     return within and bool(np.abs(np.diff(phase)).max() > _NEARLY_A_TURN)
 

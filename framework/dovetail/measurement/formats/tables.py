@@ -65,7 +65,7 @@ _VALUE_WORDS = frozenset(word for field in VALUE_FIELDS for word in FIELD_NAMES[
 
 
 class Header(NamedTuple):
-    """What the columns of a table are.
+    """The meaning of a table's columns.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def recording_of(
 
 
 def _quantity(path: Path, header: Header, meaning: UnitMeaning | None) -> tuple[Quantity | None, bool]:
-    """Return what comments, the unit and the names of the columns say, and whether they say it of an FRF.
+    """Return the quantity that comments, unit and column names state, and whether they state that it is per force.
 
     A name such as ``Acceleration`` does not say over what. All statements must agree.
     """

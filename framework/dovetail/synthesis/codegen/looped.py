@@ -224,22 +224,6 @@ class _LoopedKernel(KernelWriter):
 
 
 def looped_kernel_source(program: Program, layout: Layout, *, amplitude: bool = False) -> tuple[str, int]:
-    """Write the code that runs a program of any size for many samples and frequencies.
-
-    Parameters
-    ----------
-    program : Program
-        With a single kept DOF, and the other DOFs of the layout's pairs right before it.
-    layout : Layout
-    amplitude : bool
-        Store the factor's real part times the magnitude in single precision, in place of factor times value.
-
-    Returns
-    -------
-    source : str
-        LLVM IR of the function ``kernel``.
-    scratch : int
-        Number of doubles of its scratch memory.
-    """
+    """Write the code that runs a program of any size; parameters and results are those of `kernel_source`."""
     kernel = _LoopedKernel(program, layout)
     return kernel.source(amplitude), kernel.scratch
