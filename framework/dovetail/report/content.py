@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from dovetail.errors import listing
 from dovetail.identification import Fit, Identification, ModalIdentification, Mode, Posterior, TableRow
@@ -256,7 +257,7 @@ def truth_sentence(rows: Sequence[ParameterRow]) -> str:
     if not missed:
         return f"All {len(known)} true values lie within their 90 % intervals."
     count = len(known)
-    chance = sum(math.comb(count, k) * 0.1**k * 0.9 ** (count - k) for k in range(len(missed), count + 1))
+    chance = scipy.stats.binom.sf(len(missed) - 1, count, 0.1)
     expected = "as one of ten is expected to be" if chance > _CHANCE else "more than the one of ten that is expected"
     return f"Outside their 90 % intervals, {expected}: the true values of {listing(missed)}."
 

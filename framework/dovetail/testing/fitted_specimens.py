@@ -46,9 +46,9 @@ class FittedSpecimen(Specimen, ABC):
     def samples(self, count: int, *, columns: int = 0, targets: int = 2, seed: int = SEED) -> TrainingSet:
         """Return samples of this kind; `columns` features, or as many as it usually gets."""
 
-    @abstractmethod
     def fit(self, samples: TrainingSet | None = None, *, component: Any = None, seed: int = SEED) -> Any:
-        """Fit to a copy of the training samples or to others as they are, by this component or another."""
+        """Fit this component or another to a copy of the training samples, or to other samples themselves."""
+        return fit(component or self.component, samples or self.training.copy(), seed)
 
     @abstractmethod
     def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
@@ -187,11 +187,6 @@ class ReducerSpecimen(FittedSpecimen):
         """Return FRFs of so many lines."""
         return frf_samples(count, lines=columns or _LINES, seed=seed)
 
-    def fit(self, samples: TrainingSet | None = None, *, component: Any = None, seed: int = SEED) -> Any:
-        """Fit to the features of samples."""
-        samples = samples or self.training.copy()
-        return fit(component or self.component, samples, seed)
-
     def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
         """Reduce features."""
         return fitted.transform(features)
@@ -206,11 +201,6 @@ class RegressorSpecimen(FittedSpecimen):
     def samples(self, count: int, *, columns: int = 0, targets: int = 2, seed: int = SEED) -> TrainingSet:
         """Return standardised features and their targets."""
         return regression_samples(count, features=columns or _FEATURES, targets=targets, seed=seed)
-
-    def fit(self, samples: TrainingSet | None = None, *, component: Any = None, seed: int = SEED) -> Any:
-        """Fit to samples."""
-        samples = samples or self.training.copy()
-        return fit(component or self.component, samples, seed)
 
     def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
         """Predict targets."""
