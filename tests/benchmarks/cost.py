@@ -135,12 +135,12 @@ def with_chain(masses: int, rounds: int) -> Point:
     def first() -> Engine:
         engine = Engine(Graph(masses_at, {"chain": joint}), frequency, [("left", 0)], theta)
         engine.threads = 1
-        engine.drive_point({"chain": theta["chain"][:1]})
+        engine.frfs({"chain": theta["chain"][:1]})
         return engine
 
     once = timed(first)
     engine = first()
-    return Point(masses, min(timed(lambda: engine.drive_point(theta)) for _ in range(rounds)), once)
+    return Point(masses, min(timed(lambda: engine.frfs(theta)[:, 0]) for _ in range(rounds)), once)
 
 
 def series(points: int, rounds: int) -> dict[str, list[Point]]:

@@ -105,7 +105,7 @@ def fixed(assembly: dovetail.Assembly, theta: NDArray[np.float64], exact: NDArra
     nodes.threads = 1
 
     def work() -> None:
-        interpolant.fill(nodes.drive_point(sparse.by_joint(block)), amplitude)
+        interpolant.fill(nodes.frfs(sparse.by_joint(block))[:, 0], amplitude)
 
     work()
     worst = float(errors[accepted].max()) if accepted.any() else np.nan

@@ -104,10 +104,10 @@ def measure(graph: Graph, lines: int, limit: int) -> tuple[Engine, list[float]]:
     engine = Engine(graph, np.linspace(100.0, 9000.0, lines), [(name, 0)], theta)
     engine.threads = 1
     single = {joint: values[:1] for joint, values in theta.items()}
-    first = timed(lambda: engine.drive_point(single))
-    engine.jacobian(single)
-    alone = timed(lambda: engine.drive_point(theta), 3) / SAMPLES
-    return engine, [first, alone, timed(lambda: engine.jacobian(theta), 3) / SAMPLES]
+    first = timed(lambda: engine.frfs(single)[:, 0])
+    engine.frfs_jacobian(single)
+    alone = timed(lambda: engine.frfs(theta)[:, 0], 3) / SAMPLES
+    return engine, [first, alone, timed(lambda: engine.frfs_jacobian(theta), 3) / SAMPLES]
 
 
 def main(sizes: Iterable[int] = (2, 3, 4, 6, 8, 10, 15), lines: int = 4451, longest: int = 4000) -> None:

@@ -108,7 +108,7 @@ class Bench:
         assembly = dovetail.load(ASSEMBLY)
         self.engine = engine = assembly.engine
         theta = assembly.by_joint(latin_hypercube(assembly, samples, seed=0))
-        engine.jacobian(theta)  # plans for all entries of the derivatives
+        engine.frfs_jacobian(theta)  # plans for all entries of the derivatives
         self.lines = len(engine.system.frequency)
         factor = as_vectors(np.stack([np.ones(self.lines), np.zeros(self.lines)]))
         terms = engine.plan.inputs.gather(theta, samples)

@@ -125,7 +125,7 @@ def largest_error(assembly, theta, lines_of) -> float:
     """Greatest relative error of the engine over the lines that `lines_of` picks for each vector."""
     whole = WholeAssembly(assembly)
     worst = 0.0
-    for vector, found in zip(theta, assembly.engine.drive_point(assembly.by_joint(theta)), strict=True):
+    for vector, found in zip(theta, assembly.engine.frfs(assembly.by_joint(theta))[:, 0], strict=True):
         lines = lines_of(vector, found)
         blocks = np.array_split(lines, -(-len(lines) // 100))
         truth = np.concatenate([whole.drive_point(vector, block) for block in blocks])
@@ -230,7 +230,7 @@ def test_the_literal_method_gives_the_same_for_twenty_vectors(name):
     lines = np.linspace(0, len(assembly.frequency) - 1, 250).astype(int)
     literal = LiteralSynthesis(assembly.graph, assembly.frequency[lines], *assembly.description.response.point)
     theta = samples(assembly, 20, seed=15)
-    for vector, found in zip(theta, assembly.engine.drive_point(assembly.by_joint(theta)), strict=True):
+    for vector, found in zip(theta, assembly.engine.frfs(assembly.by_joint(theta))[:, 0], strict=True):
         np.testing.assert_allclose(literal.receptance(assembly.by_joint(vector)), found[lines], rtol=1e-6)
 
 

@@ -43,7 +43,7 @@ def exact(theta: np.ndarray) -> np.ndarray:
 def test_a_joint_with_a_fractional_derivative_runs_through_the_same_elimination():
     graph, points = chain(Viscoelastic())
     engine = Engine(graph, FREQUENCY, points, {"j0": THETA})
-    for found, vector in zip(engine.drive_point({"j0": THETA}), THETA, strict=True):
+    for found, vector in zip(engine.frfs({"j0": THETA})[:, 0], THETA, strict=True):
         np.testing.assert_allclose(found, exact(vector), rtol=1e-10)
     with pytest.raises(dovetail.DovetailError, match="joint 'j0' depends on frequency"):
         assembly_matrices(graph, {"j0": THETA[0]})
@@ -54,9 +54,9 @@ def test_its_jacobian_equals_central_differences(model):
     graph, points = chain(model())
     engine = Engine(graph, FREQUENCY, points, {"j0": THETA})
     factor = -((2 * np.pi * FREQUENCY) ** 2) + 0j
-    frf, jacobian = engine.jacobian({"j0": THETA}, factor)
+    frf, jacobian = (values[:, 0] for values in engine.frfs_jacobian({"j0": THETA}, factor))
     assert jacobian.shape == (3, 61, 3)
-    np.testing.assert_allclose(frf, engine.drive_point({"j0": THETA}, factor), rtol=1e-12)
+    np.testing.assert_allclose(frf, engine.frfs({"j0": THETA}, factor)[:, 0], rtol=1e-12)
     for sample, vector in enumerate(THETA):
         for column in range(3):
             step = np.zeros(3)
@@ -89,7 +89,7 @@ def test_both_kinds_of_joints_in_one_assembly_and_a_choice_of_parameters():
     graph, points = chain(spring(), Viscoelastic())
     theta = {"j0": np.array([[2e6, 30.0]] * 3), "j1": THETA}
     whole = Engine(graph, FREQUENCY, points, theta)
-    _, jacobian = whole.jacobian(theta)
+    jacobian = whole.frfs_jacobian(theta)[1][:, 0]
     assert jacobian.shape == (3, 61, 5)
     for column in range(5):
         name, place = ("j0", column) if column < 2 else ("j1", column - 2)
@@ -98,12 +98,12 @@ def test_both_kinds_of_joints_in_one_assembly_and_a_choice_of_parameters():
         for turns in (2, 1, -1, -2):
             moved = {joint: values.copy() for joint, values in theta.items()}
             moved[name][:, place] += turns * step
-            rows.append(whole.drive_point(moved))
+            rows.append(whole.frfs(moved)[:, 0])
         difference = (-rows[0] + 8 * rows[1] - 8 * rows[2] + rows[3]) / (12 * step[:, None])
         error = np.abs(jacobian[..., column] - difference).max(axis=1) / np.abs(difference).max(axis=1)
         assert error.max() < 1e-6, column
     chosen = Engine(graph, FREQUENCY, points, theta, {"j0": [1], "j1": [2, 0]})
-    np.testing.assert_allclose(chosen.jacobian(theta)[1], jacobian[..., [1, 4, 2]], rtol=1e-9)
+    np.testing.assert_allclose(chosen.frfs_jacobian(theta)[1][:, 0], jacobian[..., [1, 4, 2]], rtol=1e-9)
 
 
 def test_where_a_pivot_vanishes_its_derivatives_are_solved_with_pivoting():
@@ -113,7 +113,7 @@ def test_where_a_pivot_vanishes_its_derivatives_are_solved_with_pivoting():
     line = int(np.argmin(np.abs(frequency - 1000 / (2 * np.pi))))
     theta = {"j0": np.array([[1e6, 0.0, 0.5]])}
     engine = Engine(graph, frequency, points, {"j0": THETA})
-    frf, jacobian = engine.jacobian(theta)
+    frf, jacobian = (values[:, 0] for values in engine.frfs_jacobian(theta))
     assert engine.pivoted_lines == 1
     omega = 2 * np.pi * frequency[line]
     s, far = 1e6, 1e6 - omega**2
@@ -142,16 +142,16 @@ def test_memory_is_bounded_for_many_samples_and_many_lines(samples, lines):
     engine = Engine(graph, np.linspace(20.0, 900.0, lines), points, {"j0": THETA})
     engine.threads = 2
     factor = np.ones(lines, dtype=complex)
-    engine.amplitude({"j0": THETA}, factor)
-    engine.jacobian({"j0": THETA}, factor)
+    engine.amplitudes({"j0": THETA}, factor)
+    engine.frfs_jacobian({"j0": THETA}, factor)
     many = {"j0": np.repeat(THETA[:1], samples, axis=0)}
-    assert peak_of(lambda: engine.amplitude(many, factor)) < samples * lines * 4 / 1e6 + 40
+    assert peak_of(lambda: engine.amplitudes(many, factor)[:, 0]) < samples * lines * 4 / 1e6 + 40
     few = {"j0": many["j0"][: samples // 5]}
-    assert peak_of(lambda: engine.jacobian(few, factor)) < len(few["j0"]) * lines * 16 * (1 + 3) / 1e6 + 60
+    assert peak_of(lambda: engine.frfs_jacobian(few, factor)) < len(few["j0"]) * lines * 16 * (1 + 3) / 1e6 + 60
 
 
 def test_a_joint_with_too_few_derivatives_is_refused():
     graph, points = chain(Faulty())
     engine = Engine(graph, FREQUENCY, points, {"j0": THETA})
     with pytest.raises(PluginError, match="returns 2 derivatives of its dynamic stiffness, not one for each"):
-        engine.jacobian({"j0": THETA})
+        engine.frfs_jacobian({"j0": THETA})

@@ -29,7 +29,7 @@ def obvious(engine: Engine, theta: dict) -> np.ndarray:
 
 def test_the_kernel_does_what_the_obvious_elimination_does(collet):
     theta = collet.by_joint(latin_hypercube(collet, 3, seed=5))
-    found = collet.engine.drive_point(theta)
+    found = collet.engine.frfs(theta)[:, 0]
     for sample in range(3):
         one = {name: values[sample : sample + 1] for name, values in theta.items()}
         np.testing.assert_allclose(found[sample], obvious(collet.engine, one), rtol=1e-9)
@@ -70,7 +70,7 @@ def test_any_number_of_lines(sdof, lines):
         engine = Engine(
             sdof.graph, np.array([50.0]), [sdof.description.response.point], sdof.by_joint(np.array([theta]))
         )
-        frequency, found = np.array([50.0]), engine.drive_point(sdof.by_joint(np.array([theta])))[0]
+        frequency, found = np.array([50.0]), engine.frfs(sdof.by_joint(np.array([theta])))[0, 0]
     else:
         assembly = dovetail.load(description)
         frequency = assembly.frequency
@@ -101,8 +101,8 @@ def test_the_collets_derivatives_are_the_differences_of_its_matrices(collet):
 
 def test_no_samples_give_no_frfs(collet):
     theta = collet.by_joint(np.empty((0, 12)))
-    assert collet.engine.drive_point(theta).shape == (0, 4451)
-    assert collet.engine.jacobian(theta)[1].shape == (0, 4451, 12)
+    assert collet.engine.frfs(theta)[:, 0].shape == (0, 4451)
+    assert collet.engine.frfs_jacobian(theta)[1][:, 0].shape == (0, 4451, 12)
 
 
 def test_threads_change_nothing(collet):
@@ -111,9 +111,9 @@ def test_threads_change_nothing(collet):
     before = engine.threads
     try:
         engine.threads = 1
-        alone = engine.drive_point(theta)
+        alone = engine.frfs(theta)[:, 0]
         engine.threads = 3
-        np.testing.assert_array_equal(engine.drive_point(theta), alone)
+        np.testing.assert_array_equal(engine.frfs(theta)[:, 0], alone)
     finally:
         engine.threads = before
 
@@ -131,7 +131,7 @@ def test_without_damping_the_frf_is_real_and_exact_away_from_resonance(collet):
     """Each vector at every tenth line, beginning at another."""
     assembly = undamped(collet)
     theta = latin_hypercube(assembly, 10, seed=8)
-    found = assembly.engine.drive_point(assembly.by_joint(theta))
+    found = assembly.engine.frfs(assembly.by_joint(theta))[:, 0]
     assert np.all(found.imag == 0)
     name, dof = assembly.description.response.point
     number = int(assembly.graph.substructure_dofs(name)[dof])
@@ -179,11 +179,11 @@ def test_a_vanishing_pivot_is_solved_with_pivoting_and_counted():
     frequency = np.sort(np.append(FREQUENCY, 1000 / (2 * np.pi) * (1 + 1e-13)))
     theta = {"j": np.array([[1e6, 0.7]])}  # the right mass of 1 kg alone resonates on its spring at 1000 rad/s
     engine = Engine(graph, frequency, points, theta)
-    found = engine.drive_point(theta)[0]
+    found = engine.frfs(theta)[0, 0]
     truth = direct_receptance(graph, frequency, {"j": theta["j"][0]}, [0], [0])[:, 0, 0]
     assert engine.pivoted_lines == 1
     np.testing.assert_allclose(found, truth, rtol=1e-8)
-    amplitude = engine.amplitude(theta, np.ones(len(frequency), dtype=complex))[0]
+    amplitude = engine.amplitudes(theta, np.ones(len(frequency), dtype=complex))[0, 0]
     np.testing.assert_allclose(amplitude, np.abs(truth), rtol=1e-6)
     assert engine.pivoted_lines == 2
 
@@ -195,7 +195,7 @@ def test_where_a_pivot_vanishes_the_derivatives_are_solved_with_pivoting():
     theta = np.array([1e6, 0.7])
     engine = Engine(graph, frequency, points, {"j": theta[None, :]})
     factor = 1j * frequency
-    frf, jacobian = engine.jacobian({"j": theta[None, :]}, factor)
+    frf, jacobian = (values[:, 0] for values in engine.frfs_jacobian({"j": theta[None, :]}, factor))
     assert engine.pivoted_lines == 1
     assert np.isfinite(jacobian).all()
     for column in range(2):
@@ -210,7 +210,7 @@ def test_where_a_pivot_vanishes_the_derivatives_are_solved_with_pivoting():
         largest = np.abs(jacobian[0, :, column]).max()
         assert error.max() < 1e-6 * largest
         assert error[line] < 1e-6 * np.abs(difference[line]) + 1e-12 * largest  # by the mass it is zero there
-    np.testing.assert_allclose(frf[0], engine.drive_point({"j": theta[None, :]}, factor)[0], rtol=1e-8)
+    np.testing.assert_allclose(frf[0], engine.frfs({"j": theta[None, :]}, factor)[0, 0], rtol=1e-8)
 
 
 def test_a_line_on_an_undamped_resonance_is_refused(sdof):
@@ -218,6 +218,6 @@ def test_a_line_on_an_undamped_resonance_is_refused(sdof):
         sdof.graph, np.array([50.0]), [sdof.description.response.point], sdof.by_joint(np.array([[1e6, 10.0]]))
     )
     theta = sdof.by_joint(np.array([[(2 * np.pi * 50.0) ** 2, 0.0]]))
-    for compute in (at_resonance.drive_point, at_resonance.jacobian):
+    for compute in (at_resonance.frfs, at_resonance.frfs_jacobian):
         with pytest.raises(dovetail.DovetailError, match="resonates without damping at 50 Hz"):
             compute(theta)

@@ -61,13 +61,15 @@ def both(monkeypatch, make):
 
 def assert_same(loops: Engine, straight: Engine, theta: dict[str, np.ndarray]) -> None:
     factor = 1j * loops.frequency
-    expected, derived = straight.jacobian(theta, factor)
-    frf, jacobian = loops.jacobian(theta, factor)
+    expected, derived = (values[:, 0] for values in straight.frfs_jacobian(theta, factor))
+    frf, jacobian = (values[:, 0] for values in loops.frfs_jacobian(theta, factor))
     np.testing.assert_allclose(frf, expected, rtol=1e-9)
     scale = np.abs(derived).max(axis=1, keepdims=True)
     assert (np.abs(jacobian - derived) / scale).max() < 1e-9
-    np.testing.assert_allclose(loops.drive_point(theta, factor), straight.drive_point(theta, factor), rtol=1e-9)
-    np.testing.assert_allclose(loops.amplitude(theta, factor), straight.amplitude(theta, factor), rtol=1e-6)
+    np.testing.assert_allclose(loops.frfs(theta, factor)[:, 0], straight.frfs(theta, factor)[:, 0], rtol=1e-9)
+    np.testing.assert_allclose(
+        loops.amplitudes(theta, factor)[:, 0], straight.amplitudes(theta, factor)[:, 0], rtol=1e-6
+    )
 
 
 def test_loops_and_straight_line_code_give_the_same_for_the_collet(collet, monkeypatch):
@@ -90,7 +92,7 @@ def test_loops_note_a_vanishing_pivot_too(monkeypatch):
     theta = {"j0": np.array([[1e6, 0.0, 0.5]])}
     make = lambda: Engine(graph, frequency, points, {"j0": THETA})  # noqa: E731
     loops, straight = both(monkeypatch, make)
-    found, expected = loops.jacobian(theta), straight.jacobian(theta)
+    found, expected = loops.frfs_jacobian(theta), straight.frfs_jacobian(theta)
     assert loops.pivoted_lines == straight.pivoted_lines == 1
     np.testing.assert_allclose(found[0], expected[0], rtol=1e-9, atol=1e-18)
     np.testing.assert_allclose(found[1], expected[1], rtol=1e-9, atol=1e-18)
@@ -100,7 +102,7 @@ def test_sixty_boundary_dofs_equal_the_direct_solve():
     graph, theta = blocks(15)
     engine = Engine(graph, FREQUENCY, [("a", 0)], theta)
     assert engine.program.multiplications > plan_module.SETTINGS.straight_line
-    found = engine.drive_point(theta)
+    found = engine.frfs(theta)[:, 0]
     for sample, vector in enumerate(theta["j"]):
         truth = direct_receptance(graph, FREQUENCY, {"j": vector}, [0], [0])[:, 0, 0]
         np.testing.assert_allclose(found[sample], truth, rtol=1e-8)
@@ -109,12 +111,12 @@ def test_sixty_boundary_dofs_equal_the_direct_solve():
 def test_the_jacobian_of_sixty_boundary_dofs_equals_central_differences():
     graph, theta = blocks(15)
     engine = Engine(graph, FREQUENCY, [("a", 0)], theta)
-    _, jacobian = engine.jacobian(theta)
+    jacobian = engine.frfs_jacobian(theta)[1][:, 0]
     for column in range(4):
         step = np.zeros(4)
         step[column] = 1.0
         width = 1e-3 * theta["j"][:, column]
-        rows = [engine.drive_point({"j": theta["j"] + turns * width[:, None] * step}) for turns in (2, 1, -1, -2)]
+        rows = [engine.frfs({"j": theta["j"] + turns * width[:, None] * step})[:, 0] for turns in (2, 1, -1, -2)]
         difference = (-rows[0] + 8 * rows[1] - 8 * rows[2] + rows[3]) / (12 * width[:, None])
         error = np.abs(jacobian[..., column] - difference).max(axis=1) / np.abs(difference).max(axis=1)
         assert error.max() < 1e-6, column

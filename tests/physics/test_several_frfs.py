@@ -239,9 +239,8 @@ def test_one_pair_is_the_drive_point_bit_for_bit_and_among_others_to_twelve_digi
     alone, theta = engine_between(collet, places, [(0, 0)])
     single = Engine(collet.graph, alone.frequency, places, theta)
     factor = (1.0 + 2.0j) * np.arange(1, 1 + len(single.frequency))
-    frf, (again, jacobian), amplitude = (
-        work(theta, factor) for work in (single.drive_point, single.jacobian, single.amplitude)
-    )
+    frf, amplitude = single.frfs(theta, factor)[:, 0], single.amplitudes(theta, factor)[:, 0]
+    again, jacobian = (values[:, 0] for values in single.frfs_jacobian(theta, factor))
     for pairs in ([(0, 0)], [(0, 0)] * 3):
         engine, _ = engine_between(collet, places, pairs)
         frfs, jacobians = engine.frfs_jacobian(theta, np.array([factor] * len(pairs)))
@@ -251,11 +250,11 @@ def test_one_pair_is_the_drive_point_bit_for_bit_and_among_others_to_twelve_digi
             np.testing.assert_array_equal(jacobians[:, pair], jacobian)
             np.testing.assert_array_equal(engine.amplitudes(theta, factor)[:, pair], amplitude)
     engine, _ = engine_between(collet, places, [(0, 0), (3, 1), (2, 4)])
-    close = np.abs(engine.drive_point(theta, factor) - frf) / np.abs(frf)
+    close = np.abs(engine.frfs(theta, factor)[:, 0] - frf) / np.abs(frf)
     assert close.max() < 1e-8
     assert np.median(close) < 1e-12
-    assert engine.jacobian(theta, factor)[1].shape == jacobian.shape
-    np.testing.assert_array_equal(engine.jacobian(theta, factor)[0], engine.drive_point(theta, factor))
+    assert engine.frfs_jacobian(theta, factor)[1][:, 0].shape == jacobian.shape
+    np.testing.assert_array_equal(engine.frfs_jacobian(theta, factor)[0][:, 0], engine.frfs(theta, factor)[:, 0])
 
 
 def test_each_pair_has_its_own_factor(collet, places, kernel):
@@ -289,7 +288,7 @@ def test_several_frfs_are_interpolated_too(collet, places):
     assert engine.interpolant is not None
     assert 0 < np.max(np.abs(frfs - expected) / np.abs(expected)) < 1e-7
     np.testing.assert_allclose(engine.amplitudes(theta, factors), np.abs(expected), rtol=1e-6)
-    np.testing.assert_allclose(engine.drive_point(theta, factors[0]), frfs[:, 0], rtol=1e-7)
+    np.testing.assert_allclose(engine.frfs(theta, factors[0])[:, 0], frfs[:, 0], rtol=1e-7)
 
 
 @pytest.mark.parametrize("pairs", [[], [(0, 2)], [(0, 0), (-1, 0)]])

@@ -21,7 +21,7 @@ def worst_error(assembly: dovetail.Assembly, samples: int, every: int) -> float:
     by_joint = assembly.by_joint(theta)
     name, dof = assembly.description.response.point
     number = int(assembly.graph.substructure_dofs(name)[dof])
-    found = assembly.engine.drive_point(by_joint)
+    found = assembly.engine.frfs(by_joint)[:, 0]
     errors = []
     for sample, frf in enumerate(found):
         lines = np.arange(sample % every, len(frf), every)

@@ -118,16 +118,18 @@ def rotational_damper(k: float) -> np.ndarray:
 def test_what_bears_beyond_the_probes_is_in_the_frf(joint, law):
     engine = engine_of(joint(joint.Config()), "rz")
     theta = np.array([BELOW, ABOVE, [9.99e6, 20.0], BELOW])
-    frf = engine.drive_point({"j": theta})
+    frf = engine.frfs({"j": theta})[:, 0]
     for row, (k, _) in zip(frf, theta, strict=True):
         np.testing.assert_allclose(row, drive_point_of_two(law(k), INERTIA), rtol=1e-8)
-    amplitude = engine_of(joint(joint.Config()), "rz").amplitude({"j": theta}, np.ones(len(FREQUENCY), dtype=complex))
+    amplitude = engine_of(joint(joint.Config()), "rz").amplitudes({"j": theta}, np.ones(len(FREQUENCY), dtype=complex))[
+        :, 0
+    ]
     np.testing.assert_allclose(amplitude, np.abs(frf), rtol=1e-6)
 
 
 def test_the_stop_is_in_the_jacobian():
     engine = engine_of(RotationalStop(RotationalStop.Config()), "rz")
-    frf, jacobian = engine.jacobian({"j": np.array([BELOW, ABOVE])})
+    frf, jacobian = (values[:, 0] for values in engine.frfs_jacobian({"j": np.array([BELOW, ABOVE])}))
     np.testing.assert_allclose(frf[1], drive_point_of_two(rotational_stop(ABOVE[0]), INERTIA), rtol=1e-8)
     expected = slope_of_two(rotational_stop(ABOVE[0]), INERTIA) * 10.0 / STOP
     np.testing.assert_allclose(jacobian[1, :, 0], expected, rtol=1e-6)
@@ -139,7 +141,7 @@ def test_the_stop_is_in_the_jacobian():
 def test_close_to_the_stop_the_derivative_is_that_of_its_side(distance):
     engine = engine_of(RotationalStop(RotationalStop.Config()), "rz")
     above, below = STOP * (1.0 + distance), STOP * (1.0 - distance)
-    _, jacobian = engine.jacobian({"j": np.array([[above, 20.0], [below, 20.0]])})
+    jacobian = engine.frfs_jacobian({"j": np.array([[above, 20.0], [below, 20.0]])})[1][:, 0]
     expected = slope_of_two(rotational_stop(above), INERTIA) * 10.0 / STOP
     np.testing.assert_allclose(jacobian[0, :, 0], expected, rtol=1e-6)
     assert not jacobian[1].any()
@@ -149,7 +151,7 @@ def test_a_derivative_that_is_zero_at_every_probe_is_found_where_it_is_not():
     joint = Window(Window.Config())
     engine = engine_of(joint, probes=[BELOW, [1e5, 1.0], [1e7, 100.0]])
     k = (joint.low + joint.high) / 2.0 - 1e4
-    _, jacobian = engine.jacobian({"j": np.array([[k, 20.0], BELOW])})
+    jacobian = engine.frfs_jacobian({"j": np.array([[k, 20.0], BELOW])})[1][:, 0]
     damping, slope = 20.0 + 1e-7 * (k - joint.low) * (joint.high - k), 1e-7 * (joint.low + joint.high - 2.0 * k)
     spring = k + 1j * OMEGA * damping
     np.testing.assert_allclose(jacobian[0, :, 0], slope_of_two(spring, MASS) * (1.0 + 1j * OMEGA * slope), rtol=1e-6)
@@ -162,7 +164,7 @@ def test_a_joint_that_does_not_exist_outside_its_ranges_has_a_jacobian_at_their_
     joint = Root(Root.Config())
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        _, jacobian = engine_of(joint).jacobian({"j": np.array([[k, 100.0]])})
+        jacobian = engine_of(joint).frfs_jacobian({"j": np.array([[k, 100.0]])})[1][:, 0]
     root = np.sqrt(1e7 - k) / 1e3
     spring = k * root + 100j * OMEGA
     slope = root - k / (2e3 * np.sqrt(1e7 - k))
@@ -184,7 +186,7 @@ def test_a_joint_that_depends_on_frequency_may_have_a_stop_too():
     graph, points = bodies(joint, direction="rz")
     low, high = [1e6, 1e3, 0.5], [4e6, 1e3, 0.5]
     engine = Engine(graph, FREQUENCY, [("m1", 1), *points], {"j": np.array([low])})
-    frf, jacobian = engine.jacobian({"j": np.array([low, high])})
+    frf, jacobian = (values[:, 0] for values in engine.frfs_jacobian({"j": np.array([low, high])}))
     np.testing.assert_allclose(frf[0], -1.0 / (OMEGA**2 * INERTIA), rtol=1e-8)
     np.testing.assert_allclose(frf[1], 1.0 / (4e3 - OMEGA**2 * INERTIA), rtol=1e-8)
     np.testing.assert_allclose(jacobian[1, :, 0], -1e-3 * frf[1] ** 2, rtol=1e-6)
@@ -214,7 +216,7 @@ def test_a_part_that_only_the_stop_connects_moves_with_the_stop_and_not_before()
     theta = {"j": np.array([BELOW, ABOVE, BELOW])}
     engine = engine_of(joint)
     for _ in range(2):
-        frf = engine.drive_point(theta)
+        frf = engine.frfs(theta)[:, 0]
         np.testing.assert_allclose(frf[[0, 2]], [-1.0 / (MASS * OMEGA**2)] * 2, rtol=1e-8)
         np.testing.assert_allclose(frf[1], drive_point_of_two(ABOVE[0] / 2.0, MASS), rtol=1e-8)
     other = engine_of(joint)
@@ -228,11 +230,11 @@ def test_other_parameters_keep_their_frf_bit_for_bit_when_the_plan_is_widened():
     vectors = np.random.default_rng(0).uniform([1e5, 1.0], [9e6, 100.0], (9, 2))
     narrow = {f"j{i}": vectors[i : 7 + i] for i in range(3)}
     engine = Engine(graph, FREQUENCY, points, narrow)
-    before = engine.jacobian(narrow)
+    before = engine.frfs_jacobian(narrow)
     plan = engine.plan
-    engine.jacobian({name: np.array([ABOVE]) for name in narrow})
+    engine.frfs_jacobian({name: np.array([ABOVE]) for name in narrow})
     assert engine.plan is not plan
-    for now, then in zip(engine.jacobian(narrow), before, strict=True):
+    for now, then in zip(engine.frfs_jacobian(narrow), before, strict=True):
         np.testing.assert_array_equal(now, then)
 
 
@@ -314,12 +316,12 @@ class Vague(Spring):
 
 def test_what_is_wrong_beyond_the_probes_is_refused():
     engine = engine_of(Lopsided(Lopsided.Config()))
-    engine.drive_point({"j": np.array([BELOW])})
+    engine.frfs({"j": np.array([BELOW])})
     with pytest.raises(PluginError, match=r"joint 'j' \(spring_with_stop\) returns a matrix K that is not symmetric"):
-        engine.drive_point({"j": np.array([BELOW, ABOVE])})
+        engine.frfs({"j": np.array([BELOW, ABOVE])})
     engine = engine_of(Vague(Vague.Config()))
     with pytest.raises(PluginError, match=r"joint 'j' \(spring_with_stop\) returns a matrix M that is not finite"):
-        engine.jacobian({"j": np.array([ABOVE])})
+        engine.frfs_jacobian({"j": np.array([ABOVE])})
 
 
 class Complex(Spring):
@@ -400,7 +402,7 @@ def test_the_derivative_at_a_vanishing_pivot_is_that_of_the_pivoted_solve():
     graph, points = bodies(Spring(Spring.Config()))
     frequency = np.append(FREQUENCY, np.sqrt(k / MASS) / (2.0 * np.pi) * (1.0 + 1e-13))
     engine = Engine(graph, np.sort(frequency), points, {"j": np.array([BELOW])}, {"j": [0]})
-    _, jacobian = engine.jacobian({"j": np.array([[k, 0.0]])})
+    jacobian = engine.frfs_jacobian({"j": np.array([[k, 0.0]])})[1][:, 0]
     assert engine.pivoted_lines == 1
     line = int(np.argmin(np.abs(engine.frequency - frequency[-1])))
     np.testing.assert_allclose(jacobian[0, line, 0], -1.0 / k**2, rtol=1e-8)

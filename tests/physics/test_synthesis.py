@@ -19,7 +19,7 @@ def direct(assembly, theta, lines=slice(None)):
 
 
 def receptance(assembly, theta):
-    return assembly.engine.drive_point(assembly.by_joint(np.atleast_2d(theta)))
+    return assembly.engine.frfs(assembly.by_joint(np.atleast_2d(theta)))[:, 0]
 
 
 def relative(found, truth):

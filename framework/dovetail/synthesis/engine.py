@@ -67,7 +67,7 @@ class Engine:
         A few parameter vectors that show which entries of the joints' matrices are filled. They decide what is planned
         first, and nothing else: where other parameters fill further entries, the plan is widened and compiled anew.
     jacobian_columns : mapping of str to list of int, optional
-        Columns of each joint's theta by which `jacobian` differentiates; all by default.
+        Columns of each joint's theta by which `frfs_jacobian` differentiates; all by default.
     pairs : sequence of (int, int), optional
         Output and input of each FRF, as indices into `points`: motion at the first per force at the second. The drive
         point FRF at the first point alone by default.
@@ -215,21 +215,6 @@ class Engine:
             derivatives = self.plan.pivoted.derivatives(single, lines)
             jacobian[sample][..., lines] = derivatives * prepared.values[:, np.newaxis, lines]
         return result[..., : self._lines], np.swapaxes(jacobian, 2, 3)[:, :, : self._lines]
-
-    def drive_point(self, theta: Theta, factor: FactorsLike = None) -> NDArray[np.complex128]:
-        """FRF of the first pair, (n, n_freq), as `frfs` of all pairs."""
-        return self.frfs(theta, factor)[:, 0]
-
-    def amplitude(self, theta: Theta, factor: FactorsLike) -> NDArray[np.float32]:
-        """Magnitude of the FRF of the first pair, (n, n_freq), as `amplitudes` of all pairs."""
-        return self.amplitudes(theta, factor)[:, 0]
-
-    def jacobian(
-        self, theta: Theta, factor: FactorsLike = None
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """FRF of the first pair, (n, n_freq), and its derivatives, (n, n_freq, n_jacobian), as `frfs_jacobian`."""
-        frfs, jacobian = self.frfs_jacobian(theta, factor)
-        return frfs[:, 0], jacobian[:, 0]
 
     def _run_kernel(
         self,
