@@ -236,7 +236,7 @@ def test_an_unfit_component_is_put_aside_with_its_reason(component, reason):
 def test_a_component_for_this_and_other_interface_versions_comes_in(monkeypatch):
     registry = Registry()
     registry.add(plugin(joint(interface_versions=(1, 2))), "pads 1.0", strict=True)
-    monkeypatch.setattr("dovetail.registry.registry.INTERFACE_VERSION", 2)
+    monkeypatch.setattr("dovetail.registry.component_checks.INTERFACE_VERSION", 2)
     registry.add(plugin(joint(name="felt", interface_versions=(1, 2))), "felt 1.0", strict=True)
     registry.add(plugin(joint(name="old")), "old 1.0")
     assert registry.names("joint") == ("felt", "pad")

@@ -78,7 +78,7 @@ def calibrate(
 
     kind = one_of(NOISE_KINDS, noise_kind, "--noise-kind")
     loaded, model = assembly_or_model(assembly, plugin)
-    chosen_method(method, plugin, loaded)
+    chosen = chosen_method(method, plugin, loaded)
     if method == "network" and model is None:
         model = trained_model(loaded, plugin or [], retrain=False)
     if output is not None:
@@ -92,7 +92,7 @@ def calibrate(
             model_error=model_error,
             finer_mesh=finer_mesh,
             seed=seed,
-            method=method,
+            method=chosen,
             model=model,
             noise_kind=kind,
             workers=workers,

@@ -89,8 +89,11 @@ def _kept(folder: Path, plugins: Sequence[Path], otherwise: str) -> Identifier |
 def _key(assembly: Assembly, plugins: Sequence[Path]) -> str:
     """Return a hash of everything that the model depends on."""
     from dovetail.identification.provenance import component_sources, package_versions
+    from dovetail.interfaces import source_file
 
-    files = (*plugins, *map(Path, assembly.description.files.values()))
+    settings = assembly.description.identification
+    code = sorted({Path(file) for one in (settings.reducer, settings.regressor) if (file := source_file(one))})
+    files = (*plugins, *code, *map(Path, assembly.description.files.values()))
     origin = {
         "description": assembly.description.text,
         "dovetail": package_versions().get("dovetail-frf"),

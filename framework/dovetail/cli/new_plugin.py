@@ -50,6 +50,7 @@ def new_plugin(
 
 def _words(kind: str, wanted: str) -> dict[str, str]:
     """Return what the templates' places are filled with."""
+    import dovetail
     from dovetail.errors import Fault, PluginError
     from dovetail.registry import installed_components
     from dovetail.version import __version__
@@ -59,6 +60,10 @@ def _words(kind: str, wanted: str) -> dict[str, str]:
         problem = f"'{wanted:.60}' cannot be the name of a model."
         accepted = "up to 50 letters from a to z, digits and '_', beginning with a letter, and no keyword of Python"
         raise PluginError(Fault("", problem, accepted))
+    model = "".join(word.capitalize() for word in name.split("_"))
+    if keyword.iskeyword(model) or hasattr(dovetail, model) or model in ("Annotated", "Field"):
+        problem = f"'{wanted:.60}' would make a class '{model}', a name that the code of a plugin needs itself."
+        raise PluginError(Fault("", problem, remedy="Choose another."))
     for offer in installed_components().named(name):
         if offer.component.kind == kind:
             raise PluginError(Fault("", f"{offer.source} offers a {kind} '{name}' already.", remedy="Choose another."))

@@ -18,7 +18,7 @@ from dovetail.frf import Frf
 from dovetail.identification import identify
 from dovetail.identification.network.bundle import TrainedNetwork
 from dovetail.identification.posterior import LEVEL, PRIOR_PRECISION
-from dovetail.interfaces import Progress, progress_reporter
+from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import noisy_frf
 from dovetail.measurement.noise import NoiseKind
 from dovetail.parallel import cores, side_by_side
@@ -190,7 +190,7 @@ def calibrate(
     model_error: float = 0.0,
     finer_mesh: int = 1,
     seed: int = 0,
-    method: str = "posterior",
+    method: str | IdentificationMethod = "posterior",
     model: TrainedNetwork | None = None,
     noise_kind: NoiseKind = "uniform",
     workers: int | None = None,
@@ -215,7 +215,7 @@ def calibrate(
         The measurements come from a mesh so many times finer than the model's.
     seed : int
         Case by case the same whatever their number and that of the workers.
-    method : str
+    method : str or IdentificationMethod
         ``"posterior"``, or another method that tells intervals: ``"network"`` with a `model` whose regressor does, or
         that of a plugin. Of the options above it takes `seed` alone, if any.
     model : TrainedNetwork, optional
@@ -246,8 +246,9 @@ def calibrate(
     simulation-based calibration, arXiv:1804.06788 (2018).
     """
     assembly = as_assembly(assembly)
-    setting = Setting(cases, noise, samples, model_error, finer_mesh, seed, method, noise_kind)
-    study = _Study(assembly, setting, model)
+    called = method if isinstance(method, str) else method.name
+    setting = Setting(cases, noise, samples, model_error, finer_mesh, seed, called, noise_kind)
+    study = _Study(assembly, setting, method, model)
     at_once = min(cases, cores() if workers is None else workers)
     if at_once < 1:
         raise ParameterError(Fault("workers", f"{workers} are none.", "1 or more"))
@@ -283,7 +284,13 @@ class _Case:
 class _Study:
     """What all cases have in common."""
 
-    def __init__(self, assembly: Assembly, setting: Setting, model: TrainedNetwork | None) -> None:
+    def __init__(
+        self,
+        assembly: Assembly,
+        setting: Setting,
+        method: str | IdentificationMethod,
+        model: TrainedNetwork | None,
+    ) -> None:
         if not assembly.parameters:
             raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to identify."))
         if setting.cases < 1:
@@ -291,9 +298,9 @@ class _Study:
         if not (np.isfinite(setting.noise) and setting.noise > 0.0):
             raise ParameterError(Fault("noise", f"{setting.noise:g} is no noise.", "more than 0"))
         self._assembly = assembly
-        self._setting, self._model = setting, model
+        self._setting, self._method, self._model = setting, method, model
         self._options: dict[str, Any] = {}
-        if setting.method == "posterior":
+        if method == "posterior":
             self._options = {"samples": setting.samples, "model_error": setting.model_error}
         self._true = finer(assembly, setting.finer_mesh)
         for response_assembly in (*assembly.each_response, *self._true.each_response):
@@ -305,8 +312,8 @@ class _Study:
         fraction = random.random(len(self._assembly.parameters))
         measured = self._measured(fraction, random)
         began = time.perf_counter()
-        options = self._options if setting.method == "network" else {**self._options, "seed": index}
-        result = identify(self._assembly, measured, setting.method, model=self._model, **options)
+        options = self._options if self._method == "network" else {**self._options, "seed": index}
+        result = identify(self._assembly, measured, self._method, model=self._model, **options)
         posterior = result.posterior
         seconds = time.perf_counter() - began
         if posterior is None:

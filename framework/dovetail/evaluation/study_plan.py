@@ -236,7 +236,8 @@ def _key(assembly: Assembly) -> str:
     """Return a text that is the same for the same settings, whether they are stated or defaults."""
     settings = assembly.description.identification
     further = () if settings.correction is None else (settings.correction,)
-    return repr((settings.reducer, settings.regressor, settings.augmentation, *further))
+    components = [(type(one), one.config.model_dump()) for one in (settings.reducer, settings.regressor)]
+    return repr((components, settings.augmentation, *further))
 
 
 def _value_at(settings: Any, place: str) -> Any:
@@ -244,6 +245,8 @@ def _value_at(settings: Any, place: str) -> Any:
     value = settings
     for step in place.split("."):
         value = getattr(value, "config", value)
+        aliases = {field.alias: name for name, field in getattr(type(value), "model_fields", {}).items()}
+        step = aliases.get(step, step)
         value = value.get(step) if isinstance(value, Mapping) else getattr(value, step, None)
     return list(value) if isinstance(value, tuple) else value
 

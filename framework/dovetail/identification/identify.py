@@ -149,7 +149,8 @@ def identify(
             given = {"weights": weights, "phase": None if phase else False, **options}
             said = {name: value for name, value in given.items() if isinstance(value, (str, int, float))}
             return replace(result, provenance={**result.provenance, **({"options": said} if said else {})})
-        own = {name: options.pop(name) for name in list(options) if name in type(chosen.config).model_fields}
+        keys = _option_names(chosen)
+        own = {name: options.pop(name) for name in list(options) if name in keys}
         return by_plugin(_with_options(chosen, own) if own else chosen, lines, progress=report, **options)
 
 
@@ -192,13 +193,15 @@ def find_method(
         return described or DEFAULT_METHOD
     if isinstance(method, IdentificationMethod) or method in METHODS:
         return method
-    if described is not None and method.rpartition(":")[2] == described.name:
-        return described
     registry = registry or installed_components()
+    if described is not None and method == described.name:
+        return described
     if "method" not in registry.kinds_of(method):
         known = (*METHODS, *registry.names("method"))
         raise ValueError(f"'{method}' is not a method. {did_you_mean(method, known)} Accepted: {', '.join(known)}")
-    made = registry.find("method", method).component()
+    if described is not None and registry.find("method", method).component is type(described):
+        return described  # with the options that the description states
+    made = registry.made("method", method)
     assert isinstance(made, IdentificationMethod)
     return made
 
@@ -212,7 +215,9 @@ def _with_options(method: IdentificationMethod, options: Mapping[str, Any]) -> I
         Its `Config` refuses them.
     """
     try:
-        return type(method)(type(method.config).model_validate({**dict(method.config), **options}))
+        fields = type(method.config).model_fields.items()
+        stated = {field.alias or name: getattr(method.config, name) for name, field in fields}
+        return type(method)(type(method.config).model_validate({**stated, **options}))
     except ValidationError as error:
         detail = error.errors()[0]
         where = ".".join(map(str, detail["loc"])) or "options"
@@ -322,8 +327,13 @@ def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
 
 def method_options(method: str | IdentificationMethod) -> tuple[str, ...]:
     """Return the names of the options that a method takes."""
-    own = () if isinstance(method, str) else tuple(type(method.config).model_fields)
+    own = () if isinstance(method, str) else _option_names(method)
     return (*own, *_keywords(METHODS[method] if isinstance(method, str) else by_plugin))
+
+
+def _option_names(method: IdentificationMethod) -> tuple[str, ...]:
+    """Return the options of a plugin's method as a description has them."""
+    return tuple(field.alias or name for name, field in type(method.config).model_fields.items())
 
 
 def _keywords(function: Callable[..., Any]) -> tuple[str, ...]:

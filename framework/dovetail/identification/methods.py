@@ -19,12 +19,12 @@ from dovetail.assembly import Assembly, Theta
 from dovetail.errors import Fault, MeasurementError, ParameterError, PluginError, listing
 from dovetail.identification.adequacy import CAUSE_SECONDS, assess
 from dovetail.identification.adequacy.assess import check_limits
-from dovetail.identification.fitting import Objective, fit_at, multistart, refine
+from dovetail.identification.fitting import Fit, Objective, fit_at, multistart, refine
 from dovetail.identification.fitting.fit import fractions_within
 from dovetail.identification.fitting.observations import MeasuredLines, Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.network.bundle import TrainedNetwork
-from dovetail.identification.network.network import check_contract, component_label
+from dovetail.identification.network.network import FEWEST_DRAWS, check_contract, component_label
 from dovetail.identification.network.preprocessing import accelerance_amplitudes
 from dovetail.identification.parameters import ROUNDING
 from dovetail.identification.posterior import (
@@ -49,6 +49,8 @@ from dovetail.interfaces import (
 
 __all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin"]
 
+_LEAST_GAIN = 25.0
+"""Of a sum of squares, for each parameter, by which another estimate is told apart: five standard deviations."""
 _CANNOT_TELL = (
     "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
     "or takes several responses: use the method 'refined' to be sure."
@@ -314,17 +316,39 @@ def by_plugin(
         seconds = time.monotonic() - began
         (fraction,) = _fractions(assembly, [estimate.theta], label)
         sampled = None if estimate.samples is None else _fractions(assembly, estimate.samples, label)
+        if sampled is not None and len(sampled) < FEWEST_DRAWS:
+            too_few = f"it gave {len(sampled)} samples, too few for intervals."
+            raise PluginError(Fault(label, too_few, f"{FEWEST_DRAWS} or more, or none"))
     fit = fit_at(assembly, target, fraction, starts=1, agreeing=1, steps=0, seconds=seconds)
     adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     origin = provenance(measured.described, measured.whole, None, seed)
     origin["components"][f"method {method.name}"] = source_of(method)
     origin["method_options"] = method.config.model_dump(mode="json")
     result = _result(measured, fit.theta, method=method.name, provenance=origin, fit=fit, adequacy=adequacy)
+    beside = _beside_the_best_fit(assembly, frfs, target, fit, method.name, seed, progress)
+    if sampled is not None and adequacy.word not in ("to the noise", "not judged"):
+        beside += (f"The intervals are those of the method '{method.name}': they allow for no errors of the model.",)
+    result = replace(result, warnings=(*result.warnings, *beside))
     if sampled is None:
         return result
     samples = assembly.from_unit(sampled)
     posterior = _posterior_of(measured, samples, seconds)
     return replace(result, posterior=posterior, warnings=(*result.warnings, *posterior.warnings))
+
+
+def _beside_the_best_fit(
+    assembly: Assembly, frfs: Any, target: Observations, fit: Fit, name: str, seed: int, progress: Progress
+) -> tuple[str, ...]:
+    """Return that a fit from a plugin's estimate explains the measurement far better, if it does."""
+    theta = refine(assembly, frfs, [fit.theta], seed=seed, progress=progress).theta
+    best = fit_at(assembly, target, assembly.to_unit(theta), starts=1, agreeing=1, steps=0, seconds=0.0)
+    gain = (fit.chi_squared - best.chi_squared) * fit.degrees_of_freedom
+    if gain <= max(_LEAST_GAIN * len(theta), 0.5 * best.chi_squared * fit.degrees_of_freedom):
+        return ()
+    return (
+        f"The estimate of the method '{name}' is not the best fit: its chi-squared is {fit.chi_squared:.3g} per degree "
+        f"of freedom, and a fit reaches {best.chi_squared:.3g}. What is said of the model is not said of the estimate.",
+    )
 
 
 def _fractions(assembly: Assembly, answer: object, label: str) -> NDArray[np.float64]:
@@ -343,6 +367,10 @@ def _fractions(assembly: Assembly, answer: object, label: str) -> NDArray[np.flo
     if theta.ndim != 2 or theta.shape[1] != count or not len(theta) or theta.dtype.kind not in "fiu":
         accepted = f"{count} numbers in each row"
         raise PluginError(Fault(label, f"it gave parameters of the shape {theta.shape}, {theta.dtype}.", accepted))
+    if theta.dtype.itemsize < 8:  # an end of a range, in single precision, may lie beyond it
+        lower, upper = np.transpose([(parameter.lower, parameter.upper) for parameter in assembly.parameters])
+        within = np.clip(theta.astype(np.float64), lower, upper)
+        theta = np.where(np.isclose(theta, within, rtol=2.0 * np.finfo(np.float32).eps, atol=0.0), within, theta)
     with np.errstate(divide="ignore", invalid="ignore"):
         fraction = assembly.to_unit(np.asarray(theta, dtype=np.float64))
     outside = ~(np.abs(fraction - 0.5) <= 0.5 + ROUNDING)

@@ -18,6 +18,14 @@ from dovetail.interfaces.progress import Progress, silent
 __all__ = ["Estimate", "IdentificationMethod", "IdentificationProblem"]
 
 
+TAKEN_NAMES = ("network", "refined", "multistart", "posterior", "rigid")
+"""What ``--method`` and ``compare`` call Dovetail's own; a plugin's method of that name could not be asked for."""
+
+_OF_IDENTIFY = "assembly measured method weights phase progress seed model_error cause_seconds"
+TAKEN_OPTIONS = frozenset(_OF_IDENTIFY.split())
+"""What `identify` takes itself; an option of that name would not reach a plugin's method, or be taken for it."""
+
+
 @dataclass(frozen=True, eq=False)
 class IdentificationProblem:
     """What is to be identified, and from what.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.interfaces.component import Component, Kind
+from dovetail.interfaces.context import FeatureContext, takes_context
 from dovetail.interfaces.progress import Progress, silent
 from dovetail.interfaces.state import State
 
@@ -117,7 +118,9 @@ class Regressor(Component):
         by its name; so may `fit_epochs`.
         """
 
-    def fit_epochs(self, epoch: Epoch, *, seed: int, progress: Progress = silent) -> FittedRegressor:
+    def fit_epochs(
+        self, epoch: Epoch, *, seed: int, progress: Progress = silent, context: FeatureContext | None = None
+    ) -> FittedRegressor:
         """Fit to samples whose features change from epoch to epoch, for robust training.
 
         By default `fit` to the samples of the first four epochs together. A regressor that passes over its samples many
@@ -128,11 +131,14 @@ class Regressor(Component):
         epoch : callable
             Row i of each epoch is the same FRF with other noise or, if samples are drawn anew, another FRF. All epochs
             have the same number of rows.
+        context : FeatureContext, optional
+            Handed to `fit`, if that takes it.
         """
         first = [epoch(number) for number in range(_EPOCHS_AT_ONCE)]
         features = np.concatenate([features for features, _ in first])
         targets = np.concatenate([targets for _, targets in first])
-        return self.fit(features, targets, seed=seed, progress=progress)
+        named = {"context": context} if takes_context(self.fit) else {}
+        return self.fit(features, targets, seed=seed, progress=progress, **named)
 
     @abstractmethod
     def restore(self, state: State) -> FittedRegressor:

@@ -19,21 +19,10 @@ from typing import Any, TypeAlias, cast
 
 import pluggy
 
-from dovetail.errors import DovetailError, Fault, PluginError, did_you_mean, listing
-from dovetail.interfaces import (
-    INTERFACE_VERSION,
-    KINDS,
-    Component,
-    ComponentConfig,
-    FrfReader,
-    IdentificationMethod,
-    JointModel,
-    Kind,
-    Reducer,
-    Regressor,
-    SubstructureModel,
-)
+from dovetail.errors import Fault, PluginError, did_you_mean, listing
+from dovetail.interfaces import KINDS, Component, FrfReader, Kind
 from dovetail.parallel import FILE_MODULE
+from dovetail.registry.component_checks import contained, reason_against, reason_of
 from dovetail.registry.hookspec import GROUP, HookSpecification
 
 __all__ = ["HOW_TO_OFFER", "LoadFailure", "Offer", "PluginPaths", "Registry", "components", "installed_components"]
@@ -41,7 +30,6 @@ __all__ = ["HOW_TO_OFFER", "LoadFailure", "Offer", "PluginPaths", "Registry", "c
 PluginPaths: TypeAlias = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 """One plugin file, or several."""
 
-_CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod)
 _HOOK, _DEFAULTS = "dovetail_components", "dovetail_defaults"
 _SLOW = 2.0
 """Seconds; an import that takes longer is listed."""
@@ -60,6 +48,25 @@ class Offer:
         """The name with that of the package or file before it, which tells it from another of the same name."""
         package = Path(self.source).stem if self.source.endswith(".py") else self.source.partition(" ")[0]
         return f"{package}:{self.component.name}"
+
+
+def made_by_default(offer: Offer) -> Component:
+    """Return a component without options.
+
+    Raises
+    ------
+    PluginError
+        An option has no default, or its constructor fails.
+    """
+    label = f"{offer.component.kind} '{offer.component.name}' ({offer.source})"
+    fields = offer.component.Config.model_fields.items()
+    if missing := [field.alias or name for name, field in fields if field.is_required()]:
+        needed = listing(missing)
+        remedy = f"A description states it: identification: {{method: {{model: {offer.component.name}, ...}}}}."
+        remedy = remedy if offer.component.kind == "method" else "Its author must give it a default."
+        raise PluginError(Fault(label, f"it cannot be made without the option {needed}.", remedy=remedy))
+    with contained(label, "it cannot be made: "):
+        return offer.component()
 
 
 @dataclass(frozen=True)
@@ -142,6 +149,16 @@ class Registry:
         offers = self._offers.get((kind, name.rpartition(":")[2]), [])
         return [offer for offer in offers if name in (offer.component.name, offer.qualified_name)]
 
+    def made(self, kind: Kind, name: str) -> Component:
+        """Return the component of this kind and name with its defaults.
+
+        Raises
+        ------
+        PluginError
+            As of `find`; or an option has no default, or its constructor fails.
+        """
+        return made_by_default(self.find(kind, name))
+
     def source_of(self, component: type[Component]) -> str:
         """Return who offers a component class; an empty text if nobody does."""
         offers = self._offers.get((component.kind, component.name), [])
@@ -171,7 +188,7 @@ class Registry:
 
     def load_entry_points(self) -> None:
         """Load every installed plugin; a broken one is added to `failures`."""
-        for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
+        for entry in sorted(entry_points(group=GROUP), key=_last_if_shipped):
             owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
             try:
                 with self._timed(owner):
@@ -207,7 +224,7 @@ class Registry:
             del sys.modules[name]
             if isinstance(error, KeyboardInterrupt):
                 raise
-            raise PluginError(Fault(_failing_line(error, file), _reason(error))) from error
+            raise PluginError(Fault(_failing_line(error, file), reason_of(error))) from error
         self.add(module, str(path), strict=True)
         self._files.add(file.resolve())
 
@@ -237,44 +254,33 @@ class Registry:
         """
         offered, defaults = _answers_of(plugin, source)
         for key, value in defaults.items():
-            self._defaults.setdefault(key, value)
+            known = self._defaults.setdefault(key, value)
+            if isinstance(value, Mapping) and isinstance(known, Mapping):
+                self._defaults[key] = {**value, **known}
         for component in offered:
-            reason = _reason_against(component)
+            reason = reason_against(component)
+            offers = [] if reason else self._offers.setdefault((component.kind, component.name), [])
+            if any(offer.source == source and offer.component is not component for offer in offers):
+                reason = f"it offers two {component.kind} models of the name '{component.name}'."
             if reason and strict:
                 raise PluginError(Fault(source, reason))
             if reason:
                 self._failures.append(LoadFailure(source, reason))
                 continue
-            offers = self._offers.setdefault((component.kind, component.name), [])
             if all(offer.component is not component for offer in offers):
                 offers.append(Offer(component, source))
 
 
+def _last_if_shipped(entry: EntryPoint) -> tuple[bool, str, str]:
+    """Order plugins by name, those that ship with Dovetail behind all others: their defaults are for what is left."""
+    return entry.dist is not None and entry.dist.name == "dovetail-frf", entry.name, entry.value
+
+
 def _load(entry: EntryPoint, owner: str) -> object:
     """Import the object that an entry point names."""
-    with _contained(owner):
+    with contained(owner):
         plugin: object = entry.load()
     return plugin
-
-
-@contextmanager
-def _contained(source: str, problem: str = "", *apart: type[Exception]) -> Iterator[None]:
-    """Turn any exception of a plugin's code into a PluginError; Ctrl-C and the types in `apart` pass."""
-    try:
-        yield
-    except BaseException as error:
-        if isinstance(error, (KeyboardInterrupt, *apart)):
-            raise
-        raise PluginError(Fault(source, f"{problem}{_reason(error)}")) from error
-
-
-def _reason(error: BaseException) -> str:
-    """Return the error of an import as one sentence."""
-    if not isinstance(error, DovetailError):
-        return f"{type(error).__name__}: {error}"
-    fault = error.faults[0]
-    accepted = f" Accepted: {fault.accepted}." if fault.accepted else ""
-    return f"{fault.where}: {fault.problem}{accepted}".removeprefix(": ")
 
 
 def _answers_of(plugin: ModuleType | object, source: str) -> tuple[list[type[Component]], Mapping[str, Any]]:
@@ -283,7 +289,7 @@ def _answers_of(plugin: ModuleType | object, source: str) -> tuple[list[type[Com
     manager.add_hookspecs(HookSpecification)
     hint = f"a function '{_HOOK}()' marked with @dovetail.hookimpl that returns a list of component classes"
     try:
-        with _contained(source, "its hooks cannot be looked at: ", pluggy.PluginValidationError):
+        with contained(source, "its hooks cannot be looked at: ", pluggy.PluginValidationError):
             manager.register(plugin)
             manager.check_pending()
     except pluggy.PluginValidationError as error:
@@ -292,76 +298,25 @@ def _answers_of(plugin: ModuleType | object, source: str) -> tuple[list[type[Com
         raise PluginError(Fault(source, problem, hint, did_you_mean(misspelt, [_HOOK, _DEFAULTS]))) from error
     if not manager.hook.dovetail_components.get_hookimpls():
         raise PluginError(Fault(source, f"it has no hook '{_HOOK}' marked with @dovetail.hookimpl.", hint))
-    with _contained(source, f"its hook '{_HOOK}' raised "):
+    with contained(source, f"its hook '{_HOOK}' raised "):
         (returned,) = manager.hook.dovetail_components()
         offered = list(returned) if isinstance(returned, Iterable) else returned
     if isinstance(returned, (str, bytes)) or not isinstance(returned, Iterable):
         raise PluginError(Fault(source, f"its hook '{_HOOK}' returned {returned!r}, not a list of classes.", hint))
-    with _contained(source, f"its hook '{_DEFAULTS}' raised "):
+    with contained(source, f"its hook '{_DEFAULTS}' raised "):
         defaults: object = next(iter(manager.hook.dovetail_defaults()), {})
     if not isinstance(defaults, Mapping):
         raise PluginError(Fault(source, f"its hook '{_DEFAULTS}' returned {defaults!r:.60}.", "a dict"))
+    kinds: dict[str, Any] = {"identification": Mapping, "robustness": (list, tuple), "compare": (list, tuple)}
+    for key, value in defaults.items():
+        if key not in kinds or not isinstance(value, kinds[key]):
+            problem = f"its hook '{_DEFAULTS}' gave {value!r:.40} for {key!r:.40}."
+            raise PluginError(Fault(source, problem, "identification, a dict; robustness and compare, lists of names"))
     return cast("list[type[Component]]", offered), defaults
 
 
 def _is_marked(plugin: ModuleType | object, name: str) -> bool:
     return hasattr(inspect.getattr_static(plugin, name, None), f"{GROUP}_impl")
-
-
-def _reason_against(component: Any) -> str:
-    """Return why what a hook returned cannot be used, or an empty text; it may raise when it is examined."""
-    try:
-        with _contained("", "a class that it offers cannot be looked at: "):
-            return _unfitness(component)
-    except PluginError as error:
-        return error.faults[0].problem
-
-
-def _unfitness(component: Any) -> str:
-    """Return why a class cannot be used as a component, or an empty text."""
-    if not isinstance(component, type) or not issubclass(component, _CONTRACTS):
-        contracts = ", ".join(contract.__name__ for contract in _CONTRACTS)
-        return f"{component!r} is not a component class (a subclass of {contracts})."
-    label = component.__qualname__
-    if problem := _version_problem(component.interface_versions):
-        return f"{label} {problem}"
-    for attribute in ("name", "summary"):
-        if not isinstance(getattr(component, attribute, None), str) or not getattr(component, attribute):
-            return f"{label} has no '{attribute}'."
-    if not component.name.isidentifier():
-        return f"{label} has the name '{component.name}', which is not an identifier."
-    if missing := sorted(getattr(component, "__abstractmethods__", ())):
-        return f"{label} does not define {', '.join(missing)}."
-    if not isinstance(component.Config, type) or not issubclass(component.Config, ComponentConfig):
-        return f"{label}.Config does not derive from dovetail.ComponentConfig."
-    keys = {field.alias or name for name, field in component.Config.model_fields.items()}
-    if taken := sorted(keys & ({"model", "connect"} if issubclass(component, JointModel) else {"model"})):
-        return f"{label}.Config has the option '{taken[0]}', a key that descriptions use themselves; call it otherwise."
-    contract = next(contract for contract in _CONTRACTS if issubclass(component, contract))
-    if issubclass(component, FrfReader) and not _are_suffixes(getattr(component, "suffixes", None)):
-        return f"{label} has no 'suffixes' such as ('.abc',), in small letters."
-    if component.kind != contract.kind:
-        return f"{label} has the kind {component.kind!r}; leave it as {contract.__name__} has it, '{contract.kind}'."
-    return ""
-
-
-def _are_suffixes(suffixes: object) -> bool:
-    return (
-        isinstance(suffixes, tuple)
-        and bool(suffixes)
-        and all(isinstance(one, str) and one.startswith(".") and one == one.lower() for one in suffixes)
-    )
-
-
-def _version_problem(versions: Any) -> str:
-    """Return why a component with this range of interface versions cannot be used, or an empty text."""
-    match versions:
-        case (int(lowest), int(highest)) if lowest <= highest:
-            if lowest <= INTERFACE_VERSION <= highest:
-                return ""
-            accepted = f"version {lowest}" if lowest == highest else f"versions {lowest} to {highest}"
-            return f"was written for {accepted} of the plugin interface; this dovetail-frf has {INTERFACE_VERSION}."
-    return f"has {versions!r:.60} for its interface_versions, not its lowest and highest version, such as (1, 1)."
 
 
 def _failing_line(error: BaseException, file: Path) -> str:
@@ -390,7 +345,7 @@ def components(plugins: PluginPaths = ()) -> Registry:
     if not files:
         return installed_components()
     registry = Registry()
-    registry.load_entry_points()
     for file in files:
         registry.load_file(file)
+    registry.load_entry_points()
     return registry

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AugmentationSection
 from dovetail.dataset import complex_accelerance, latin_hypercube
-from dovetail.errors import DatasetError, Fault, FileError, MeasurementError
+from dovetail.errors import DatasetError, Fault, FileError, MeasurementError, PluginError
 from dovetail.identification.fitting.random_error import MeasuredNoise
 from dovetail.identification.network.network import Pair, Reduction
 from dovetail.identification.network.preprocessing import log10p1
@@ -370,7 +370,10 @@ class FreshEpochs:
         self._epoch = 0
 
     def __call__(self, epoch: int) -> Pair:
-        """Return features and targets of an epoch, which is the last one that was asked for or a later one."""
+        """Return features and targets of an epoch: the last one that was asked for, or a later one."""
+        if epoch < self._epoch:
+            problem = f"fit_epochs asked for the epoch {epoch} after {self._epoch}, and fresh samples are not kept."
+            raise PluginError(Fault("", problem, remedy="Ask for epochs in their order."))
         while self._epoch < epoch:
             number = self._epoch % len(self._segments)
             self._epoch += 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,11 +33,11 @@ from dovetail.identification.network.manifest import (
     manifest_hash,
     read_manifest,
 )
-from dovetail.identification.network.network import Network
+from dovetail.identification.network.network import Network, check_contract, component_label
 from dovetail.identification.network.novelty import Novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 from dovetail.identification.provenance import Evaluation, component_sources, package_versions
-from dovetail.interfaces import State
+from dovetail.interfaces import FittedReducer, FittedRegressor, Reducer, Regressor, State, plugin_errors
 from dovetail.registry import PluginPaths
 
 __all__ = ["TrainedNetwork", "check_replaceable", "read_bundle", "write_bundle"]
@@ -233,17 +234,47 @@ def _packed_description(folder: Path, assembly: Assembly) -> str:
 def _states(trained: TrainedNetwork) -> dict[Section, State]:
     network = trained.network
     states: dict[Section, State] = {
-        "reducer": network.reducer.state(),
+        "reducer": plugin_state(network.reducer, network.recipes[0]),
         "feature_scaling": network.feature_scaling.state(),
-        "regressor": network.regressor.state(),
+        "regressor": plugin_state(network.regressor, network.recipes[1]),
         "target_scaling": network.target_scaling.state(),
         "check": _check_state(trained),
     }
     if network.corrections:
+        for correction in network.corrections:
+            plugin_state(correction.regressor, network.recipes[1])
         states["corrections"] = correction_states(network.corrections)
     if trained.novelty is not None:
         states["novelty"] = trained.novelty.state()
     return states
+
+
+def plugin_state(fitted: FittedReducer | FittedRegressor, recipe: Reducer | Regressor) -> State:
+    """Return the state of what a plugin fitted, from which it can be restored.
+
+    Raises
+    ------
+    PluginError
+        `state` or `restore` fails, or the state is more than arrays and plain values by name.
+    """
+    label = component_label(recipe)
+    with plugin_errors(fitted, label):
+        state = fitted.state()
+        if not isinstance(state, Mapping) or not all(isinstance(name, str) for name in state):
+            names = [repr(name) for name in state] if isinstance(state, Mapping) else []
+            problem = f"its state has the names {listing(names)}." if names else f"its state is {state!r:.60}."
+            raise PluginError(Fault(label, problem, "a dict from names to arrays and plain values"))
+        arrays, values = _split_state(label, state)
+        if "__metadata__" in arrays:
+            raise PluginError(Fault(label, "'__metadata__' is no name that a state can have.", "another name"))
+        for name, value in values.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise PluginError(Fault(label, f"'{name}' of its state is {value}.", "a finite number, or an array"))
+            json.dumps(value, ensure_ascii=False).encode()
+    with plugin_errors(recipe, label):
+        restored = recipe.restore({**arrays, **values})
+        check_contract(restored, recipe, type(fitted), "restore")
+    return state
 
 
 def _check_state(trained: TrainedNetwork) -> State:
@@ -266,7 +297,8 @@ def _split_state(section: str, state: State) -> tuple[dict[str, NDArray[np.gener
             kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
             problem = f"'{name}' is {kind}, which a bundle cannot hold."
             accepted = "arrays of numbers, int, float, str and bool"
-            raise PluginError(Fault(f"state of the {section}", problem, accepted))
+            where = section if "'" in section else f"state of the {section}"
+            raise PluginError(Fault(where, problem, accepted))
     return arrays, values
 
 

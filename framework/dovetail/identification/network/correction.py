@@ -173,7 +173,7 @@ def _variance_of_averages(step: int) -> float:
 
 def _gaussians(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return means (n, t) of the draws' normal quantiles, and the Cholesky factors (n, t, t) of their covariances."""
-    quantiles = np.clip(normal_from_unit(samples), -_FARTHEST, _FARTHEST)
+    quantiles = np.clip(normal_from_unit(np.clip(samples, 0.0, 1.0)), -_FARTHEST, _FARTHEST)
     means = quantiles.mean(axis=1)
     centred = quantiles - means[:, np.newaxis]
     covariance = np.swapaxes(centred, 1, 2) @ centred / samples.shape[1]

@@ -27,6 +27,7 @@ from dovetail.interfaces import (
 )
 
 __all__ = [
+    "FEWEST_DRAWS",
     "Network",
     "Pair",
     "Reduction",
@@ -40,7 +41,7 @@ __all__ = [
 Pair = tuple[NDArray[np.float32], NDArray[np.float64]]
 """Features (n, n_components) and targets (n, n_targets)."""
 
-_FEWEST_DRAWS = 50
+FEWEST_DRAWS = 50
 """Of a distribution, for an interval to have ends."""
 
 
@@ -158,8 +159,8 @@ class Network:
                 return None
             check_contract(told, recipe, TargetDistribution, "predict_distribution")
             samples = told.samples if isinstance(told.samples, np.ndarray) else np.empty(0)
-            if samples.ndim != 3 or len(samples) != len(features) or samples.shape[1] < _FEWEST_DRAWS:
-                accepted = f"an array ({len(features)}, {_FEWEST_DRAWS} or more, {len(self.target_scaling.lower)})"
+            if samples.ndim != 3 or len(samples) != len(features) or samples.shape[1] < FEWEST_DRAWS:
+                accepted = f"an array ({len(features)}, {FEWEST_DRAWS} or more, {len(self.target_scaling.lower)})"
                 raise PluginError(Fault(label, f"its distribution has the shape {samples.shape}.", accepted))
             rows, draws, width = samples.shape
             check_rows(samples.reshape(rows * draws, width), label, rows * draws, len(self.target_scaling.lower))
@@ -249,7 +250,7 @@ def reduce_features(
                 problem = "it returned features that are not finite."
                 raise PluginError(Fault(f"reducer '{name}'", problem, "finite numbers"))
         if rows.start == 0:
-            reduced = np.empty((len(features), block.shape[1]), dtype=np.float32)
+            reduced = np.empty((len(features), block.shape[1]), dtype=np.result_type(block, np.float32))
         reduced[rows] = block
         progress("reduction", rows.stop, len(features))
     return reduced
@@ -279,4 +280,5 @@ class Reduction:
 
     def standardise(self, reduced: NDArray[np.float32], theta: NDArray[np.float64]) -> Pair:
         """Standardise reduced features, in their place; scale parameters."""
-        return self.features.transform(reduced, out=reduced), self.targets.transform(theta)
+        out = reduced if reduced.dtype == np.float32 else None
+        return self.features.transform(reduced, out=out), self.targets.transform(theta)

@@ -91,7 +91,8 @@ class ZScore:
         for rows in blocks(count):
             variance += ((features[rows] - mean) ** 2).sum(axis=0) / count
         deviation = np.sqrt(variance)
-        rounding = 4.0 * np.finfo(np.float32).eps * np.abs(mean)
+        precision = features.dtype if features.dtype.kind == "f" else np.dtype(np.float64)
+        rounding = 4.0 * np.finfo(precision).eps * np.abs(mean)
         return cls(mean, np.where(deviation > rounding, deviation, 1.0))
 
     def transform(self, features: NDArray[np.float32], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:

@@ -62,11 +62,9 @@ __all__ = ["needs_phase", "train_and_evaluate", "train_network"]
 
 _WORTH_FORECASTING = 10.0
 """Seconds for the FRFs from which a training says beforehand how long it will take."""
-
 _CORRECTION_EPOCH = 2**31
 """From which on epochs are those of the first correction, and twice it of the second, so that no FRF is used twice."""
-
-_TRIAL_ROWS, _TRIAL_SECONDS = 64, 0.5
+_TRIAL_ROWS, _TRIAL_SECONDS = 256, 0.5
 _PILOT_SHARE, _PILOT_EPOCHS = 0.02, 3
 """Of the samples, on which reducer and regressor are tried for that, and epochs of the regressor."""
 
@@ -114,7 +112,8 @@ def _seconds(assembly: Assembly, minutes: float | None) -> float | None:
     if not 0.0 < minutes < np.inf:
         raise ParameterError(Fault("minutes", f"{minutes:g} min is no time.", "more than 0"))
     regressor = assembly.description.identification.regressor
-    if not takes_context(regressor.fit):
+    augmented = assembly.description.identification.augmentation is not None
+    if not takes_context(regressor.fit) or (augmented and not takes_context(regressor.fit_epochs)):
         problem = f"the {component_label(regressor)} cannot be told how long to train."
         raise ParameterError(Fault("minutes", problem, "a regressor whose 'fit' takes the context"))
     return 60.0 * minutes
@@ -210,7 +209,8 @@ def train_and_evaluate(
     network = _fit_network(assembly, dataset, is_test, timer, progress)
     progress("evaluation", 0, 1)
     with timer.stage("evaluation"):
-        predicted = network.predict(read_frfs(dataset, is_test, silent))
+        predicted = network.predict(test := read_frfs(dataset, is_test, silent))
+        network.tell(test[:2])  # whatever is wrong with it shows here, not at the first measurement
         if not np.isfinite(predicted).all():
             label = component_label(settings.regressor)
             with plugin_errors(settings.regressor, label):

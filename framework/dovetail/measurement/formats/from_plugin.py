@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from numbers import Integral
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 from dovetail.errors import Fault, MeasurementError, PluginError, listing
 from dovetail.interfaces import Component, FrfReader, RecordedFrf, plugin_errors
 from dovetail.measurement.frf_units import meaning_of_unit
-from dovetail.measurement.recording import ReadOptions, Recording
+from dovetail.measurement.recording import DOF, ReadOptions, Recording
 from dovetail.registry import Registry
 
 __all__ = ["decode", "find_reader"]
@@ -43,7 +44,8 @@ def find_reader(path: Path, content: bytes, registry: Registry, name: str | None
 
 
 def _made(component: type[Component]) -> FrfReader:
-    reader = component()
+    with plugin_errors(component, f"reader '{component.name}'"):
+        reader = component()
     assert isinstance(reader, FrfReader)
     return reader
 
@@ -101,7 +103,13 @@ def decode(path: Path, content: bytes, reader: FrfReader, options: ReadOptions) 
         moment=meaning is not None and meaning.moment,
         taken=(f"read by {reader.name}",),
     )
-    return recording.with_dofs(frf.response, frf.force) if frf.response and frf.force else recording
+    if any(name and not DOF.fullmatch(name) for name in (frf.response, frf.force)):
+        problem = f"the {_label(reader)} gives the DOFs '{frf.response:.40}' and '{frf.force:.40}'."
+        accepted = "a node with its direction, such as 3+x, tool:5-y or 7rz"
+        raise MeasurementError(Fault(where, problem, accepted, "Another name belongs into its note."))
+    if frf.response and frf.force:
+        return recording.with_dofs(frf.response, frf.force)
+    return replace(recording, response=frf.response, force=frf.force)
 
 
 def _read(path: Path, content: bytes, reader: FrfReader) -> Sequence[RecordedFrf]:

@@ -1,0 +1,114 @@
+"""Whether a class can be used as a component, and calls of plugin code, which may raise anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from dovetail.errors import DovetailError, Fault, PluginError
+from dovetail.interfaces import (
+    INTERFACE_VERSION,
+    ComponentConfig,
+    FrfReader,
+    IdentificationMethod,
+    JointModel,
+    Reducer,
+    Regressor,
+    SubstructureModel,
+)
+from dovetail.interfaces.method import TAKEN_NAMES, TAKEN_OPTIONS
+
+__all__ = ["contained", "reason_against", "reason_of"]
+
+_CONTRACTS = (SubstructureModel, JointModel, Reducer, Regressor, FrfReader, IdentificationMethod)
+
+
+@contextmanager
+def contained(source: str, problem: str = "", *apart: type[Exception]) -> Iterator[None]:
+    """Turn any exception of a plugin's code into a PluginError; Ctrl-C and the types in `apart` pass."""
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, (KeyboardInterrupt, *apart)):
+            raise
+        raise PluginError(Fault(source, f"{problem}{reason_of(error)}")) from error
+
+
+def reason_of(error: BaseException) -> str:
+    """Return the error of an import as one sentence."""
+    if not isinstance(error, DovetailError):
+        return f"{type(error).__name__}: {error}"
+    fault = error.faults[0]
+    accepted = f" Accepted: {fault.accepted}." if fault.accepted else ""
+    return f"{fault.where}: {fault.problem}{accepted}".removeprefix(": ")
+
+
+def reason_against(component: Any) -> str:
+    """Return why what a hook returned cannot be used, or an empty text; it may raise when it is examined."""
+    try:
+        with contained("", "a class that it offers cannot be looked at: "):
+            return _unfitness(component)
+    except PluginError as error:
+        return error.faults[0].problem
+
+
+def _unfitness(component: Any) -> str:
+    """Return why a class cannot be used as a component, or an empty text."""
+    if not isinstance(component, type) or not issubclass(component, _CONTRACTS):
+        contracts = ", ".join(contract.__name__ for contract in _CONTRACTS)
+        return f"{component!r} is not a component class (a subclass of {contracts})."
+    label = component.__qualname__
+    if problem := _version_problem(component.interface_versions):
+        return f"{label} {problem}"
+    for attribute in ("name", "summary"):
+        if not isinstance(getattr(component, attribute, None), str) or not getattr(component, attribute):
+            return f"{label} has no '{attribute}'."
+    if not component.name.isidentifier():
+        return f"{label} has the name '{component.name}', which is not an identifier."
+    if missing := sorted(getattr(component, "__abstractmethods__", ())):
+        return f"{label} does not define {', '.join(missing)}."
+    if not isinstance(component.Config, type) or not issubclass(component.Config, ComponentConfig):
+        return f"{label}.Config does not derive from dovetail.ComponentConfig."
+    if issubclass(component, FrfReader) and not _are_suffixes(getattr(component, "suffixes", None)):
+        return f"{label} has no 'suffixes' such as ('.abc',), in small letters."
+    if issubclass(component, IdentificationMethod) and component.name in TAKEN_NAMES:
+        return f"{label} has the name '{component.name}', which Dovetail's own method has; call it otherwise."
+    contract = next(contract for contract in _CONTRACTS if issubclass(component, contract))
+    if component.kind != contract.kind:
+        return f"{label} has the kind {component.kind!r}; leave it as {contract.__name__} has it, '{contract.kind}'."
+    return _unfit_option(component, f"{label}.Config")
+
+
+def _unfit_option(component: Any, label: str) -> str:
+    """Return why the options of a component cannot be stated, or an empty text."""
+    fields = {field.alias or name: field for name, field in component.Config.model_fields.items()}
+    keys = {"model", "connect"} if issubclass(component, JointModel) else {"model"}
+    if taken := sorted(fields.keys() & keys):
+        return f"{label} has the option '{taken[0]}', a key that descriptions use themselves; call it otherwise."
+    if issubclass(component, IdentificationMethod) and (taken := sorted(fields.keys() & TAKEN_OPTIONS)):
+        return f"{label} has the option '{taken[0]}', which 'identify' takes itself; call it otherwise."
+    required = [name for name, field in fields.items() if field.is_required()]
+    if issubclass(component, FrfReader) and required:
+        return f"{label} has no default for '{required[0]}', and nobody can state the options of a reader."
+    return ""
+
+
+def _are_suffixes(suffixes: object) -> bool:
+    return (
+        isinstance(suffixes, tuple)
+        and bool(suffixes)
+        and all(isinstance(one, str) and Path(f"file{one}").suffix == one == one.lower() for one in suffixes)
+    )
+
+
+def _version_problem(versions: Any) -> str:
+    """Return why a component with this range of interface versions cannot be used, or an empty text."""
+    match versions:
+        case (int(lowest), int(highest)) if lowest <= highest:
+            if lowest <= INTERFACE_VERSION <= highest:
+                return ""
+            accepted = f"version {lowest}" if lowest == highest else f"versions {lowest} to {highest}"
+            return f"was written for {accepted} of the plugin interface; this dovetail-frf has {INTERFACE_VERSION}."
+    return f"has {versions!r:.60} for its interface_versions, not its lowest and highest version, such as (1, 1)."
