@@ -218,6 +218,9 @@ def test_an_unknown_sign_is_told_by_phases_however_small_the_model_is_on_some_li
         noise = random.standard_normal((2, len(values))) * 0.1 * np.abs(values).mean()
         noisy = dovetail.Frf(assembly.frequency, values + noise[0] + 1j * noise[1], "accelerance")
         assert _sign(assembly, theta, noisy) == -1.0
+    turned = noisy.values * np.exp(2j * np.pi * np.random.default_rng(1).random(len(noisy.values)))
+    with pytest.warns(UserWarning, match=r"as little with one sign as with the other .* State the sign"):
+        _sign(assembly, theta, replace(noisy, values=turned))
 
 
 @pytest.mark.parametrize("shape", ["response", "responses"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -40,6 +41,8 @@ _LARGEST_SPIKE = 1e20
 """Times the median amplitude; above it squares and sums lose all other lines."""
 _DELAYS = 201
 """Delays over their range with which a sign is told; enough for 25 turns of the phase."""
+_CLEAR_SIGN = 0.2
+"""Mean cosine of the phase differences below which the sign is doubtful: of a ruler, a wrong one had 0.11."""
 
 
 @overload
@@ -314,7 +317,10 @@ def _amplitudes(frf: Frf) -> Frf:
 
 
 def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
-    """Return the sign, 1 or -1, with which the phases of an FRF agree better with the model's, at the best delay."""
+    """Return the sign, 1 or -1, with which the phases of an FRF agree better with the model's, at the best delay.
+
+    There is a warning where they agree with neither.
+    """
     response = assembly.description.response
     delays = [column for column, p in enumerate(assembly.parameters) if p.name == f"{response.name}.delay"]
     vectors = np.repeat(theta[np.newaxis], _DELAYS if delays else 1, axis=0)
@@ -322,7 +328,11 @@ def _sign(assembly: Assembly, theta: NDArray[np.float64], frf: Frf) -> float:
         vectors[:, column] = assembly.parameters[column].from_unit(np.linspace(0.0, 1.0, _DELAYS))
     model, values = assembly.frf(vectors), frf.to(response.quantity).values
     alike = np.cos(np.angle(np.conj(model) * values)).mean(axis=1)
-    return 1.0 if not frf.has_phase or alike.max() >= -alike.min() else -1.0
+    sign = 1.0 if not frf.has_phase or alike.max() >= -alike.min() else -1.0
+    if frf.has_phase and (agreement := float((sign * alike).max())) < _CLEAR_SIGN:
+        told = f"phases agree with the model's as little with one sign as with the other (mean cosine {agreement:.2f})"
+        warnings.warn(f"{frf.label or response.name}: {told}; {sign:+g} was taken. State the sign.", stacklevel=2)
+    return sign
 
 
 def method_options(method: str | IdentificationMethod) -> tuple[str, ...]:
