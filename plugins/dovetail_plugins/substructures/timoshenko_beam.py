@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from dovetail import ComponentConfig, InUnit, Node, StructuralMatrices, SubstructureModel
@@ -167,12 +167,13 @@ class TimoshenkoBeam(SubstructureModel):
 
     def matrices(self) -> StructuralMatrices:
         """Return the (d, d) matrices of the free beam, d = 2 (n_elements + 1)."""
-        material, sections = self.config.material, []
+        material, sections = self.config.material, list[tuple[ArrayLike, ...]]()
         for section in self.config.sections:
-            cross_section = section.cross_section(material.poisson)
-            sections.append(element_matrices(section.length / section.elements, cross_section, material))
-        joined = (_joined([getattr(section, name) for section in sections]) for name in "MKCD")
-        return chain(StructuralMatrices(*joined))
+            shape = section.cross_section(material.poisson)
+            sections.append((section.length / section.elements, shape.area, shape.inertia, shape.shear))
+        counts = [section.elements for section in self.config.sections]
+        length, area, inertia, shear = (_joined(values, counts) for values in zip(*sections, strict=True))
+        return chain(element_matrices(length, CrossSection(area, inertia, shear), material))
 
     def batched_matrices(self, options: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices:
         """Return the (n, d, d) matrices for many values of some options."""
@@ -180,9 +181,7 @@ class TimoshenkoBeam(SubstructureModel):
         return TimoshenkoBeam(self.config.with_options(columns)).matrices()
 
 
-def _joined(matrices: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Join the elements (..., n_elements, 4, 4) of sections, of which some are a batch."""
-    if len(matrices) == 1:
-        return matrices[0]
-    batch = np.broadcast_shapes(*(matrix.shape[:-3] for matrix in matrices))
-    return np.concatenate([np.broadcast_to(matrix, (*batch, *matrix.shape[-3:])) for matrix in matrices], axis=-3)
+def _joined(values: Sequence[ArrayLike], counts: Sequence[int]) -> NDArray[np.float64]:
+    """Join values of each section, one or an array (..., count), of which some are a batch, to (..., n_elements)."""
+    batch = np.broadcast_shapes(*(np.shape(value)[:-1] for value in values))
+    return np.concatenate([np.broadcast_to(value, (*batch, n)) for value, n in zip(values, counts, strict=True)], -1)
