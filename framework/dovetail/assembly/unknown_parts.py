@@ -1,4 +1,4 @@
-"""Substructures whose options are sought: for the synthesis they depend on parameters as a joint does."""
+"""Substructures with options to identify, which the synthesis treats as joints, since they depend on parameters."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ __all__ = [
 
 
 _NEAR = 0.9
-"""Part of a value from which on the matrices are differentiated, where the option follows another one."""
+"""Lower end, over the value, of the range within which matrices are differentiated by an option without a range."""
 _LONGEST_CHAIN = 20
-"""Ties that are followed one behind the other; a circle has no end."""
+"""Largest number of ties that are followed from one to the next; a circle of them has no end."""
 _MOST_DOFS = 600
-"""Of a part with unknown options, whose matrices are made anew for each FRF."""
+"""Largest number of DOFs of a part with unknown options, whose matrices are computed again for each FRF."""
 _MOST_CORNERS = 64
-"""Corners of the ranges at which a part is tried."""
+"""Largest number of corners of the ranges at which a part is tried."""
 
 
 class NodesAlone(SubstructureModel):
-    """The nodes of a part whose matrices are elsewhere.
+    """The nodes of a part without its matrices, which its `UnknownPart` has.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class NodesAlone(SubstructureModel):
 
     @property
     def nodes(self) -> tuple[Node, ...]:
-        """Those of the part."""
+        """The nodes of the part."""
         return self._nodes
 
     def matrices(self) -> StructuralMatrices:
@@ -82,9 +82,9 @@ class UnknownPart(JointModel):
     Parameters
     ----------
     part : SubstructureModel
-        With the middle of the ranges.
+        With the middles of the ranges as options.
     parameters : sequence of Parameter
-        The options that are sought or known to depend on others, named by their place in the section.
+        The options that are sought or follow others, named by their path in the section.
     """
 
     kind = "substructure"  # for messages
@@ -117,12 +117,12 @@ class UnknownPart(JointModel):
         return self._internal
 
     def refined(self, factor: int) -> UnknownPart | None:
-        """Return the same part with a finer mesh, of which the same options are sought, or None where it has none."""
+        """Return the same part with a finer mesh and the same options, or None if the model has no mesh."""
         finer = self.part.refined(factor)
         return None if finer is None else type(self)(finer, self._parameters)
 
     def made_with(self, options: Mapping[str, float]) -> SubstructureModel:
-        """Return the part with other values of some options, by their places in the section.
+        """Return the part with other values of some options, by their paths in the section.
 
         Raises
         ------
@@ -138,9 +138,9 @@ class UnknownPart(JointModel):
         return (self.made_with(dict(zip(names, values, strict=True))) for values in theta.tolist())
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
-        """Return the part's matrices (n, d, d), by its own batch of matrices where it gives one.
+        """Return the part's matrices (n, d, d), computed in one batch if the model can do that.
 
-        Those of one parameter vector are kept, since an FRF and its derivatives ask for the same ones.
+        Those of a single parameter vector are cached, since an FRF and its derivatives need the same ones.
         """
         if not self._parameters:
             return _for_each(_dense(substructure_matrices(self.part)), len(theta))
@@ -166,16 +166,16 @@ class UnknownPart(JointModel):
 
 
 class UnknownReceptance(UnknownPart):
-    """The same for a substructure that is known by its FRFs only."""
+    """An `UnknownPart` that is known by its FRFs only."""
 
     _used: tuple[int, ...] | None = None
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:  # noqa: ARG002
-        """Raise: there are none."""
+        """Raise an error, since there are none."""
         raise DovetailError(f"substructure model '{self.part.name}' has no matrices, so the assembly has none either.")
 
     def dynamic_stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the inverse of its receptance between the DOFs in use, (n, n_freq, d, d); zero at the others."""
+        """Return the inverse of the receptance between the DOFs in use (n, n_freq, d, d), zero at the others."""
         dofs = range(self.size) if self._used is None else self._used
         stiffness = np.zeros((len(theta), len(frequency), self.size, self.size), dtype=np.complex128)
         with plugin_errors(self.part, f"substructure model '{self.part.name}'"):
@@ -184,7 +184,7 @@ class UnknownReceptance(UnknownPart):
         return stiffness
 
     def between(self, dofs: Sequence[int]) -> UnknownReceptance:
-        """Return the same part between some of its DOFs: no more of its receptance needs to be inverted."""
+        """Return the same part between some of its DOFs only, so that less of its receptance is inverted."""
         part = UnknownReceptance(self.part, self._parameters)
         part._used = tuple(dofs)
         return part
@@ -197,22 +197,22 @@ class UnknownOptions:
     Parameters
     ----------
     stated : StatedParameters
-        By their place in the section, such as ``material.young``.
+        By their path in the section, such as ``material.young``.
     sections : mapping of Path to Item
-        What the description says of them, by the place in the description.
+        Their entries in the description, by their path there.
     """
 
     stated: StatedParameters
     sections: Mapping[Path, Item]
 
     def restore(self, faults: FaultList) -> None:
-        """Put what the description says of them back into its tree."""
+        """Put their entries back into the description's tree."""
         for path, item in self.sections.items():
             faults.root = replace_item(faults.root, path, item)
 
 
 def take_unknown_options(name: str, faults: FaultList, registry: Registry) -> UnknownOptions:
-    """Read the options of a substructure that are sought, and put the middles of their ranges into the tree.
+    """Read the sought options of a substructure, and replace them in the tree by the middles of their ranges.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ def _config_of(name: str, faults: FaultList, registry: Registry) -> type[BaseMod
 def _check_followed(
     tie: Tie, unit: str, middle: float | None, place: Path, faults: FaultList, registry: Registry
 ) -> float | None:
-    """Return the middle of an option that follows another one, or None, with a fault, if it cannot follow that."""
+    """Return the middle of an option that follows another one; if it cannot, report a fault and return None."""
     config = _config_of(tie.owner, faults, registry)
     other = number_unit(config, steps_of(tie.parameter)) if config is not None else None
     name = f"{tie.owner}.{tie.parameter}"
@@ -279,7 +279,7 @@ def _check_followed(
 
 
 def _sections_within(item: Item, steps: Path) -> Iterator[tuple[Path, Item]]:
-    """Yield all mappings beneath an item with their paths from there."""
+    """Yield all mappings within an item, with their paths relative to it."""
     children: Iterator[tuple[str | int, Item]] = iter(())
     if item.is_mapping:
         children = ((key, entry.item) for key, entry in item.entries.items())
@@ -292,7 +292,7 @@ def _sections_within(item: Item, steps: Path) -> Iterator[tuple[Path, Item]]:
 
 
 def _middle(item: Item | None, parameter: Parameter, faults: FaultList, depth: int = 0) -> float | None:
-    """Return the value in the middle of what a description says of a parameter; None if that is no number."""
+    """Return a parameter's value, or the middle of its range, from its entry; None if the entry has neither."""
     if item is None or depth > _LONGEST_CHAIN:
         return None
     stated = StatedParameters({parameter.name: parameter})
@@ -309,7 +309,7 @@ def _middle(item: Item | None, parameter: Parameter, faults: FaultList, depth: i
 
 
 def _followed(tie: Tie, faults: FaultList) -> Item | None:
-    """Return what the description says of the parameter that another one follows."""
+    """Return the description's entry of the parameter that another one follows."""
     steps = steps_of(tie.parameter)
     option = faults.root.at(("substructures", tie.owner, *steps))
     return option if option is not None else faults.root.at(("joints", tie.owner, "parameters", *steps))
@@ -324,14 +324,14 @@ def _follows_number(stated: StatedParameters, option: str, faults: FaultList) ->
 def add_unknown_part(
     name: str, part: SubstructureModel, stated: StatedParameters, faults: FaultList
 ) -> JointEntry | None:
-    """Return the entry of a substructure with unknown options, or None, with faults, where ranges make no such part.
+    """Return the entry of a substructure with unknown options; if its ranges are impossible, add a fault, return None.
 
     Parameters
     ----------
     name : str
         Of the substructure.
     part : SubstructureModel
-        With the middles of the ranges.
+        With the middles of the ranges as options.
     stated : StatedParameters
     faults : FaultList
     """
@@ -355,7 +355,7 @@ def add_unknown_part(
 
 
 def _corners(stated: StatedParameters) -> Iterator[dict[str, float]]:
-    """Yield the ends of each sought option by itself, then all of them at corners of their ranges."""
+    """Yield both ends of each sought option alone, then corners of the ranges of all of them."""
     sought = [p for name, p in stated.known.items() if name not in stated.fixed and name not in stated.ties]
     for parameter in sought:
         yield from ({parameter.name: end} for end in (parameter.lower, parameter.upper))
@@ -365,7 +365,7 @@ def _corners(stated: StatedParameters) -> Iterator[dict[str, float]]:
 
 
 def _objection(model: UnknownPart, options: Mapping[str, float]) -> str:
-    """Return why a part cannot have some options, in a sentence; an empty text if it can."""
+    """Return a sentence that says why a part cannot have some options, or an empty text if it can."""
     units = {parameter.name: parameter.unit for parameter in model.parameters}
     said = [format_quantity(value, units[option]) for option, value in options.items()]
     where = f"{said[0]} there"
@@ -391,7 +391,7 @@ def _dense(matrices: StructuralMatrices | SparseMatrices | None) -> StructuralMa
 
 
 def _for_each(batch: StructuralMatrices, count: int) -> StructuralMatrices:
-    """Return matrices (n, d, d); those that do not depend on the options stand once."""
+    """Return matrices (n, d, d), repeating those that do not depend on the options."""
     shape = (count, batch.size, batch.size)
     if batch.K.shape == shape:
         return batch

@@ -1,7 +1,6 @@
-"""The ways to identify a joint: the network's answer, the refined fit, many local searches, the posterior.
+"""Methods that identify a joint: the network's answer, the refined fit, many local searches, the posterior.
 
-Each takes measurements on their own lines, with the assembly there, a trained network or None, and its own options by
-name.
+Each takes measurements with the assembly on their lines, a trained network or None, and further options by keyword.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ from dovetail.interfaces import (
 __all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin"]
 
 _LEAST_GAIN = 25.0
-"""Of a sum of squares, for each parameter, by which another estimate is told apart: five standard deviations."""
+"""Decrease of the sum of squares, per parameter, from which another fit is clearly better: five standard deviations."""
 _CANNOT_TELL = (
     "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
     "or takes several responses: use the method 'refined' to be sure."
@@ -67,7 +66,7 @@ def by_network(
     ParameterError
         There is no network.
     MeasurementError
-        A measurement does not cover the network's frequencies, or the network has no finite answer.
+        A measurement does not cover the network's frequencies, or the network's answer is not finite.
     """
     assembly = measured.described
     if trained is None:
@@ -99,7 +98,7 @@ def by_network(
 
 
 def _posterior_of(measured: MeasuredLines, theta: NDArray[np.float64], seconds: float) -> Posterior:
-    """Return samples (n, n_params) [SI] of equal weight, whatever drew them, as a posterior within the ranges."""
+    """Build a posterior within the ranges from samples (n, n_params) [SI] of equal weight."""
     assembly = measured.described
     return Posterior.from_fractions(
         assembly,
@@ -122,19 +121,19 @@ def by_refined_fit(
     seed: int | None = None,
     progress: Progress = silent,
 ) -> Identification:
-    """Fit the joint to the measured FRF, from the ranges alone or from a network's answer as well.
+    """Fit the joint to the measured FRF, with starts from the ranges alone or also from a network's answer.
 
     Parameters
     ----------
     measured : MeasuredLines
     trained : TrainedNetwork, optional
-        The fit begins with its answer, if the measurement covers its frequencies.
+        The fit starts from its answer, if the measurement covers its frequencies.
     start : (n_params,) array or mapping of names to values, optional
-        Where the fit begins.
+        Start of the fit.
     model_error : float, optional
-        Relative error of natural frequencies that the model is allowed; what the measurement shows, by default.
+        Relative error of natural frequencies that the model is allowed; by default the one that the measurement shows.
     cause_seconds : float
-        Time after which no further cause of a misfit is tried; with 0 none is.
+        Time [s] after which no further cause of a misfit is tried; with 0 none is.
     seed : int, optional
         Of the other starts; the description's by default.
     progress : Progress
@@ -158,7 +157,7 @@ def by_refined_fit(
 def _network_answer(
     measured: MeasuredLines, trained: TrainedNetwork | None
 ) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-    """Return a network's answer (n_params,) [SI], if there is a network and it has one, and why it has none."""
+    """Return a network's answer (n_params,) [SI], or None with a warning if a network has none."""
     if trained is None:
         return None, ()
     try:
@@ -172,7 +171,7 @@ def _network_answer(
 
 
 def _result(measured: MeasuredLines, theta: NDArray[np.float64], **known: Any) -> Identification:
-    """Build the result, with the natural frequencies of the whole band; say which part of it was not measured."""
+    """Build the result with the natural frequencies in the whole band and warnings of parts that were not measured."""
     result = reconstruct(measured.assembly, theta, measured.frfs, band=measured.band, **known)
     return replace(result, warnings=(*result.warnings, *(measured.warnings if result.fit is not None else ())))
 
@@ -195,18 +194,18 @@ def by_multistart(
     ----------
     measured : MeasuredLines
     _trained : TrainedNetwork, optional
-        Not asked.
+        Not used.
     starts : int
-        Points of the Latin hypercube.
+        Number of starts from a Latin hypercube.
     seconds : float, optional
-        Time after which no further step is taken.
+        Time [s] after which no further step begins.
     objective : {"frf", "weighted"}
         Sum of the squared differences of the FRFs as they are, or over their random error.
     model_error : float, optional
-        Relative error of natural frequencies that the model is allowed; what the measurement shows, by default. It
-        judges the fit, which is that of `objective`.
+        Relative error of natural frequencies that the model is allowed; by default the one that the measurement shows.
+        The fit, which minimises `objective`, is judged by it.
     cause_seconds : float
-        Time after which no further cause of a misfit is tried; with 0 none is.
+        Time [s] after which no further cause of a misfit is tried; with 0 none is.
     seed : int, optional
         Of the Latin hypercube; the description's by default.
     progress : Progress
@@ -236,24 +235,24 @@ def by_posterior(
     seed: int | None = None,
     progress: Progress = silent,
 ) -> Identification:
-    """Fit the joint to the measured FRF, and tell how far each parameter is known.
+    """Fit the joint to the measured FRF, and estimate the posterior of the parameters.
 
     Parameters
     ----------
     measured : MeasuredLines
     trained : TrainedNetwork, optional
-        The fit begins with its answer, if the measurement covers its frequencies.
+        The fit starts from its answer, if the measurement covers its frequencies.
     form : {"samples", "laplace"}
-        Samples of the posterior, or a Gaussian at its most probable place: faster, and straight. Where the model does
-        not fit no interval is believed, and the Gaussian is taken in any case.
+        Samples of the posterior, or a Gaussian about its mode, which is faster but cannot follow a curved posterior. If
+        the model does not fit, no interval is believed, and the Gaussian is used in any case.
     samples : int
     start : (n_params,) array or mapping of names to values, optional
-        Where the fit begins.
+        Start of the fit.
     model_error : float, optional
-        Relative error of natural frequencies that the model is allowed; by default what the measurement shows, or 5e-4
-        if it shows none.
+        Relative error of natural frequencies that the model is allowed; by default the one that the measurement shows,
+        or 5e-4 if it shows none.
     cause_seconds : float
-        Time after which no further cause of a misfit is tried; with 0 none is.
+        Time [s] after which no further cause of a misfit is tried; with 0 none is.
     seed : int, optional
         The description's by default.
     progress : Progress
@@ -287,14 +286,14 @@ def by_plugin(
     seed: int | None = None,
     progress: Progress = silent,
 ) -> Identification:
-    """Identify the joint by a method that a plugin offers, and judge its estimate like those of the other methods.
+    """Identify the joint by a plugin's method, and judge its estimate like those of the other methods.
 
     Parameters
     ----------
     method : IdentificationMethod
     measured : MeasuredLines
     model_error, cause_seconds : float, optional
-        As of `by_multistart`.
+        As in `by_multistart`.
     seed : int, optional
         The description's by default.
     progress : Progress
@@ -302,7 +301,7 @@ def by_plugin(
     Raises
     ------
     PluginError
-        The method fails, or gives no vectors of finite parameters within their ranges.
+        The method fails, or does not return finite parameters within their ranges.
     """
     check_limits(model_error, cause_seconds)
     assembly, frfs = measured.assembly, measured.frfs
@@ -339,7 +338,7 @@ def by_plugin(
 def _beside_the_best_fit(
     assembly: Assembly, frfs: Any, target: Observations, fit: Fit, name: str, seed: int, progress: Progress
 ) -> tuple[str, ...]:
-    """Return that a fit from a plugin's estimate explains the measurement far better, if it does."""
+    """Return a warning if a fit that starts from a plugin's estimate explains the measurement far better."""
     theta = refine(assembly, frfs, [fit.theta], seed=seed, progress=progress).theta
     best = fit_at(assembly, target, assembly.to_unit(theta), starts=1, agreeing=1, steps=0, seconds=0.0)
     gain = (fit.chi_squared - best.chi_squared) * fit.degrees_of_freedom
@@ -352,7 +351,7 @@ def _beside_the_best_fit(
 
 
 def _fractions(assembly: Assembly, answer: object, label: str) -> NDArray[np.float64]:
-    """Return parameters (n, n_params) that a plugin gave, in fractions of their ranges.
+    """Return a plugin's parameters (n, n_params) as fractions of their ranges.
 
     Raises
     ------
@@ -388,7 +387,7 @@ METHODS: Mapping[str, Callable[..., Identification]] = {
     "multistart": by_multistart,
     "posterior": by_posterior,
 }
-"""By the word after ``--method``."""
+"""Methods by their names on the command line, after ``--method``."""
 
 DEFAULT_METHOD = "posterior"
-"""The best answer, with intervals and verdicts, and nothing to train."""
+"""It gives the best estimate, with intervals and verdicts, and needs no training."""

@@ -1,8 +1,8 @@
-"""How wrong is the model? The size of its errors, estimated from the measurement together with the parameters.
+"""Sizes of the errors of a model, estimated from the measurement around the best fit.
 
-The sizes are unknowns with a prior: errors of each kind are normally distributed, and their standard deviation is what
-makes the residuals most probable once parameters and errors are marginalised (empirical Bayes). It is found by the EM
-algorithm around the best fit, with residuals averaged ever more widely until that suffices.
+Errors of each kind are normally distributed. Their standard deviation is the one that makes the residuals most probable
+once parameters and errors are marginalised (empirical Bayes with a prior on the sizes). The EM algorithm finds it, with
+residuals that are averaged more and more widely.
 """
 
 from __future__ import annotations
@@ -45,34 +45,34 @@ class Settings:
     """How the sizes are estimated."""
 
     narrowest: float = 5e-4
-    """Relative error of natural frequencies for which residuals are averaged first, and `wider` times more after."""
+    """Relative error of natural frequencies for which residuals are averaged first; then `wider` times more."""
     wider: float = 2.0
     widest: float = 0.15
     consistent: float = 2.0
-    """Times this error, or part of it, that an estimate may tell; one that tells more needs wider averages."""
+    """Largest ratio of an estimate to this error, either way; a larger estimate needs wider averages."""
     unexplained: float = 0.05
-    """Other errors up to which averages are wide enough."""
+    """Size of other errors up to which averages are wide enough."""
     settled: float = 0.1
-    """Relative change of all sizes at which they have settled."""
+    """Relative change of all sizes at which the alternation ends."""
     em_steps: int = 100
     em_settled: float = 0.02
     """Relative change of all sizes in a step of EM at which it ends."""
     pseudo_count: float = 2.0
-    """Errors of the typical size that the prior adds to those of a kind: a few resonances tell little."""
+    """Weight of the prior, as a number of errors of the typical size; a few resonances say little about the size."""
     least: float = 1e-4
-    """Errors below which they do not matter."""
+    """Size below which errors are negligible."""
     least_frequency: float = 1e-6
-    """Relative error of natural frequencies below which it does not matter."""
+    """Relative error of natural frequencies below which it is negligible."""
     most: float = 10.0
-    """Errors above which the FRF says nothing."""
+    """Largest size of errors; above it, the FRF is not informative."""
     fewest_peaks: int = 2
-    """That tell how far natural frequencies may be off at most; parameters can bring a single one to its place."""
+    """Peaks needed to limit the error of natural frequencies; the parameters can move a single one into place."""
     dense: float = 2.0
-    """Lines within the half-power width of a peak from which its height is told."""
+    """Lines within the half-power width of a peak from which its height is reliable."""
     alternations: int = 6
-    """Of the estimates of errors that have a shape, and of others."""
+    """Largest number of alternations between errors that have a shape and others."""
     tolerance: float = 0.05
-    """Decrease of the sum of squares, per step, that ends a fit."""
+    """Decrease of the sum of squares in one step that ends a fit."""
     steps: int = 60
 
 
@@ -81,21 +81,21 @@ _SETTINGS = Settings()
 
 @dataclass(frozen=True, eq=False)
 class FitWithError:
-    """The parameters that fit best when the model may be wrong.
+    """The parameters that fit best when the model may have errors.
 
     Parameters
     ----------
     fraction : (p,) array
-        Of the ranges.
+        Fractions of the ranges.
     values : (n_lines,) complex array
         The FRFs there.
     size : ModelError
-        That was allowed.
+        The errors that were allowed.
     information : (p, p) array
         Fisher information of the fractions, with these errors.
     chi_squared : float
-        Of the residuals with parameters and errors marginalised, over their number: 1 where the errors have the
-        size that was allowed.
+        Mean square of the residuals with parameters and errors marginalised: 1 if the errors have the size that was
+        allowed.
     """
 
     fraction: NDArray[np.float64]
@@ -106,7 +106,7 @@ class FitWithError:
 
 
 class _Problem:
-    """A measurement, and what changes of the parameters and errors of the model add to its residuals."""
+    """A measurement, its residuals, and the effects of errors of the model on them."""
 
     def __init__(
         self, model: ModelFrfs, target: Observations, variance: NDArray[np.float64], used: NDArray[np.bool_]
@@ -120,21 +120,21 @@ class _Problem:
         return np.asarray(self.model.frf(self.model.assemblies[0].from_unit(fraction[np.newaxis]))[0])
 
     def residual(self, values: NDArray[np.complex128], size: ModelError) -> tuple[NDArray[np.intp], Residual]:
-        """Return lines of the model and residuals of it there, in which other errors are part of the random error."""
+        """Return the lines that residuals need, and the residuals; other errors are added to their random error."""
         return weigh(self.model, self.target, self._variance, self._used, values, size)
 
     def shapes(self, values: NDArray[np.complex128], size: ModelError) -> dict[str, NDArray[np.complex128]]:
-        """Return what errors of the model add to its FRFs."""
+        """Return the changes of the model's FRFs by its errors, by kind."""
         return error_shapes(self.axes, self.target.split(values), size)
 
     def peaks_apart(self, fraction: NDArray[np.float64]) -> tuple[float, float, float]:
-        """Return between which limits the peaks tell the error of natural frequencies (relative, rms), and of heights.
+        """Return limits of the relative error of natural frequencies, and the error of heights, from the peaks (rms).
 
-        The least is how far peaks of measurement and model that belong together are apart, beyond a line; the most is
-        twice how far they are apart, where they are all resonances there are: each peak of the measurement has its
-        counterpart, and each resonance of the model its peak. Damped ones, which have none, may be farther away. The
-        heights are those of peaks that belong together, by the logarithms of their ratios: of a peak that is misplaced
-        by more than its width, the residuals do not tell how high it should be. Lines must be dense enough to tell it.
+        The lower limit is the distance between corresponding peaks of measurement and model, less the spacing of lines.
+        The upper limit is twice their distance if all resonances are compared: each measured peak has a counterpart,
+        and each resonance of the model a peak. Strongly damped ones have none and may be farther away. The error of
+        heights is the logarithm of the ratio of corresponding peaks, where lines are dense enough. The residuals do not
+        show it for a peak that is misplaced by more than its width.
         """
         values = self.target.split(self.values(fraction))
         resonances, with_peak = fit_resonances(self.axes, values).poles, set[int]()
@@ -161,7 +161,7 @@ class _Problem:
         return _rms(beyond), _SETTINGS.consistent * max(_SETTINGS.narrowest, _rms(apart)), _rms(heights)
 
     def fit(self, start: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
-        """Return the fractions (p,) that fit best with errors of this size, from a start (p,)."""
+        """Return the fractions (p,) that fit best when errors of this size are allowed, from a start (p,)."""
         values = self.values(start)
         lines, residual = self.residual(values, size)
         shapes = np.concatenate(list(self.shapes(values, size).values()))
@@ -181,7 +181,7 @@ def fit_with_error(
     fraction: NDArray[np.float64],
     size: ModelError,
 ) -> FitWithError:
-    """Fit the parameters with errors of the model of a given size allowed."""
+    """Fit the parameters, with errors of the model of a given size allowed."""
     problem = _Problem(model, target, variance, used)
     fraction = problem.fit(fraction, size)
     return _Linearised(problem, fraction, size).result(size)
@@ -206,8 +206,8 @@ def estimate_model_error(
         E|random error|^2 of each line.
     used : (n_lines,) bool array
     fraction : (p,) array
-        Of the ranges: the fit, which stays what it is. Where a model errs in many ways, a fit that allows for all of
-        them gives up what is plain, as the peaks, for what is not.
+        The fit, in fractions of the ranges, which is not changed. If a model has many errors, a fit that allows for all
+        of them would give up the clear features, such as the peaks, for unclear ones.
     progress : Progress
     """
     problem = _Problem(model, target, variance, used)
@@ -218,7 +218,7 @@ def estimate_model_error(
 def _estimates(
     problem: _Problem, fraction: NDArray[np.float64], progress: Progress
 ) -> Iterator[tuple[float, ModelError]]:
-    """Yield the sizes that are told with residuals averaged for natural frequencies that are off by less or more."""
+    """Yield the widths of averages, as errors of natural frequencies, and the sizes estimated with them."""
     least, most, heights = problem.peaks_apart(fraction)
     widths, width = [], max(least, _SETTINGS.narrowest)
     while width <= min(most, _SETTINGS.widest):
@@ -242,9 +242,9 @@ def _estimates(
 
 
 def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError:
-    """Return the estimate from the narrowest averages that leaves no more unexplained than wider ones.
+    """Return the estimate from the narrowest averages that leaves hardly more unexplained than wider ones.
 
-    One with which the model fits, if there is any.
+    Estimates with which the model fits are preferred.
     """
     told = list(estimates)
     plausible = [size for width, size in told if size.natural_frequency <= _SETTINGS.consistent * width]
@@ -256,7 +256,7 @@ def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError
 
 
 class _Linearised:
-    """A fit, around which residuals are linear in the parameters and in the errors of the model."""
+    """A fit with residuals that are linearised in the parameters and in the errors of the model."""
 
     def __init__(
         self, problem: _Problem, fraction: NDArray[np.float64], size: ModelError, most: float = _SETTINGS.most
@@ -268,7 +268,7 @@ class _Linearised:
         self._shapes = problem.shapes(frf[0], size)
 
     def _whitened(self, size: ModelError) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-        """Return residuals (m,), and what parameters and errors of each kind add to them (k, m), for other errors."""
+        """Return residuals (m,), whitened with the other errors, and their derivatives (k, m) by kind of error."""
         lines, residual = self._residual(size.other)
         changes = {"parameters": self._jacobian[0] / np.sqrt(PRIOR_PRECISION), **self._shapes}
         stacked = np.concatenate(list(changes.values()))
@@ -277,7 +277,7 @@ class _Linearised:
         return residual.of(self._frf[:, lines])[0], dict(zip(changes, np.split(columns, ends), strict=True))
 
     def _residual(self, other: float) -> tuple[NDArray[np.intp], Residual]:
-        """Return lines of the model and residuals there with other errors of a size; averages are made once."""
+        """Return lines and residuals with other errors of a given size; the averages are computed only once."""
         size, values = replace(self._size, other=other), self._frf[0]
         if not needs_average(size):
             return self._problem.residual(values, size)
@@ -300,13 +300,13 @@ class _Linearised:
         return size
 
     def _factors(self, size: ModelError) -> dict[str, float]:
-        """Return sizes over those of the shapes."""
+        """Return the ratios of sizes to those of the shapes."""
         return {kind: getattr(size, kind) / (getattr(self._size, kind) or 1.0) for kind in KINDS}
 
     def _estimate_shaped(self, size: ModelError) -> ModelError:
-        """Return the sizes of the errors that have a shape, by EM.
+        """Estimate the sizes of the errors that have a shape, by EM.
 
-        What has no size to be told, parameters and terms beyond the linear ones, is marginalised before.
+        Parameters and nonlinear terms, whose sizes are not estimated, are marginalised first.
         """
         residuals, changes = self._whitened(size)
         known = np.concatenate([change for name, change in changes.items() if name not in KINDS])
@@ -340,14 +340,14 @@ class _Linearised:
         return replace(size, natural_frequency=typical.natural_frequency, **sizes)
 
     def estimate_beside_others(self) -> ModelError:
-        """Return the most probable sizes where other errors are as large as is no matter.
+        """Return the most probable sizes beside other errors of the largest size that is acceptable.
 
-        To explain the last of the residuals, errors of damping and magnitude that nearly cancel may become huge.
+        Without these, errors of damping and magnitude that nearly cancel may become huge to explain the last residuals.
         """
         return self._estimate_shaped(replace(self._size, other=_SETTINGS.unexplained))
 
     def with_other(self, size: ModelError) -> ModelError:
-        """Return with the size of other errors that makes chi-squared 1."""
+        """Return sizes in which the other errors are those that make chi-squared 1."""
 
         def excess(logarithm: float) -> float:
             return self.chi_squared(replace(size, other=float(np.exp(logarithm)))) - 1.0
@@ -363,7 +363,7 @@ class _Linearised:
         return _mean_square(*self._scaled(size))
 
     def _scaled(self, size: ModelError) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return residuals (m,), and what one standard deviation of parameters and errors adds to them (k, m)."""
+        """Return residuals (m,), and their changes (k, m) by one standard deviation of parameters and errors."""
         residuals, changes = self._whitened(size)
         factors = {"parameters": 1.0, "higher": 1.0, **self._factors(size)}
         return residuals, np.concatenate([factors[name] * change for name, change in changes.items()])

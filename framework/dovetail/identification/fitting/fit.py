@@ -36,7 +36,7 @@ class Fit:
     variance_known : bool
         Whether the variance came with the measurement; else it was estimated from the scatter from line to line.
     variance_assumed : bool
-        Whether that of a response is assumed, since it has too few lines for an estimate.
+        Whether the variance of a response was assumed, since it has too few lines for an estimate.
     discrepancy : float
         Error of the model itself, relative to the magnitude of each line; 0 where the random error explains everything.
     background : float

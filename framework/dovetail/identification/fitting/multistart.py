@@ -1,4 +1,4 @@
-"""Local searches from many points of the ranges, of which the best counts."""
+"""Local searches from many points in the ranges, of which the best is taken."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ Objective: TypeAlias = Literal["frf", "weighted"]
 """Residuals that are minimised: differences of the FRFs as they are, or over their random error."""
 
 _TOLERANCE = 0.02
-"""Decrease of the sum of squares, per step, that ends a search: nothing beside the scatter of that sum."""
+"""Decrease of the sum of squares in one step that ends a search; it is small compared to the scatter of the sum."""
 _MOST_STEPS = 150
-"""Of one search: one that has not arrived by then is in a bad valley."""
+"""Largest number of steps of one search; one that needs more is in a wrong valley."""
 
 
 def multistart(
@@ -58,7 +58,7 @@ def multistart(
     Returns
     -------
     Fit
-        Its chi-squared is over the random error, whichever the objective.
+        Its chi-squared is relative to the random error, whatever the objective.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def fit_at(
     steps: int,
     seconds: float,
 ) -> Fit:
-    """Return how good a fit parameters are, whatever found them, over the random error of all lines.
+    """Judge how well given parameters fit, by the random error of all lines.
 
     Parameters
     ----------
@@ -148,5 +148,5 @@ def _check(starts: int, seconds: float | None, objective: str) -> None:
 
 
 def _mean_of_response(target: Observations, variance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the mean variance of each response at all its lines."""
+    """Return the mean variance of each response, repeated for all its lines."""
     return np.concatenate([np.full_like(values, values.mean()) for values in target.split(variance)])

@@ -140,7 +140,7 @@ class Observations:
         )
 
     def assumes(self, variance: NDArray[np.float64]) -> bool:
-        """Return whether a variance (n_lines,) is assumed for some response, with too few lines to estimate it."""
+        """Return whether a response's variance (n_lines,) is assumed, since it has too few lines to estimate it."""
         responses = zip(self.frfs, self._known_variances, self.split(variance), strict=True)
         return any(
             known is None and is_too_short(frf) and np.array_equal(own, estimated_variance(frf))

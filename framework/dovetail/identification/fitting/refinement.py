@@ -240,7 +240,7 @@ class _Refinement:
         return (np.arange(_SETTINGS.grid_points) + self._random.random()) / _SETTINGS.grid_points
 
     def _with_profiles(self, minima: Minima) -> Minima:
-        """Add the best minimum that is found along profiles through the best one so far.
+        """Add the best minimum along profiles through the best one so far.
 
         Along a profile one parameter moves, and all others are fitted. Where a resonance is hardly visible, the valley
         of the right minimum is narrow, but in a wrong minimum nearly all of the FRF is right, and it stays so along the
@@ -295,7 +295,7 @@ class _Refinement:
         return position
 
     def _told_apart(self, start: NDArray[np.float64]) -> Minima:
-        """Fit on some of the lines, enough to compare the minima."""
+        """Fit on some of the lines, which suffice to compare the minima."""
         residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
         return self._minimised(FrfResiduals(self._model_of_some, residual), start)
 

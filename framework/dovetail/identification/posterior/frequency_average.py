@@ -1,6 +1,6 @@
 """Residuals that allow for errors of a model: averaged over neighbouring lines if natural frequencies are off.
 
-Residuals at a resonance that is misplaced by several of its widths no longer depend linearly on its frequency. Averaged
+The residuals at a resonance that is misplaced by several widths no longer depend linearly on its frequency. Averaged
 over a band as wide as the error of natural frequencies they do, and all methods for small errors apply.
 """
 
@@ -125,7 +125,7 @@ def unshaped_deviation(target: Observations, values: NDArray[np.complex128], siz
 
 
 def _needed_lines(frequency: NDArray[np.float64], poles: NDArray[np.complex128], width: float) -> NDArray[np.intp]:
-    """Return the lines that determine averages of FRFs with resonances near some poles."""
+    """Return the indices of the lines on which averages of FRFs with resonances near `poles` are computed."""
     spacing = width * frequency / _SETTINGS.lines_per_deviation
     for pole in poles:
         beside = np.abs(frequency - pole.real) - _SETTINGS.wander * width * pole.real
@@ -201,7 +201,7 @@ class AveragedResiduals:
         return np.asarray((self._weights @ columns).T.reshape(*values.shape[:-1], self._weights.shape[0]))
 
     def _scaled(self, averages: NDArray[Any]) -> NDArray[np.float64]:
-        """Return averages (..., n_averages) scaled to covariance 1; real parts beside imaginary ones."""
+        """Return averages (..., n_averages) scaled to covariance 1; each real part precedes its imaginary part."""
         columns = averages.reshape(-1, averages.shape[-1]).T
         white = np.ascontiguousarray(solve_banded((len(self._factor) - 1, 0), self._factor, columns).T)
         return np.asarray(white.view(np.float64).reshape(*averages.shape[:-1], self._count))
@@ -227,7 +227,7 @@ def _averages(frequency: NDArray[np.float64], width: float) -> list[Average]:
 
 
 def _gaussian_weights(frequency: NDArray[np.float64], averages: Sequence[Average]) -> csr_array:
-    """Return the weights (n_averages, n_freq) of lines in averages, which sum to 1."""
+    """Return the weights (n_averages, n_freq) of the lines in the averages; each row sums to 1."""
     step = np.gradient(frequency) if len(frequency) > 1 else np.ones(1)
     rows, columns, weights = [], [], []
     for row, (middle, deviation) in enumerate(averages):

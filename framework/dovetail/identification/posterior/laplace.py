@@ -1,4 +1,4 @@
-"""The Laplace approximation: the posterior as a Gaussian at its mode, in a tenth of a second, and where it misleads."""
+"""The Laplace approximation: the posterior as a Gaussian about its mode, within a tenth of a second; and its limits."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ __all__ = ["LaplaceApproximation", "half_about_the_fit", "laplace_posterior"]
 
 @dataclass(frozen=True)
 class LaplaceSettings:
-    """How the mode is searched, and from where on the approximation misleads."""
+    """How the mode is searched for, and the limits beyond which the approximation misleads."""
 
     tolerance: float = 1e-3
-    """Change of the sum of squares in one step at which the search ends."""
+    """Decrease of the sum of squares in one step at which the search for the mode ends."""
     difference_step: float = 1e-2
-    """Part of a standard deviation over which second derivatives are taken; the valley is straight so far."""
+    """Step of the second differences, in standard deviations; over this distance the valley is straight."""
     largest_bend: float = 0.3
-    """Standard deviations by which a parameter may be bent off its course before its interval misleads."""
+    """Largest deviation of a parameter from a straight valley, in its standard deviations, for a reliable interval."""
     largest_newton_decrement: float = 0.5
-    """Standard deviations from the mode beyond which the search has not arrived."""
+    """Distance from the mode, in standard deviations, beyond which the search has not converged."""
 
 
 _SETTINGS = LaplaceSettings()
@@ -49,19 +49,19 @@ _SETTINGS = LaplaceSettings()
 
 @dataclass(frozen=True, eq=False)
 class LaplaceApproximation:
-    """The Gaussian with the posterior's mode and its curvature there.
+    """The Gaussian with the mode of the posterior and its curvature there.
 
     Parameters
     ----------
     mode : (d,) array
         z, normal quantiles of the fractions of the ranges.
     axes : (d, d) array
-        Rows: a standard deviation along each principal axis.
+        Rows: the principal axes, each one standard deviation long.
     bend : (d,) array
-        How far a standard deviation along all axes bends each parameter off its straight course, in parts of the
-        parameter's own standard deviation; 0 where the posterior is a Gaussian.
+        Deviation of each parameter from a straight valley at one standard deviation along all axes, over the
+        parameter's standard deviation; 0 if the posterior is a Gaussian.
     newton_decrement : float
-        Distance from the mode to where the derivatives there put it, in standard deviations; 0 at a mode.
+        Length of the Gauss-Newton step from `mode`, in standard deviations; 0 at a mode.
     """
 
     mode: NDArray[np.float64]
@@ -112,7 +112,7 @@ def laplace_posterior(
     seed: int = 0,
     progress: Progress = silent,
 ) -> Posterior:
-    """Approximate the posterior by a Gaussian, in the coordinates in which the prior is one.
+    """Approximate the posterior by a Gaussian, in coordinates in which the prior is a standard normal distribution.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def laplace_posterior(
     fit : Fit
         Of the same measurement.
     samples : int
-        Drawn from the Gaussian.
+        Number of samples drawn from the Gaussian.
     model_error : ModelError
         As in `sample_posterior`.
     seed : int
@@ -132,7 +132,7 @@ def laplace_posterior(
     Returns
     -------
     Posterior
-        It names the `unreliable` parameters, along which the posterior is bent where the Gaussian is straight.
+        With the names of the `unreliable` parameters, along which the posterior is too curved for a Gaussian.
 
     Raises
     ------
@@ -172,16 +172,16 @@ def half_about_the_fit(
     weight: NDArray[np.float64],
     seed: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Replace every other sample by one of what the FRFs of the best fit would tell; both halves weigh alike.
+    """Replace every other sample by one of the posterior given the FRFs of the best fit; both halves weigh the same.
 
-    Where a model errs, its errors decide what the measurement tells, and their shapes are known roughly: best fit and
-    posterior are two answers then, and neither is nearer to the truth as a rule. The second half are samples of the
-    Laplace approximation, with the same errors and the same prior.
+    If a model has errors, they determine the posterior, and their shapes are known only roughly. Best fit and posterior
+    then give two different answers, and neither is generally nearer to the truth. The second half are samples of the
+    Laplace approximation for the best fit, with the same errors and the same prior.
 
     Parameters
     ----------
     assembly, measured, fit, model_error, seed
-        As of `laplace_posterior`.
+        As in `laplace_posterior`.
     z : (n, p) array
         Samples of the posterior, as normal quantiles of the fractions of the ranges.
     weight : (n,) array

@@ -1,4 +1,4 @@
-"""Search for the modes of the posterior, from the best fit and from points all over the ranges."""
+"""Search for the modes of the posterior, from the best fit and from points throughout the ranges."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def search_modes(
     random: np.random.Generator,
     progress: Progress = silent,
 ) -> NDArray[np.float64]:
-    """Search the modes of the posterior, from the best fit and from points all over the ranges.
+    """Search for the modes of the posterior, from the best fit and from points throughout the ranges.
 
     Parameters
     ----------

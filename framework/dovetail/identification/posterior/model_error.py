@@ -1,7 +1,7 @@
-"""What a model that is a little wrong can do to FRFs: resonances misplaced, too high or too broad.
+"""Effects of small errors of a model on its FRFs: resonances that are misplaced, too high or too broad.
 
-The FRFs of one structure are split into resonances and a background (`fit_resonances`). From these follows what one
-standard deviation of each error of the model adds to the FRFs (`error_shapes`).
+The FRFs of one structure are split into resonances and a background (`fit_resonances`). From these follows the change
+of the FRFs by one standard deviation of each error of the model (`error_shapes`).
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ __all__ = [
 ]
 
 MODEL_ERROR = 5e-4
-"""Standard deviation of the relative error of natural frequencies that a model is allowed by default."""
+"""Relative error of natural frequencies (standard deviation) that a model is allowed by default."""
 
 
 @dataclass(frozen=True)
 class ModelErrorSettings:
-    """Sizes of the model's errors, and what counts as a resonance.
+    """Sizes of the model's errors, and the limits of what counts as a resonance.
 
-    Natural frequencies are stationary in the mode shapes, modal constants and damping are not. Their typical errors are
-    the largest ratios that a mesh twice as fine shows among the assemblies that ship (docs/uncertainty.md).
+    Natural frequencies are stationary with respect to the mode shapes; modal constants and damping are not. The ratios
+    of their errors are the largest that a mesh twice as fine shows for the bundled assemblies (docs/uncertainty.md).
     """
 
     damping: float = 100.0
@@ -46,29 +46,29 @@ class ModelErrorSettings:
     phase: float = 2.0
     """Typical error of phases [rad], over that of natural frequencies."""
     largest: float = 0.3
-    """Error of damping, magnitude and phase that is typical at most, however wrong natural frequencies are."""
+    """Largest typical error of damping, magnitude and phase, however wrong natural frequencies are."""
     individual_magnitude: float = 0.3
-    """Error of magnitude and phase of each resonance alone, over the one that it shares with its neighbours."""
+    """Independent error of each resonance's magnitude and phase, over the error shared with its neighbours."""
     individual: float = 0.6
-    """Error of each natural frequency alone, over the one that it shares with its neighbours. With hat functions, whose
-    squares are 2/3 on average, the root of the mean square over all resonances is the size of the error."""
+    """Independent error of each natural frequency, over the error shared with its neighbours. With hat functions, whose
+    squares are 2/3 on average, the root mean square over all resonances is the size of the error."""
     moved: tuple[float, ...] = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
-    """Sizes of the error by which resonances are moved, for what that adds beyond the linear term: a misplaced peak far
-    above the noise shows it, and one that is too broad."""
+    """Displacements of resonances, in sizes of the error, at which the effect beyond the linear term is computed. It
+    shows in a peak far above the noise that is misplaced or too broad."""
     damped: tuple[float, float] = (0.1, 2.0)
-    """Error of damping from which this matters, and the change of its logarithm up to which it is done."""
+    """Error of damping above which this effect is computed, and the largest change of its logarithm for that."""
     hat_functions: int = 6
-    """Over the frequency axis: resonances nearer than a fifth of it err alike."""
+    """Number of hat functions over the frequency axis: resonances nearer than a fifth of it have similar errors."""
     tolerance: float = 1e-6
     """Relative error of the rational function whose poles are the resonances."""
     most_terms: int = 60
-    """Of that function; a resonance takes two."""
+    """Largest number of terms of that function; a resonance takes two."""
     pole_limits: tuple[float, float] = (0.5, 1.2)
-    """Times the lowest and the highest frequency: a pole beyond belongs to the background."""
+    """Factors of the lowest and the highest frequency beyond which a pole belongs to the background."""
     largest_damping: float = 0.6
-    """Imaginary part of a pole over its real part above which it is no resonance."""
+    """Largest ratio of a pole's imaginary part to its real part for a resonance."""
     same_pole: float = 0.5
-    """Imaginary parts of a pole up to which another one, from other frequencies, is the same."""
+    """Distance, in imaginary parts of a pole, within which a pole from other frequencies is the same one."""
 
 
 _SETTINGS = ModelErrorSettings()
@@ -89,10 +89,10 @@ class ModelError:
     phase : float
         Of the FRF's phase [rad].
     other : float
-        What none of these explains: of each average over neighbouring lines, relative to its magnitude.
+        Of each average over neighbouring lines, relative to its magnitude: errors that none of these explains.
     quantities : float
-        Each quantity of a known part may be off by as much as changes the FRFs like a relative error of natural
-        frequencies of this size. Intervals allow it; no measurement tells it.
+        Of each quantity of a known part, given as the relative error of natural frequencies that changes the FRFs as
+        much. Intervals allow for it; no measurement shows it.
     """
 
     natural_frequency: float
@@ -103,15 +103,15 @@ class ModelError:
     quantities: float = 0.0
 
     def times(self, factor: float) -> ModelError:
-        """Return with the errors that have a shape so many times larger."""
+        """Return a copy in which the errors that have a shape are larger by a factor."""
         return replace(self, **{kind: factor * getattr(self, kind) for kind in KINDS})
 
     def at_least(self, least: ModelError) -> ModelError:
-        """Return each size, or that of another error where it is larger."""
+        """Return the larger of two errors, size by size."""
         return ModelError(**{name: max(size, getattr(least, name)) for name, size in asdict(self).items()})
 
     def within(self, limit: ModelError) -> bool:
-        """Whether no error is larger than another one's."""
+        """Return whether no size is larger than that of another error."""
         return all(size <= getattr(limit, name) for name, size in asdict(self).items())
 
     def describe(self) -> str:
@@ -133,28 +133,28 @@ class ModelError:
 
 
 def _degrees(phase: float) -> str:
-    """Return an error of the phase [rad] in degrees; no two phases are more than half a turn apart."""
+    """Return an error of the phase [rad] in degrees, at most 180: no two phases are further apart."""
     return "180" if phase >= np.pi else f"{np.degrees(phase):.2g}"
 
 
 def _percent_or_factor(size: float) -> str:
-    """Return a relative error in per cent; one that is no small part, as the factor that it is."""
+    """Return a relative error in per cent, or as a factor if it is 1 or more."""
     return f"{100.0 * size:.2g} %" if size < 1.0 else f"a factor of {np.exp(size):.2g}"
 
 
 KINDS = tuple(field.name for field in fields(ModelError) if field.name not in ("other", "quantities"))
-"""The errors that have a shape of their own."""
+"""Names of the errors that have a shape."""
 
 
 def typical_model_error(natural_frequency: float) -> ModelError:
-    """Return the sizes of all errors that go with a relative error of natural frequencies."""
+    """Return the typical sizes of all errors for a given relative error of natural frequencies."""
     ratios = {"damping": _SETTINGS.damping, "magnitude": _SETTINGS.magnitude, "phase": _SETTINGS.phase}
     sizes = {name: min(ratio * natural_frequency, _SETTINGS.largest) for name, ratio in ratios.items()}
     return ModelError(natural_frequency, **sizes)
 
 
 TYPICAL = typical_model_error(MODEL_ERROR)
-"""What a model is allowed whose errors the measurement does not show."""
+"""Errors that a model is allowed if the measurement shows none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,11 +166,11 @@ class Resonances:
     poles : (n,) complex array
         Natural frequencies [Hz], ascending; the imaginary part is the real part times half the loss factor.
     terms : tuple of (n, n_freq) complex arrays
-        What each resonance contributes to the FRF of each response; 0 where it is beyond the response's frequencies.
+        Contribution of each resonance to the FRF of each response; 0 if it is beyond the response's frequencies.
     near : tuple of (n, n_freq) complex arrays
-        The first part of it, which is large beside the resonance.
+        The first of its two terms, which is large near the resonance.
     relative : tuple of (n, n_freq) complex arrays
-        p / (f - p): where on its peak each resonance is at each frequency.
+        p / (f - p), the inverse relative distance of each frequency from each pole.
     """
 
     poles: NDArray[np.complex128]
@@ -179,7 +179,7 @@ class Resonances:
     relative: tuple[NDArray[np.complex128], ...]
 
     def displaced(self, change: float) -> NDArray[np.complex128]:
-        """Return what a relative change of each pole adds to the FRFs, to first order.
+        """Return the change of the FRFs by a relative change of each pole, to first order.
 
         Parameters
         ----------
@@ -189,15 +189,15 @@ class Resonances:
         Returns
         -------
         (n, n_lines) complex array
-            The lines of each response behind those of the one before. Where the pole moves by more than its distance,
-            it is no larger than the resonance itself.
+            The lines of all responses, concatenated. Where the pole moves by more than its distance from the line, the
+            change is limited to the resonance's own contribution.
         """
         steps = [change * relative for relative in self.relative]
         pairs = zip(self.near, steps, strict=True)
         return np.concatenate([near * step / np.maximum(1.0, np.abs(step)) for near, step in pairs], axis=1)
 
     def displaced_beyond(self, change: float) -> NDArray[np.complex128]:
-        """Return what a relative change of each pole adds to the FRFs beyond `displaced`, (n, n_lines)."""
+        """Return the change of the FRFs (n, n_lines) by a relative change of each pole beyond that of `displaced`."""
         return self._moved(np.full(len(self.poles), change)) - self.displaced(change)
 
     @property
@@ -208,18 +208,18 @@ class Resonances:
         return np.concatenate([ratio * near * relative for near, relative in pairs], axis=1)
 
     def damped_beyond(self, change: float) -> NDArray[np.complex128]:
-        """Return what a change of the logarithm of each damping ratio adds beyond the linear term, (n, n_lines)."""
+        """Return the nonlinear change of the FRFs (n, n_lines) by a change of the logarithm of each damping ratio."""
         return self._moved(1j * self.poles.imag / self.poles * np.expm1(change)) - change * self.damped
 
     def _moved(self, changes: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return what relative changes (n,) of the poles, one by one, add to the FRFs, (n, n_lines)."""
+        """Return the changes of the FRFs (n, n_lines) by relative changes (n,) of the poles, one at a time."""
         steps = [changes[:, np.newaxis] * relative for relative in self.relative]
         pairs = zip(self.near, steps, strict=True)
         return np.concatenate([near * step / (1.0 - step) for near, step in pairs], axis=1)
 
 
 def fit_resonances(axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]]) -> Resonances:
-    """Find the resonances that FRFs of one structure show.
+    """Find the resonances in FRFs of one structure.
 
     Parameters
     ----------
@@ -231,14 +231,14 @@ def fit_resonances(axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray
     Returns
     -------
     Resonances
-        Without any pole where the FRFs show no resonance; then all is background.
+        Without poles if the FRFs have no resonance; then all is background.
 
     Notes
     -----
-    The poles are those of a rational function through a mixture of the FRFs with the same frequencies (AAA:
+    The poles are those of a rational function fitted to a mixture of the FRFs with the same frequencies (AAA:
     Nakatsukasa, Sete and Trefethen, The AAA algorithm for rational approximation, 2018). Poles from FRFs with different
-    frequencies are the same resonance if they are nearer to each other than a quarter of its width. The residues follow
-    by linear least squares.
+    frequencies are the same resonance if their distance is less than a quarter of its width. The residues follow by
+    linear least squares.
     """
     poles = _common_poles(axes, values)
     near, terms, relative = [], [], []
@@ -270,7 +270,7 @@ def _common_poles(
 
 
 def _poles(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
-    """Return the poles of FRFs; each enters with another phase, so that none is lost where two cancel."""
+    """Return the poles of FRFs; each FRF is mixed in with a different phase, so that no two cancel a resonance."""
     sizes = [float(np.abs(frf).std()) or 1.0 for frf in values]
     mixture = sum(np.exp(1j * index) * frf / size for index, (frf, size) in enumerate(zip(values, sizes, strict=True)))
     with warnings.catch_warnings():
@@ -281,7 +281,7 @@ def _poles(frequency: NDArray[np.float64], values: Sequence[NDArray[np.complex12
 
 
 def _is_within(poles: NDArray[np.complex128], frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which poles count as resonances of an FRF with these frequencies, and not as background."""
+    """Return which poles are resonances of an FRF with these frequencies; the others are background."""
     lowest, highest = _SETTINGS.pole_limits * frequency[[0, -1]]
     return np.asarray((poles.real > lowest) & (poles.real < highest))
 
@@ -289,7 +289,7 @@ def _is_within(poles: NDArray[np.complex128], frequency: NDArray[np.float64]) ->
 def _residues(
     frequency: NDArray[np.float64], values: NDArray[np.complex128], poles: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Return the residues (n,) of one FRF, beside a constant and a term that grows with the frequency squared."""
+    """Return the residues (n,) of one FRF, fitted together with a constant and a term in frequency squared."""
     near, mirrored = 1.0 / (frequency - poles[:, np.newaxis]), 1.0 / (frequency + np.conj(poles)[:, np.newaxis])
     background = np.stack([np.ones(len(frequency)), (frequency / frequency[-1]) ** 2]).astype(np.complex128)
     shapes = np.concatenate([near - mirrored, 1j * (near + mirrored), background])
@@ -303,7 +303,7 @@ def _residues(
 def error_shapes(
     axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]], size: ModelError
 ) -> dict[str, NDArray[np.complex128]]:
-    """Return what one standard deviation of each error adds to the FRFs of one structure, by the kind of error.
+    """Return the changes of one structure's FRFs by one standard deviation of each error, by the kind of error.
 
     Parameters
     ----------
@@ -316,15 +316,15 @@ def error_shapes(
     Returns
     -------
     dict of str to (n_errors, n_lines) complex array
-        The lines of each response behind those of the one before. Natural frequencies and damping are those of the
-        structure, so that all responses err alike in them; magnitude and phase err in each response separately.
-        "higher" is what a misplaced or too broad resonance adds beyond the linear term.
+        The lines of all responses, concatenated. Errors of natural frequencies and damping belong to the structure and
+        are shared by all responses; those of magnitude and phase are separate for each response. "higher" is the effect
+        of a misplaced or too broad resonance beyond the linear term.
 
     Notes
     -----
-    Neighbouring resonances err alike for the most part: natural frequencies, and the FRF's magnitude and phase, change
-    smoothly over the frequency axis, by six hat functions. Beside this each resonance errs alone, which moves the
-    antiresonances too.
+    Neighbouring resonances have mostly the same error: those of natural frequencies and of the FRF's magnitude and
+    phase vary smoothly over the frequency axis, as six hat functions. In addition, each resonance has an independent
+    error, which also moves the antiresonances.
     """
     counts = [len(frequency) for frequency in axes]
     if max(counts) < 2 or not any(size.to_dict().values()):
@@ -347,9 +347,9 @@ def error_shapes(
 
 
 def _higher(resonances: Resonances, size: ModelError) -> NDArray[np.complex128]:
-    """Return what errors of natural frequencies and damping of a size add beyond the linear term (n, n_lines).
+    """Return the nonlinear changes of the FRFs (n, n_lines) by errors of natural frequencies and damping.
 
-    Its covariance under normal distributions of both, by quadrature.
+    Their weights give the covariance under normally distributed errors, by quadrature.
     """
     moved, (least, most) = np.array(_SETTINGS.moved), _SETTINGS.damped
     density = np.exp(-(moved**2) / 2.0)
@@ -363,12 +363,12 @@ def _higher(resonances: Resonances, size: ModelError) -> NDArray[np.complex128]:
 
 
 def _in_response(errors: NDArray[np.complex128], index: int, counts: Sequence[int]) -> NDArray[np.complex128]:
-    """Return errors (n, n_freq) of one of several responses with these counts of lines, (n, n_lines)."""
+    """Pad errors (n, n_freq) of one response with zeros for the lines of the others: (n, n_lines)."""
     return np.pad(errors, ((0, 0), (sum(counts[:index]), sum(counts[index + 1 :]))))
 
 
 def hat_functions(frequency: NDArray[np.float64], band: tuple[float, float] | None = None) -> NDArray[np.float64]:
-    """Return six hat functions (6, n_freq), each 1 at one of six equally spaced frequencies and 0 at the others.
+    """Return six hat functions (6, n_freq), each 1 at one of six evenly spaced frequencies and 0 at the others.
 
     Parameters
     ----------

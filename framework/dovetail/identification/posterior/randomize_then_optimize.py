@@ -58,14 +58,14 @@ _SETTINGS = RandomizeThenOptimizeSettings()
 
 @dataclass(frozen=True, eq=False)
 class LinearisedPoints:
-    """Points with their residuals and the residuals' derivatives.
+    """Points z with their residuals and the derivatives of these.
 
     Parameters
     ----------
     z : (n, d) array
     residuals : (n, d + m) array
     jacobian : (n, d, d + m) array
-        Transposed: a row for each coordinate.
+        Derivatives of the residuals, transposed: a row for each coordinate.
     """
 
     z: NDArray[np.float64]
@@ -96,13 +96,13 @@ class LinearisedPoints:
 
 
 class TangentMap:
-    """The map from z to the residuals' components along their tangent space at an anchor, or at one for each row.
+    """The map from z to the components of the residuals along their tangent space at an anchor.
 
     Parameters
     ----------
     posterior : PosteriorResiduals
     anchors : LinearisedPoints
-        Where the tangents are taken: one point for all rows, or as many as there are rows.
+        Points where the tangents are taken: one for all rows of z, or one for each row.
     """
 
     def __init__(self, posterior: PosteriorResiduals, anchors: LinearisedPoints) -> None:

@@ -1,7 +1,7 @@
 """Samples of the posterior.
 
-The modes are searched, pilot searches explore the region around them, and the misfit is reduced to the few lines that
-this region needs. Then independent samples are drawn by randomize-then-optimize. Their weights are those of all lines.
+After a search for the modes, pilot searches explore the region around them, and the misfit is reduced to the few lines
+that this region needs. Randomize-then-optimize then draws independent samples, which are weighted with all lines.
 """
 
 from __future__ import annotations
@@ -37,33 +37,33 @@ __all__ = ["draw", "sample_posterior"]
 
 @dataclass(frozen=True)
 class SamplingSettings:
-    """How the region of the posterior is explored, and when samples are moved on."""
+    """How the region of the posterior is explored, and when samples need Metropolis steps."""
 
     pilots: int = 48
-    """Searches in each round of exploration."""
+    """Number of searches in each round of exploration."""
     pilot_iterations: int = 30
     scatter: float = 0.3
-    """Standard deviations, by the fit's information, of the first points around each mode."""
+    """Distance of the first points from a mode, in standard deviations by the fit's information."""
     margin: float = 1e-3
-    """Part of a range at its ends where none of these lies."""
+    """Distance of these points from the ends of a range, as a fraction of it."""
     rounds: tuple[int, int] = (3, 14)
-    """Fewest and most rounds of exploration; they end when the reduced misfit is accurate."""
+    """Smallest and largest number of rounds of exploration; they end when the reduced misfit is accurate."""
     reduction_error: float = 0.05
-    """Difference of chi-squared between the reduced misfit and all lines that is accepted."""
+    """Largest accepted difference of chi-squared between the reduced misfit and all lines."""
     region: float = 200.0
-    """Chi-squared above the best beyond which a point is not in the region of interest."""
+    """Chi-squared above the best one up to which a point is in the region of interest."""
     most_snapshots: int = 600
-    """FRFs, the latest, from which the misfit is reduced."""
+    """Number of FRFs, the latest ones, from which the misfit is reduced."""
     iterations: int = 200
-    """Of the search for one sample."""
+    """Largest number of iterations of the search for one sample."""
     batch: int = 100
-    """Searches side by side; the next batch starts from the samples of those before."""
+    """Number of searches at a time; each batch starts from the samples of the batches before."""
     even_weights: float = 0.4
-    """Effective samples over searches from which on samples need no Metropolis steps."""
+    """Effective samples over searches above which samples need no Metropolis steps."""
     uneven_weights: float = 0.1
-    """Effective samples over searches below which single weights dominate and are cut."""
+    """Effective samples over searches below which a few weights dominate and the largest are clipped."""
     weight_quantile: float = 0.975
-    """At which they are cut: where the posterior folds over, single weights are huge."""
+    """Quantile at which they are clipped: where the tangent map folds over, single weights are huge."""
 
 
 _SETTINGS = SamplingSettings()
@@ -79,7 +79,7 @@ def sample_posterior(
     seed: int = 0,
     progress: Progress = silent,
 ) -> Posterior:
-    """Draw samples of the parameters given a measured FRF, or one for each response.
+    """Draw samples of the parameters' posterior, given a measured FRF or one for each response.
 
     Parameters
     ----------
@@ -90,10 +90,10 @@ def sample_posterior(
     fit : Fit
         Of the same measurement. Its random error and the lines that it left out are used.
     samples : int
-        Searches, each of which gives one sample.
+        Number of searches, each for one sample.
     model_error : ModelError
-        What the model is allowed, 0 for a model that is exact. Small errors the measurement cannot show, since the
-        parameters follow them.
+        Errors that the model is allowed; 0 for an exact model. The measurement cannot show small ones, since the
+        parameters compensate for them.
     seed : int
     progress : Progress
 
@@ -108,10 +108,10 @@ def sample_posterior(
 
     Notes
     -----
-    The posterior is a narrow, curved valley, along which the walkers of a Markov chain hardly move. Each sample here is
-    a search of its own, weighted by the ratio of the densities. Where the weights are uneven, since the tangent map
-    folds over, samples are drawn by their weights and moved by Metropolis steps until they are independent of where
-    they began.
+    The posterior is a narrow, curved valley, along which the walkers of a Markov chain hardly move. Here, each sample
+    is the end of a separate search, weighted by the ratio of posterior to sampling density. If the weights are uneven,
+    since the tangent map folds over, samples are drawn by weight and moved by Metropolis steps until they are
+    independent of their starts.
     """
     check_options(samples)
     progress("modes", 0, 1)
@@ -143,7 +143,7 @@ def sample_posterior(
 
 
 class _Sampler:
-    """Explores the region of one posterior and draws samples of it, as z.
+    """Explores the region of one posterior and draws samples z of it.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ class _Sampler:
         self.lines = reduced.lines
 
     def _first_snapshots(self, modes: NDArray[np.float64], information: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return FRFs at the modes, as fractions, and scattered around them."""
+        """Return the FRFs at the modes, given as fractions of the ranges, and at points scattered around them."""
         values, vectors = np.linalg.eigh(information + PRIOR_PRECISION * np.eye(modes.shape[1]))
         steps = self._random.standard_normal((_SETTINGS.pilots, len(values))) / np.sqrt(
             np.maximum(values, PRIOR_PRECISION)
@@ -197,7 +197,7 @@ class _Sampler:
         return self._likelihood.frf(np.clip(points, _SETTINGS.margin, 1.0 - _SETTINGS.margin))
 
     def _adopt(self, reduced: ReducedResiduals) -> None:
-        """Use the reduced residuals from now on: their mode, and the tangent map there."""
+        """Replace the residuals by these reduced ones, with their mode and the tangent map there."""
         self._posterior = PosteriorResiduals(reduced)
         residuals = self._posterior.residuals(self._points)
         best = self._points[[np.argmin(np.einsum("nm,nm->n", residuals, residuals))]]
@@ -206,7 +206,7 @@ class _Sampler:
         self._points = np.concatenate([self._points, self._mode])
 
     def _solve(self, count: int, iterations: int) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
-        """Search z with components drawn at random, each from the known point whose components are nearest."""
+        """Search for z with randomly drawn components, each from the known point with the nearest components."""
         target = self._random.standard_normal((count, self._mode.shape[1]))
         components = self._tangent_map.components(self._posterior.residuals(self._points))
         squares = np.einsum("kd,kd->k", components, components) - 2.0 * target @ components.T
@@ -214,7 +214,7 @@ class _Sampler:
         return self._tangent_map.solve(target, nearest, iterations)
 
     def search(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return z where the searches for random components converged, and the logarithms of their weights."""
+        """Return the ends z of the searches that converged, and the logarithms of their weights."""
         z, log_weight = self._mode[:0], np.empty(0)
         for first in range(0, count, _SETTINGS.batch):
             self._progress("samples", first, count)
@@ -231,7 +231,7 @@ class _Sampler:
     def move(
         self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return samples drawn by their weights and moved, and the logarithms of the weights that remain."""
+        """Return samples drawn by weight and moved by Metropolis steps, and the logarithms of their new weights."""
         if not len(z):
             z, log_weight = self._mode, np.zeros(1)
         if _effective_sample_size(log_weight) < _SETTINGS.uneven_weights * count:
@@ -243,20 +243,20 @@ class _Sampler:
         return points.z, self._log_posterior(points.z) - points.log_posterior
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the logarithms (n,), but for a constant, of the density of z (n, p), by all lines."""
+        """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
         return np.asarray(self._likelihood.log(unit_from_normal(z)) - np.einsum("np,np->n", z, z) / 2.0)
 
 
 def draw(
     posterior: PosteriorResiduals, modes: NDArray[np.float64], form: Form, count: int, seed: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return samples z (n, p) of a posterior whose residuals are few, their weights, and which parameters they mislead.
+    """Return samples z (n, p) of a posterior with few residuals, their weights, and the parameters that they misjudge.
 
     Parameters
     ----------
     posterior : PosteriorResiduals
     modes : (n_modes, p) array
-        The highest first; where searches begin.
+        Starts of the searches, the highest mode first.
     form, count, seed
         As in `sample_posterior` and `laplace_posterior`.
     """
