@@ -1,4 +1,4 @@
-"""What a plugin implements; each contract in a file of its own."""
+"""The contracts that plugins implement, each in a separate file."""
 
 from dovetail.interfaces.component import (
     INTERFACE_VERSION,

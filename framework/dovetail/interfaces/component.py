@@ -1,4 +1,4 @@
-"""The base class of every component, and the errors in its code, which are reported with its file and line."""
+"""The base class of all components, and errors in their code, which are reported with file and line."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ __all__ = [
 Kind = Literal["substructure", "joint", "reducer", "regressor", "reader", "method"]
 KINDS: tuple[Kind, ...] = ("substructure", "joint", "reducer", "regressor", "reader", "method")
 INTERFACE_VERSION = 1
-"""Version of the plugin interface; it rises with each change that can break a component."""
+"""Version of the plugin interface; it increases with each change that can break a component."""
 
 
 class ComponentConfig(BaseModel):
-    """Base of every component's options: frozen, and an unknown key is an error."""
+    """Base class of every component's options; they are frozen, and an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     def with_options(self, options: Mapping[str, Any]) -> Self:
-        """Return the same options with others at some places, which are not checked; they may be arrays.
+        """Return the same options with some values replaced, which are not validated and may be arrays.
 
         Parameters
         ----------
         options : mapping of str to Any
-            By their place in the section of a description, such as ``"material.young"`` or ``"sections.0.length"``.
+            By their path in the section of a description, such as ``"material.young"`` or ``"sections.0.length"``.
         """
         changed = self
         for place, value in options.items():
@@ -66,16 +66,16 @@ def _replaced(options: Any, steps: Sequence[str], value: Any) -> Any:
 
 
 class Component(ABC):
-    """A model that a description names; made from its options and never changed afterwards.
+    """A model that a description names, constructed from its options and never changed afterwards.
 
     Attributes
     ----------
     kind : str
-        The contract that it fulfils; set by the base class of the contract.
+        The contract that it implements; set by the base class of the contract.
     name : str
         The word after ``model:`` in a description, or after ``--reader`` or ``--method``.
     summary : str
-        One line for ``dovetail plugins``.
+        One line, shown by ``dovetail plugins``.
     references : tuple of str
         Publications of the model.
     interface_versions : tuple of int
@@ -96,12 +96,12 @@ class Component(ABC):
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
         """Return sets of options, as in a description, with which ``dovetail check-plugin`` tests the component.
 
-        By default one set without options. A component with a required option must override this method.
+        By default a single set without options. A component with a required option must override this method.
 
         Parameters
         ----------
         folder : Path
-            An empty folder for files that options name.
+            An empty folder for files to which options refer.
         """
         return ({},)
 
@@ -116,7 +116,7 @@ class Component(ABC):
 def plugin_errors(component: object, label: str) -> Iterator[None]:
     """Convert an error in the code of a component to a `PluginError` that names the component, its file and the line.
 
-    What refuses an answer of the component as a `PluginError` without a file gets the component's.
+    A `PluginError` without a file, which rejects a result of the component, gets the file of the component.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def plugin_errors(component: object, label: str) -> Iterator[None]:
     ------
     PluginError
         The component's code, or code that it called, raised an exception other than a `DovetailError`; or the call
-        itself did, as where a method takes other arguments. Exceptions from elsewhere pass unchanged.
+        itself failed, for instance because a method takes other arguments. Other exceptions pass unchanged.
     """
     try:
         yield
@@ -145,7 +145,7 @@ def plugin_errors(component: object, label: str) -> Iterator[None]:
 
 
 def _with_file(component: object, error: PluginError) -> PluginError:
-    """Return an error about a component's answer with its file in front, unless it names one."""
+    """Prefix an error about a component's result with the component's file, unless it already names a file."""
     file = source_file(component)
     if not file or any(".py" in fault.where for fault in error.faults):
         return error
@@ -153,7 +153,7 @@ def _with_file(component: object, error: PluginError) -> PluginError:
 
 
 def _refusing_file(component: object, error: BaseException) -> str:
-    """Return the component's file if a call of it was refused, or no other code failed than what takes its answer."""
+    """Return the component's file if the call itself failed, or the statement that unpacks its result; else ''."""
     refused = isinstance(error, TypeError) and str(error).startswith(f"{type(component).__qualname__}.")
     trace = error.__traceback__
     at_statement = trace is not None and trace.tb_next is not None and trace.tb_next.tb_next is None
@@ -161,7 +161,7 @@ def _refusing_file(component: object, error: BaseException) -> str:
 
 
 def source_file(component: object) -> str:
-    """Return the file with the source code of a component or its class; an empty text if there is none."""
+    """Return the source file of a component or its class, or an empty text if there is none."""
     model = component if isinstance(component, type) else type(component)
     for member in vars(model).values():
         function = member.fget if isinstance(member, property) else member

@@ -1,4 +1,4 @@
-"""What features and targets are of: what a reducer or a regressor may know beside the numbers."""
+"""The meaning of features and targets, for reducers and regressors that need more than the numbers."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ __all__ = ["FeatureContext", "fit_in_context", "takes_context"]
 
 @dataclass(frozen=True, eq=False)
 class FeatureContext:
-    """What features and targets are of.
+    """The meaning of features and targets.
 
     Parameters
     ----------
     frequency : (n_freq,) array
         Hz; the lines of each response.
     responses : tuple of str
-        Names of the responses, whose features stand side by side: those of response i are the columns ``columns(i)``.
+        Names of the responses. Their features are concatenated; those of response i are the columns ``columns(i)``.
     parameters : tuple of str
         Names of the joint's parameters, one for each target.
     accelerance : callable or None
         Returns the training FRFs (n_samples, n_responses n_freq) with their phases, complex64 [m/(N s^2)], in the order
-        of the features; None where the dataset keeps amplitudes alone, or each epoch draws others.
+        of the features; None if the dataset holds only amplitudes, or if each epoch draws other samples.
     seconds : float or None
-        Time after which a regressor should end with the best that it has; None for as long as it takes.
+        Time [s] after which a regressor should stop with its best result so far; None for no limit.
     """
 
     frequency: NDArray[np.float64]
@@ -39,13 +39,13 @@ class FeatureContext:
     seconds: float | None = None
 
     def columns(self, response: int) -> slice:
-        """Return the columns of a response among the features, by its number from 0."""
+        """Return the columns of a response among the features, by its index."""
         count = len(self.frequency)
         return slice(response * count, (response + 1) * count)
 
 
 def takes_context(fit: Callable[..., Any]) -> bool:
-    """Return whether `fit` or `fit_epochs` of a component asks for the context."""
+    """Return whether `fit` or `fit_epochs` of a component takes the context."""
     return "context" in inspect.signature(fit).parameters
 
 

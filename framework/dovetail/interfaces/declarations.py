@@ -1,4 +1,4 @@
-"""Checks of what a joint or a substructure declares: parameters, ports, degrees of freedom, nodes."""
+"""Checks of the declarations of a joint or a substructure: parameters, ports, degrees of freedom, nodes."""
 
 from __future__ import annotations
 

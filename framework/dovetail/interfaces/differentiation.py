@@ -1,4 +1,4 @@
-"""Derivatives of a joint's matrices: exact where they are linear in a parameter, by differences elsewhere."""
+"""Derivatives of a joint's matrices: exact if they are linear in a parameter, else by finite differences."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Matrices = Callable[[NDArray[np.float64]], StructuralMatrices]
 
 @dataclass(frozen=True)
 class Settings:
-    """How derivatives are taken.
+    """How derivatives are computed.
 
-    The steps follow from the rounding of double precision and were tried on the shipped joints, on powers and on
-    exponentials; they are tested on joints with stops and gaps.
+    The steps follow from the rounding of double precision. They were checked on the bundled joints, on powers and on
+    exponentials, and are tested on joints with stops and gaps.
 
     Attributes
     ----------
@@ -30,24 +30,24 @@ class Settings:
         Step of the differences, relative to the parameter. Their truncation error is about step^4 and their rounding
         error about 1e-16 / step; here both are near 1e-12 of the derivative.
     least_step : float
-        Least step, relative to the parameter's range, for a parameter near zero.
+        Smallest step, relative to the parameter's range, for a parameter near zero.
     greatest_step : float
-        Greatest step, relative to the parameter's range, so that a stencil fits into it.
+        Largest step, relative to the parameter's range, so that a stencil fits into it.
     kink : float
-        Disagreement between the differences of fourth and of second order, relative to the derivative or, where that
-        vanishes, to the value over the parameter, from which on the function is taken to change its law within the
-        stencil. A smooth function's is near step^2.
+        Difference between the derivatives of fourth and of second order above which the function is assumed to have a
+        kink within the stencil. It is relative to the derivative or, if that vanishes, to the value over the parameter;
+        for a smooth function it is near step^2.
     shorter : tuple of float
-        Factors of the step with which the derivative is taken again where there may be a kink.
+        Factors of the step with which the derivative is computed again if there may be a kink.
     better : float
-        Part of the disagreement that may remain. A function with noise of its own disagrees as much at any step, and
-        keeps the longest.
+        Factor by which a shorter step must reduce this difference to be used. For a noisy function the difference is
+        the same at any step, and the longest step is kept.
     probes : int
         Number of parameter vectors at which slopes are compared.
     rounding : float
         Largest difference, relative to the entry, that counts as rounding.
     block_bytes : float
-        Memory of the matrices that are evaluated at once: few calls, and they stay in the processor's cache.
+        Memory of the matrices that are evaluated at a time: few calls, and they stay in the processor's cache.
     """
 
     step: float = 1e-3
@@ -64,10 +64,10 @@ class Settings:
 SETTINGS = Settings()
 
 _NODES = np.array([[1.0, -1.0, 2.0, -2.0], [1.0, 2.0, 3.0, 4.0], [-1.0, -2.0, -3.0, -4.0]])
-"""Distances, in steps, of the values that a central, a forward and a backward difference need beside the value here."""
+"""Distances, in steps, of the points of a central, a forward and a backward difference, without the middle."""
 _FOURTH_ORDER = np.array([[8.0, -8.0, -1.0, 1.0], [48.0, -36.0, 16.0, -3.0], [-48.0, 36.0, -16.0, 3.0]]) / 12.0
 _SECOND_ORDER = np.array([[0.5, -0.5, 0.0, 0.0], [2.0, -0.5, 0.0, 0.0], [-2.0, 0.5, 0.0, 0.0]])
-"""Weights of those values; the value here has the weight that makes their sum zero."""
+"""Weights of the values at these points; that of the value in the middle makes their sum zero."""
 
 
 def differences(
@@ -77,10 +77,10 @@ def differences(
     lower: NDArray[np.float64],
     upper: NDArray[np.float64],
 ) -> NDArray[Any]:
-    """Return derivatives by some parameters, by differences of fourth order.
+    """Return derivatives by some parameters, computed with differences of fourth order.
 
-    At the ends of a range they are one-sided, so that a parameter vector within the ranges needs none outside. Where
-    the function seems to change its law within the stencil, as at a stop, the step is shortened.
+    At the ends of a range they are one-sided, so that no parameter vector outside the ranges is needed. If the function
+    seems to have a kink within the stencil, as at a stop, the step is shortened.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def _difference(
     step: NDArray[np.float64],
     kind: NDArray[np.intp],
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Return the derivative of each vector by one of its parameters, and by what part its two orders disagree."""
+    """Return each vector's derivative by one parameter, and its relative difference between the two orders."""
     moved = np.repeat(vectors[np.newaxis], _NODES.shape[1], axis=0)
     moved[:, np.arange(len(column)), column] += (_NODES[kind] * step[:, np.newaxis]).T
     values = function(moved.reshape(-1, vectors.shape[1]))
@@ -151,7 +151,7 @@ def _difference(
 
 
 def _weighted_sum(weights: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
-    """Sum values (n_nodes, n, n_entries) with weights (n, n_nodes), in the same order for any n."""
+    """Sum values (n_nodes, n, n_entries) with weights (n, n_nodes), in an order that does not depend on n."""
     total: NDArray[Any] = weights[:, :1] * values[0]
     for node in range(1, len(values)):
         total += weights[:, node, np.newaxis] * values[node]
@@ -160,14 +160,14 @@ def _weighted_sum(weights: NDArray[np.float64], values: NDArray[Any]) -> NDArray
 
 @dataclass(frozen=True, eq=False)
 class _Entries:
-    """The entries of M, K, C and D that are differentiated; the others, the majority, have been zero so far.
+    """The entries of M, K, C and D that are differentiated; the others, the majority, have always been zero so far.
 
     Parameters
     ----------
     numbers : (n_entries,) int array
-        Of the entries, row by row, those of M, then those of K, C and D.
+        Indices of the entries, row by row, those of M, then those of K, C and D.
     slopes : (n_linear, n_entries) array
-        Of the matrices by the parameters in which they are linear.
+        Derivatives by the parameters in which the matrices are linear.
     """
 
     numbers: NDArray[np.intp]
@@ -177,16 +177,16 @@ class _Entries:
 class Differentiation:
     """Derivatives of matrices by their parameters.
 
-    Where the matrices are linear in a parameter over its whole range, with a slope that no other parameter changes,
-    that slope is the derivative. It is computed once, from a few probes, and at each parameter vector it is held
-    against the matrices there. All other derivatives are differences, and so are all derivatives at a parameter vector
-    whose matrices the slopes do not explain.
+    If the matrices are linear in a parameter over its whole range, with a slope that does not depend on the other
+    parameters, that slope is the derivative. It is computed once, from a few probes, and verified with the matrices at
+    each parameter vector. All other derivatives are differences, and so are all derivatives at a parameter vector where
+    the verification fails.
 
     Parameters
     ----------
     matrices : callable
     size : int
-        Number d of their DOFs.
+        Number d of DOFs.
     lower, upper : (n_params,) arrays
         Ranges of the parameters.
     """
@@ -218,7 +218,7 @@ class Differentiation:
         return [derivative for _, derivative in sorted(derivatives.items())]
 
     def _constant_derivatives(self, count: int) -> dict[int, StructuralMatrices]:
-        """Return the slopes for so many parameter vectors; they are kept for the next time."""
+        """Return the slopes, repeated for `count` parameter vectors; they are cached."""
         kept, constant = self._constant
         if kept != count:
             shape = (4, count, self._size, self._size)
@@ -228,7 +228,7 @@ class Differentiation:
         return constant
 
     def _constant_slope(self, column: int) -> NDArray[np.float64] | None:
-        """Return the slope (4, 1, d, d) of M, K, C and D by a parameter, None where it is not the same everywhere."""
+        """Return the slope (4, 1, d, d) of M, K, C and D by a parameter, or None if it is not constant."""
         low, width = self._lower, self._upper - self._lower
         slope: NDArray[np.float64] | None = None
         for fractions in np.random.default_rng(0).random((SETTINGS.probes, len(low))):
@@ -245,7 +245,7 @@ class Differentiation:
         return slope
 
     def _is_bent(self, theta: NDArray[np.float64], entries: _Entries) -> NDArray[np.bool_]:
-        """Return at which of n parameter vectors the constant slopes do not explain the matrices, (n,)."""
+        """Return for which parameter vectors (n, n_params) the constant slopes do not explain the matrices, (n,)."""
         bent = np.zeros(len(theta), dtype=np.bool_)
         linear = list(self._slopes)
         for block in self._blocks(len(theta), 2) if linear else ():
@@ -261,7 +261,7 @@ class Differentiation:
         return bent
 
     def _values_at_lower_ends(self, entries: _Entries) -> NDArray[np.float64]:
-        """Return some entries where all parameters are at their lower ends, (1, n_entries); they are kept."""
+        """Return some entries (1, n_entries) with all parameters at their lower ends; they are cached."""
         if self._at_lower_ends is None or self._at_lower_ends[0] is not entries:
             self._at_lower_ends = entries, self._values(self._lower[np.newaxis], entries)
         return self._at_lower_ends[1]
@@ -269,7 +269,7 @@ class Differentiation:
     def _differences(
         self, theta: NDArray[np.float64], columns: Sequence[int], entries: _Entries
     ) -> dict[int, NDArray[np.float64]]:
-        """Return the derivatives (n, n_entries) by some parameters, by differences."""
+        """Return the derivatives (n, n_entries) by some parameters, computed with differences."""
         derivatives = np.zeros((len(columns), len(theta), len(entries.numbers)))
         for block in self._blocks(len(theta), _NODES.shape[1] * len(columns)) if columns else ():
             derivatives[:, block] = differences(
@@ -289,12 +289,12 @@ class Differentiation:
         return spread
 
     def _blocks(self, count: int, evaluations: int) -> Iterator[slice]:
-        """Divide `count` parameter vectors, each with some evaluations of the matrices."""
+        """Divide `count` parameter vectors into blocks, each vector with some evaluations of the matrices."""
         size = max(1, int(SETTINGS.block_bytes / (4 * 8 * self._size**2 * evaluations)))
         return (slice(first, first + size) for first in range(0, count, size))
 
     def _values(self, theta: NDArray[np.float64], entries: _Entries) -> NDArray[np.float64]:
-        """Return some entries of M, K, C and D, (n, n_entries); take note where others are filled too."""
+        """Return some entries (n, n_entries) of M, K, C and D; record further entries that are not zero."""
         every = self._all_entries(theta)
         chosen: NDArray[np.float64] = every[:, entries.numbers]
         if np.count_nonzero(chosen != 0) < np.count_nonzero(every != 0):
@@ -303,7 +303,7 @@ class Differentiation:
         return chosen
 
     def _all_entries(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return M, K, C and D row by row, (n, 4 d^2)."""
+        """Return the entries (n, 4 d^2) of M, K, C and D, row by row."""
         matrices = self._matrices(theta)
         return np.concatenate([getattr(matrices, name).reshape(len(theta), -1) for name in "MKCD"], axis=1)
 

@@ -9,7 +9,7 @@ __all__ = ["FileName"]
 
 @dataclass(frozen=True)
 class FileName:
-    """Annotation of a text option: the name of a file, relative to the description that states it.
+    """Annotation of a text option that is the name of a file, relative to the description.
 
     Examples
     --------

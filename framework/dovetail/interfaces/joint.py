@@ -24,9 +24,9 @@ Scale = Literal["linear", "log"]
 Prior = Literal["uniform", "normal"]
 
 _DEVIATIONS = 4.0
-"""Standard deviations of a normal prior between the middle and each end of its range; 6e-5 lie outside."""
+"""Standard deviations of a normal prior between the middle and each end of its range; 6e-5 of it lie outside."""
 _TAIL = 3.167124183311986e-05
-"""Part of the normal distribution below the range: scipy.special.ndtr(-4.0)."""
+"""Share of the normal distribution below the range: scipy.special.ndtr(-4.0)."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,14 @@ class Parameter:
         How the range is sampled, and how the network's target is scaled.
     description : str
     prior : {"uniform", "normal"}
-        What is known of the value within the range, on its scale: nothing more, or that it is normally distributed
-        around the middle, with the ends four standard deviations away. On a logarithmic scale that is log-normal.
+        Distribution of the value over the range, on its scale: uniform, or normal about the middle, with the ends four
+        standard deviations away. On a logarithmic scale the latter is log-normal.
 
     Raises
     ------
     PluginError
-        A value of another type, a scale or a prior that there is not, or a range that is empty, not finite, or not
-        positive although its scale is logarithmic.
+        A value of another type, an unknown scale or prior, or a range that is empty, not finite, or not positive on a
+        logarithmic scale.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Parameter:
 
     @staticmethod
     def about(name: str, unit: str, middle: float, deviation: float, scale: Scale, description: str) -> Parameter:
-        """Return a parameter with a normal prior, by its middle and deviation in `unit`; log-normal on scale `log`."""
+        """Return a parameter with a normal prior from its mean and deviation in `unit`; log-normal on scale `log`."""
         half = _DEVIATIONS * deviation
         if scale == "log":
             factor = float(np.exp(half / middle))
@@ -115,7 +115,7 @@ class Parameter:
         return part
 
     def normal_residual(self, fraction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return how many standard deviations of a normal prior fractions are from the middle, and the derivative."""
+        """Return the distance of fractions from the middle, in deviations of a normal prior, and its derivative."""
         deviations = scipy.special.ndtri(_TAIL + np.asarray(fraction, dtype=np.float64) * (1.0 - 2.0 * _TAIL))
         density = np.exp(-(deviations**2) / 2.0) / np.sqrt(2.0 * np.pi)
         return deviations, (1.0 - 2.0 * _TAIL) / density
@@ -140,19 +140,19 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Port:
-    """Where a joint attaches to a substructure.
+    """One side of a joint, which attaches to a substructure.
 
     Parameters
     ----------
     name : str
         The key under ``connect:``.
     nodes : int
-        How many nodes of the substructure it takes.
+        Number of nodes of the substructure to which it attaches.
 
     Raises
     ------
     PluginError
-        The name is no text, or the number is not whole and positive.
+        The name is not a text, or the number is not a positive integer.
     """
 
     name: str
@@ -167,9 +167,9 @@ class Port:
 
 
 class JointModel(Component):
-    """A connection whose parameters are identified.
+    """A connection with parameters to identify.
 
-    Its local DOFs are those of its ports, port by port and node by node, x then rz. Its internal DOFs follow.
+    Its local DOFs are those of its ports, port by port and node by node, x then rz; its internal DOFs follow.
     """
 
     kind: ClassVar[Kind] = "joint"
@@ -182,11 +182,11 @@ class JointModel(Component):
     @property
     @abstractmethod
     def ports(self) -> tuple[Port, ...]:
-        """What the joint attaches to."""
+        """The sides of the joint, in the order of their DOFs."""
 
     @property
     def internal_dofs(self) -> int:
-        """Number of DOFs that belong to the joint alone, after those of its ports."""
+        """Number of DOFs that belong only to the joint, after those of its ports."""
         return 0
 
     @cached_property
@@ -195,7 +195,7 @@ class JointModel(Component):
         return self.internal_dofs + len(DIRECTIONS) * sum(port.nodes for port in self.ports)
 
     def refined(self, factor: int) -> JointModel | None:  # noqa: ARG002
-        """Return the same joint with a mesh `factor` times as fine, or None where it has none."""
+        """Return the same joint with a mesh `factor` times as fine, or None if it has no mesh."""
         return None
 
     @property
@@ -205,7 +205,7 @@ class JointModel(Component):
 
     @property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
-        """Pairs of local DOFs that become one when the joint's contacts are taken as rigid.
+        """Pairs of local DOFs that become the same DOF when the joint's contacts are taken as rigid.
 
         By default, the DOFs of two ports with the same number of nodes, in order.
         """
@@ -215,20 +215,20 @@ class JointModel(Component):
         return tuple((dof, half + dof) for dof in range(half))
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
-        """Say which ranges hold values that make no such joint.
+        """Return objections to ranges that hold impossible values.
 
-        A description is refused where there are objections. By default a parameter whose own range does not go below
-        zero must not do so in a description either. Override it to relate parameters to each other, or to allow more.
+        A description with objections is refused. By default, a parameter whose default range is not negative must not
+        be negative in a description either. Override this to relate parameters to each other, or to allow more.
 
         Parameters
         ----------
         lower, upper : mapping of str to float
-            Ends of the ranges in a description, by the parameter's name, in SI; equal where a value is known.
+            Ends of the ranges in a description, by the parameter's name, in SI; equal for a known value.
 
         Returns
         -------
         mapping of str to str
-            By the name of the parameter at fault, a sentence that says what is wrong with its range.
+            A sentence that says what is wrong with a range, by the name of the parameter.
         """
         objections = {}
         for parameter in self.parameters:
@@ -251,16 +251,16 @@ class JointModel(Component):
         Returns
         -------
         StructuralMatrices
-            Of (n, d, d) arrays, symmetric.
+            Symmetric (n, d, d) arrays.
         """
 
     def matrices_jacobian(self, theta: NDArray[np.float64]) -> Sequence[StructuralMatrices]:
         """Return the derivatives of `matrices` by each parameter.
 
-        A joint need not override it. Where the matrices are linear in a parameter over its whole range, whatever the
-        others are, the derivative is exact; elsewhere it is a difference of fourth order, whose error is some 1e-12 of
-        the entry over the parameter. At the ends of a range it is one-sided. At a stop, where the law changes, it is
-        that of the side on which the parameter lies.
+        A joint need not override it. If the matrices are linear in a parameter over its whole range, whatever the
+        other parameters are, the derivative is exact. Otherwise it is a difference of fourth order, with an error of
+        about 1e-12 of the entry over the parameter; it is one-sided at the ends of a range and, at a kink such as a
+        stop, on the side where the parameter lies.
 
         Parameters
         ----------
@@ -285,7 +285,7 @@ class JointModel(Component):
         return Differentiation(self.matrices, self.size, *self._range)
 
     def dynamic_stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return Z = K + iD + i omega C - omega^2 M; override it for a joint that depends on frequency otherwise.
+        """Return Z = K + iD + i omega C - omega^2 M; override it for a joint with another dependence on frequency.
 
         Parameters
         ----------
@@ -304,9 +304,9 @@ class JointModel(Component):
     ) -> Iterable[NDArray[np.complex128]]:
         """Return the derivatives of `dynamic_stiffness` by each parameter.
 
-        By default they come from `matrices_jacobian`. For a joint that overrides `dynamic_stiffness` they are
+        By default they follow from `matrices_jacobian`. For a joint that overrides `dynamic_stiffness` they are
         differences of fourth order, with an error below 1e-9 of the derivative where the parameter matters. Override
-        this method where they can be had exactly.
+        this method if exact derivatives are available.
 
         Parameters
         ----------
@@ -317,7 +317,7 @@ class JointModel(Component):
         Returns
         -------
         iterable of n_params (n, n_freq, d, d) complex arrays
-            Per unit of the parameter. One after the other, so that a generator need not hold them all.
+            Per unit of the parameter; a generator need not hold all of them at once.
         """
         if type(self).dynamic_stiffness is JointModel.dynamic_stiffness:
             return (matrices.dynamic_stiffness(frequency) for matrices in self.matrices_jacobian(theta))

@@ -32,7 +32,7 @@ def refuse_complex(name: str, values: Any) -> None:
 
 @contextmanager
 def refusing_complex_values() -> Iterator[None]:
-    """Raise where a component writes complex values into real matrices, which would drop their imaginary part."""
+    """Raise an error if a component writes complex values into real matrices, which would lose their imaginary part."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", np.exceptions.ComplexWarning)
         yield
@@ -46,7 +46,7 @@ class StructuralMatrices:
     ----------
     M, K, C, D : (..., d, d) arrays
         Mass [kg], stiffness [N/m], viscous damping [N s/m] and structural damping [N/m] for DOFs in m; the
-        corresponding units for rotations in rad. `C` and `D` are zero by default. Leading axes are a batch.
+        corresponding units for rotations in rad. `C` and `D` are zero by default. Leading axes form a batch.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class StructuralMatrices:
         pairs : sequence of (int, int)
             DOFs that face each other.
         stiffness, damping : (...) arrays
-            Of each single spring and damper [N/m and N s/m, or N m/rad and N m s/rad], one value for each of the batch.
+            Of each spring and damper [N/m and N s/m, or N m/rad and N m s/rad], a value for each member of the batch.
         """
         for matrix, value in ((self.K, stiffness), (self.C, damping)):
             for first, second in pairs:

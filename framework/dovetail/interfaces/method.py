@@ -1,4 +1,4 @@
-"""The contract of a method of identification: from measured FRFs and a model of them to parameters."""
+"""The contract of a method of identification, which estimates parameters from measured FRFs and a model of them."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ __all__ = ["Estimate", "IdentificationMethod", "IdentificationProblem"]
 
 
 TAKEN_NAMES = ("network", "refined", "multistart", "posterior", "rigid")
-"""What ``--method`` and ``compare`` call Dovetail's own; a plugin's method of that name could not be asked for."""
+"""Names of Dovetail's methods for ``--method`` and ``compare``; a plugin's method must not have one of them."""
 
 _OF_IDENTIFY = "assembly measured method weights phase progress seed model_error cause_seconds"
 TAKEN_OPTIONS = frozenset(_OF_IDENTIFY.split())
-"""What `identify` takes itself; an option of that name would not reach a plugin's method, or be taken for it."""
+"""Parameters of `identify`; an option of a plugin's method must not have one of these names."""
 
 
 @dataclass(frozen=True, eq=False)
 class IdentificationProblem:
-    """What is to be identified, and from what.
+    """The parameters to identify, the measurement and its model.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ class IdentificationProblem:
     variance : (n_lines,) array
         E|error|^2 of each measured value, known or estimated from the scatter from line to line.
     frf : callable
-        From parameters (n, n_params) [SI] to the model's FRFs (n, n_lines), complex, where each was measured.
+        From parameters (n, n_params) [SI] to the model's complex FRFs (n, n_lines) on the measured lines.
     frf_jacobian : callable
         From parameters (n, n_params) to these FRFs and their derivatives (n, n_lines, n_params) per SI unit.
 
     Notes
     -----
-    The lines of a second response stand behind those of the first, in `variance` and in what the callables return.
+    The lines of all responses are concatenated, in `variance` and in the results of the callables.
     """
 
     parameters: tuple[Parameter, ...]
@@ -56,13 +56,13 @@ class IdentificationProblem:
 
     @property
     def values(self) -> NDArray[np.complex128]:
-        """The measured values (n_lines,), one response behind the other."""
+        """The measured values (n_lines,) of all responses, concatenated."""
         return np.concatenate([frf.values for frf in self.measured])
 
     def difference(self, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the model's FRFs at parameters (n, n_params) [SI] less the measured ones, (n, n_lines).
+        """Return the model's FRFs at parameters (n, n_params) [SI] minus the measured ones, (n, n_lines).
 
-        Where a measurement is an amplitude alone (`Frf.has_phase`) it is the difference of amplitudes.
+        For a measurement without a phase (`Frf.has_phase`) it is the difference of amplitudes.
         """
         model = self.frf(theta)
         has_phase = np.concatenate([np.full(len(frf.frequency), frf.has_phase) for frf in self.measured])
@@ -71,15 +71,15 @@ class IdentificationProblem:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What a method found.
+    """The estimate of a method.
 
     Parameters
     ----------
     theta : (n_params,) array
         SI, within the ranges.
     samples : (n, n_params) array, optional
-        SI, within the ranges, of equal weight: how far each parameter is known. Intervals and verdicts are taken from
-        them; without them the table has none.
+        SI, within the ranges: posterior samples of equal weight. Intervals and verdicts are computed from them; without
+        them the table has none.
     """
 
     theta: NDArray[np.float64]
@@ -93,7 +93,7 @@ class IdentificationMethod(Component):
 
     @abstractmethod
     def identify(self, problem: IdentificationProblem, *, seed: int, progress: Progress = silent) -> Estimate:
-        """Identify the parameters; the same problem and seed give the same estimate.
+        """Estimate the parameters; the same problem and seed give the same estimate.
 
         Dovetail judges the estimate like those of its own methods: residuals, adequacy, causes of a misfit.
         """

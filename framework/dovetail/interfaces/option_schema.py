@@ -11,7 +11,7 @@ __all__ = ["option_schema"]
 
 
 def option_schema(config: type[BaseModel]) -> dict[str, Any]:
-    """Return the JSON Schema of a Config with a description of each option, where its author wrote one.
+    """Return the JSON Schema of a Config, with the descriptions of its options as far as there are any.
 
     Parameters
     ----------
@@ -21,12 +21,12 @@ def option_schema(config: type[BaseModel]) -> dict[str, Any]:
     Returns
     -------
     dict
-        The schema of pydantic; ``x-unit`` is the SI unit of an option that may be written with a unit.
+        The schema from pydantic; ``x-unit`` is the SI unit of an option that may be written with a unit.
 
     Raises
     ------
     Exception
-        The exception of pydantic for a type that JSON does not know.
+        The exception from pydantic for a type that JSON does not know.
     """
     schema = config.model_json_schema()
     for section in (schema, *schema.get("$defs", {}).values()):

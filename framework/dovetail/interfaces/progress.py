@@ -1,4 +1,4 @@
-"""Progress of long computations, and their record in the log of the name "dovetail"."""
+"""Progress of long computations, and their record in the log named "dovetail"."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def silent(stage: str, done: int, total: int, note: str = "") -> None:
 
 @contextmanager
 def progress_reporter(progress: Progress | bool | None) -> Iterator[Progress]:
-    """Yield what a function calls that was given this `progress`.
+    """Yield the progress function for the argument `progress` of a public function.
 
-    True shows a bar for each stage, in a terminal or a notebook; False or None shows nothing; a function is itself.
+    True shows a bar for each stage, in a terminal or a notebook; False or None shows nothing; a function is called.
     """
     if progress is not True:
         yield progress or silent
@@ -39,7 +39,7 @@ def progress_reporter(progress: Progress | bool | None) -> Iterator[Progress]:
 
 @contextmanager
 def logged(name: str, step: str) -> Iterator[None]:
-    """Log what begins, as DEBUG, and when it is done how long it took, as INFO; `name` is the module's."""
+    """Log the begin of a step as DEBUG and its duration as INFO; `name` is that of the module."""
     logger, began = logging.getLogger(name), time.perf_counter()
     logger.debug("%s ...", step)
     yield

@@ -1,4 +1,4 @@
-"""The contract of a file reader: from the bytes of a file to the FRFs in it."""
+"""The contract of a file reader, which decodes the bytes of a file to the FRFs in it."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ __all__ = ["FrfReader", "RecordedFrf"]
 
 @dataclass(frozen=True, eq=False)
 class RecordedFrf:
-    """One FRF as it stands in a file; Dovetail checks it, and converts its unit.
+    """One FRF as a file contains it; Dovetail checks it and converts its unit.
 
     Parameters
     ----------
     frequency : (n_freq,) array
         Hz.
     values : (n_freq,) array
-        Complex; real for amplitudes alone.
+        Complex; real for amplitudes only.
     unit : str
-        Of the values, such as ``"um/N"``, ``"m/s^2/N"`` or ``"g/N"``; it says the quantity too. Empty where the file
-        does not tell it: then the user is asked for it.
+        Of the values, such as ``"um/N"``, ``"m/s^2/N"`` or ``"g/N"``; it determines the quantity too. Empty if the file
+        does not contain it; then the user must state it.
     coherence : (n_freq,) array, optional
     averages : int, optional
     response, force : str
-        DOFs, such as ``"3+x"``; empty where the file does not tell them.
+        DOFs, such as ``"3+x"``; empty if the file does not contain them.
     note : str
-        What the file says about it in words.
+        The file's comment on it.
     """
 
     frequency: NDArray[np.float64]
@@ -53,7 +53,7 @@ class FrfReader(Component):
     Attributes
     ----------
     suffixes : tuple of str
-        Of the files that it may read, in small letters: ``(".abc",)``. Other readers may have the same.
+        Of the files that it may read, in lower case: ``(".abc",)``. Other readers may have the same.
     """
 
     kind: ClassVar[Kind] = "reader"
@@ -61,7 +61,7 @@ class FrfReader(Component):
 
     @abstractmethod
     def sniff(self, content: bytes) -> bool:
-        """Return whether a file with one of the suffixes is of this reader's format, by its first 4096 bytes."""
+        """Return whether a file with one of the suffixes has this reader's format, from its first 4096 bytes."""
 
     @abstractmethod
     def read(self, path: Path, content: bytes) -> Sequence[RecordedFrf]:
@@ -70,15 +70,15 @@ class FrfReader(Component):
         Parameters
         ----------
         path : Path
-            For messages, and for files beside it.
+            For messages, and for other files in the same folder.
         content : bytes
             The whole file, 100 MB at most.
 
         Raises
         ------
         ValueError
-            The file is damaged or of another format; its text is what the user is told. Code that is no Python should
-            run in a process of its own: `dovetail.call_guarded`.
+            The file is damaged or has another format; the user sees the text. A parser that is not written in Python
+            should run in a separate process: `dovetail.call_guarded`.
         """
 
     def samples(self, folder: Path) -> Sequence[Path]:  # noqa: ARG002

@@ -1,4 +1,4 @@
-"""The contract of a reducer: from many FRF lines to a few features."""
+"""The contract of a reducer, which makes a few features of many FRF lines."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class FittedReducer(ABC):
 
     @abstractmethod
     def state(self) -> State:
-        """Return all that `Reducer.restore` needs, as arrays and plain values."""
+        """Return everything that `Reducer.restore` needs, as arrays and plain values."""
 
 
 class Reducer(Component):
-    """A recipe for reducing FRF features."""
+    """A reducer of FRF features, before fitting."""
 
     kind: ClassVar[Kind] = "reducer"
 
@@ -46,8 +46,8 @@ class Reducer(Component):
     def fit(self, features: NDArray[np.float32], *, seed: int) -> FittedReducer:
         """Fit to training features (n_samples, n_features); the same seed gives the same result.
 
-        A reducer that must know what they are of takes a further argument, ``context: FeatureContext | None = None``,
-        by its name.
+        A reducer that needs to know the meaning of the features takes a further keyword argument,
+        ``context: FeatureContext | None = None``.
         """
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""The contract of a regressor: from reduced features to scaled joint parameters."""
+"""The contract of a regressor, which predicts scaled joint parameters from reduced features."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from dovetail.interfaces.state import State
 __all__ = ["Epoch", "FittedRegressor", "Regressor", "TargetDistribution", "spread_normal"]
 
 Epoch = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float64]]]
-"""From the number of an epoch, from 0, to its features (n_samples, n_features) and targets (n_samples, n_targets)."""
+"""From the index of an epoch to its features (n_samples, n_features) and targets (n_samples, n_targets)."""
 
 _EPOCHS_AT_ONCE = 4
 
 
 @dataclass(frozen=True, eq=False)
 class TargetDistribution:
-    """What a regressor knows of the targets of each row.
+    """The predicted distribution of the targets of each row.
 
     Parameters
     ----------
     samples : (n_samples, n_draws, n_targets) array
-        Draws of equal weight; 200 or more hold the ends of a 90 % interval.
+        Draws of equal weight; 200 or more suffice for the ends of a 90 % interval.
     """
 
     samples: NDArray[np.float64]
@@ -51,7 +51,7 @@ class TargetDistribution:
 
 
 def spread_normal(draws: int, dimensions: int) -> NDArray[np.float64]:
-    """Return standard normal draws (draws, dimensions), spread evenly and always the same."""
+    """Return standard normal draws (draws, dimensions), evenly spread and the same in each call."""
     return _spread_normal(draws, dimensions).copy()
 
 
@@ -80,7 +80,7 @@ class FittedRegressor(ABC):
         """
 
     def predict_distribution(self, features: NDArray[np.float32]) -> TargetDistribution | None:  # noqa: ARG002
-        """Tell how far the targets are known; None, as by default, from a regressor that gives values alone.
+        """Predict the distribution of the targets; None, the default, for a regressor that predicts values only.
 
         Parameters
         ----------
@@ -95,11 +95,11 @@ class FittedRegressor(ABC):
 
     @abstractmethod
     def state(self) -> State:
-        """Return all that `Regressor.restore` needs, as arrays and plain values."""
+        """Return everything that `Regressor.restore` needs, as arrays and plain values."""
 
 
 class Regressor(Component):
-    """A recipe for a regression from features to targets."""
+    """A regression from features to targets, before fitting."""
 
     kind: ClassVar[Kind] = "regressor"
 
@@ -114,8 +114,8 @@ class Regressor(Component):
     ) -> FittedRegressor:
         """Fit to standardised features (n_samples, n_features) and scaled targets (n_samples, n_targets).
 
-        A regressor that must know what they are of takes a further argument, ``context: FeatureContext | None = None``,
-        by its name; so may `fit_epochs`.
+        A regressor that needs to know their meaning takes a further keyword argument,
+        ``context: FeatureContext | None = None``; so may `fit_epochs`.
         """
 
     def fit_epochs(
@@ -123,16 +123,16 @@ class Regressor(Component):
     ) -> FittedRegressor:
         """Fit to samples whose features change from epoch to epoch, for robust training.
 
-        By default `fit` to the samples of the first four epochs together. A regressor that passes over its samples many
-        times overrides this method and calls `epoch` for each pass.
+        By default, `fit` to the samples of the first four epochs together. A regressor that passes over its samples
+        many times overrides this method and calls `epoch` for each pass.
 
         Parameters
         ----------
         epoch : callable
-            Row i of each epoch is the same FRF with other noise or, if samples are drawn anew, another FRF. All epochs
+            Row i of each epoch is the same FRF with other noise or, if samples are drawn again, another FRF. All epochs
             have the same number of rows.
         context : FeatureContext, optional
-            Handed to `fit`, if that takes it.
+            Passed to `fit`, if that takes it.
         """
         first = [epoch(number) for number in range(_EPOCHS_AT_ONCE)]
         features = np.concatenate([features for features, _ in first])

@@ -20,7 +20,7 @@ class SparseMatrices:
     Parameters
     ----------
     M, K, C, D : (d, d) scipy sparse arrays or matrices, or arrays
-        As in `StructuralMatrices`; stored as compressed columns of float64. `C` and `D` are zero by default.
+        As in `StructuralMatrices`; stored as csc_array of float64. `C` and `D` are zero by default.
 
     Raises
     ------

@@ -11,4 +11,4 @@ __all__ = ["State"]
 
 StateValue = NDArray[np.generic] | int | float | str | bool
 State = Mapping[str, StateValue]
-"""From names to arrays, numbers, texts or truth values; arrays are stored as safetensors, the others as JSON."""
+"""Arrays, numbers, texts or booleans by name; arrays are stored as safetensors, the others as JSON."""

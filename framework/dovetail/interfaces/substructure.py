@@ -26,7 +26,7 @@ class Node:
     ----------
     label : str
     position : float
-        Distance from the origin of the substructure [m], by which descriptions address the node.
+        Distance from the origin of the substructure [m], by which descriptions refer to the node.
     """
 
     label: str
@@ -50,7 +50,7 @@ class SubstructureModel(Component):
 
     @property
     def held(self) -> bool:
-        """True for a part that is supported from outside the assembly, so that its rigid-body motion needs a force."""
+        """True for a part that is supported from outside the assembly, which resists its rigid-body motion."""
         return False
 
     def refined(self, factor: int) -> SubstructureModel | None:  # noqa: ARG002
@@ -58,12 +58,12 @@ class SubstructureModel(Component):
         return None
 
     def doubts(self, frequency: float) -> Sequence[str]:  # noqa: ARG002
-        """Return what looks wrong with this part up to a frequency [Hz], a sentence each; by default nothing."""
+        """Return sentences about what looks wrong with this part up to a frequency [Hz]; by default none."""
         return ()
 
     @property
     def outline(self) -> Sequence[tuple[float, float, float, float]]:
-        """The sections to draw, one behind the other: start, stop, outer and inner diameter [m]; none by default."""
+        """The sections to draw, in order: start, stop, outer and inner diameter [m]; none by default."""
         return ()
 
     @property
@@ -76,7 +76,7 @@ class SubstructureModel(Component):
 
     @property
     def condensation_tolerance(self) -> float:
-        """Relative error up to which matrices may be condensed on a reduced basis; 0, the default, means exactly."""
+        """Relative error up to which matrices may be condensed on a reduced basis; 0, the default, is exact."""
         return 0.0
 
     @property
@@ -86,19 +86,19 @@ class SubstructureModel(Component):
 
     @abstractmethod
     def matrices(self) -> StructuralMatrices | SparseMatrices | None:
-        """Return the (d, d) matrices over the nodes' DOFs and the inner DOFs; None for a part with FRFs only."""
+        """Return the (d, d) matrices of the nodes' DOFs and the inner DOFs; None for a part with FRFs only."""
 
     def batched_matrices(self, options: Mapping[str, NDArray[np.float64]]) -> StructuralMatrices | None:  # noqa: ARG002
         """Return the matrices for many values of some options, or None, the default.
 
-        It is asked where a description seeks options of the part. Without it the part is made anew for each value,
-        which gives the same and takes longer.
+        It is called if a description seeks options of the part. Without it the part is constructed again for each
+        value, which gives the same result and takes longer.
 
         Parameters
         ----------
         options : mapping of str to (n,) array
-            In SI, by their place in the part's section, such as ``"material.young"`` or ``"sections.0.length"``; see
-            ``ComponentConfig.with_options``. All others are those of the part itself.
+            In SI, by their path in the part's section, such as ``"material.young"`` or ``"sections.0.length"``; see
+            ``ComponentConfig.with_options``. All others keep their values.
 
         Returns
         -------
@@ -148,7 +148,7 @@ class SubstructureModel(Component):
 
 
 def _sparse_receptance(matrices: SparseMatrices, frequency: float, ports: NDArray[np.intp]) -> NDArray[np.complex128]:
-    """Solve for unit loads on the ports' DOFs at one frequency [Hz], without DOFs that have no entry."""
+    """Solve for unit loads on the ports' DOFs at one frequency [Hz], leaving out DOFs without entries."""
     from scipy.sparse.linalg import splu
 
     Z = matrices.dynamic_stiffness(frequency)
