@@ -1,4 +1,4 @@
-"""Receptance coupling of parts that are known by their FRFs: inverse and forward, and the spindle's flange."""
+"""Receptance coupling of parts that are known by their FRFs, forward and inverse, and the flange of a spindle."""
 
 from dovetail.coupling.receptance import couple, decouple
 from dovetail.coupling.receptance_matrix import ReceptanceMatrix, read_receptance, write_receptance

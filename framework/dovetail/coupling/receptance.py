@@ -11,16 +11,16 @@ Receptance = NDArray[np.complex128]
 
 
 def couple(tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance, other: Receptance) -> Receptance:
-    """Return the receptance of a part at its points t once another part is rigidly coupled to its interface i.
+    """Return the receptance of a part at its points t with another part rigidly coupled to its interface i.
 
     This is forward RCSA, Eq. 20 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
 
     Parameters
     ----------
     tt, ti, it, ii : (n_freq, n_t, n_t), (n_freq, n_t, n_i), (n_freq, n_i, n_t), (n_freq, n_i, n_i) complex arrays
-        The part alone.
+        Of the part alone.
     other : (n_freq, n_i, n_i) complex array
-        The other part at the interface.
+        Of the other part at the interface.
 
     Returns
     -------
@@ -31,16 +31,16 @@ def couple(tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance, other
 
 
 def decouple(whole: Receptance, tt: Receptance, ti: Receptance, it: Receptance, ii: Receptance) -> Receptance:
-    """Return the receptance of the other part at the interface from that of the whole and of the known part.
+    """Return the receptance of the unknown part at the interface from those of the whole and of the known part.
 
     This is inverse RCSA, Eq. 18 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
 
     Parameters
     ----------
     whole : (n_freq, n_t, n_t) complex array
-        The whole at the points t of the known part.
+        Of the whole at the points t of the known part.
     tt, ti, it, ii : complex arrays
-        The known part alone, as in `couple`; n_t must be n_i.
+        Of the known part alone, as in `couple`; n_t must equal n_i.
 
     Returns
     -------

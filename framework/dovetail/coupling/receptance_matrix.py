@@ -1,4 +1,4 @@
-"""The receptance of a part between some of its DOFs, and the file of one at one point in x and rz."""
+"""The receptance of a part between some of its DOFs, and the file of such a matrix for x and rz of one point."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ReceptanceMatrix:
     Raises
     ------
     MeasurementError
-        Wrong shapes, values that are not finite, an axis that does not increase.
+        Wrong shapes, values that are not finite, or frequencies that are not positive and increasing.
     """
 
     frequency: NDArray[np.float64]
@@ -52,12 +52,12 @@ class ReceptanceMatrix:
             raise MeasurementError("the frequencies of a receptance matrix must be positive and increase.")
 
     def at(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the receptance on other lines, drawn through the nearest by cubic splines.
+        """Return the receptance on other lines, interpolated by cubic splines.
 
         Raises
         ------
         MeasurementError
-            The lines reach beyond those that are known.
+            The lines extend beyond the known ones.
         """
         from scipy.interpolate import CubicSpline
 
@@ -72,7 +72,7 @@ class ReceptanceMatrix:
 
 
 def write_receptance(matrix: ReceptanceMatrix, path: str | os.PathLike[str]) -> None:
-    """Write a receptance matrix as NPZ, whole or not at all.
+    """Write a receptance matrix as an NPZ file, atomically.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def read_receptance(path: str | os.PathLike[str]) -> ReceptanceMatrix:
     FileError
         The file is missing, too large, or cannot be read.
     MeasurementError
-        It holds no such receptance matrix.
+        It does not contain such a receptance matrix.
     """
     file = Path(path)
     content = read_bounded(file)

@@ -33,20 +33,19 @@ def spindle_flange(
     Parameters
     ----------
     holder : Assembly
-        The holder beyond its flange, free-free; its response's substructure is what was struck.
+        The holder beyond its flange, free-free; the substructure of its response is the one that was struck.
     tests : three Frf
-        h_aa, h_ab and h_bb on the holder's frequencies, translations at the points a and b with the holder on the
+        h_aa, h_ab and h_bb on the holder's frequencies: translations at the points a and b with the holder on the
         spindle. The accelerometer was at a, at a and at b.
     points : (float, float)
-        m, the positions of a (near the tip) and b on the holder.
+        Positions [m] of a (near the tip) and b on the holder.
     flange : float
-        m, where the holder ends and the spindle's flange begins.
+        Position [m] where the holder ends and the spindle's flange begins.
     accelerometer_mass : float
-        kg, taken off each test.
+        kg; its effect is removed from each test.
     rotations : {"model", "difference"}
-        Where rotations come from: the holder's model, which gives both translations and rotations (no approximation);
-        or first-order finite differences of the measured translations at a (Eq. 16), which err with the square of
-        the distance over the wavelength.
+        Source of the rotations: the holder's model, which needs no approximation; or first-order finite differences of
+        the measured translations at a (Eq. 16), whose error grows with the square of the distance over the wavelength.
 
     Returns
     -------
@@ -58,12 +57,12 @@ def spindle_flange(
     MeasurementError
         A test is on other lines or has no phase.
     ParameterError
-        The holder has parameters to seek, or a and b are the same node.
+        The holder has parameters to identify, or a and b are the same node.
 
     References
     ----------
-    Processes 14 (2026) 1875, doi:10.3390/pr14121875, Eqs. 16 to 18; with ``"model"`` the same decoupling over two
-    translations in place of a translation and a rotation.
+    Processes 14 (2026) 1875, doi:10.3390/pr14121875, Eqs. 16 to 18; with ``"model"`` the same decoupling with two
+    translations instead of a translation and a rotation.
     """
     part = holder.description.response.substructure
     if holder.parameters:
@@ -96,7 +95,7 @@ def difference_receptance(
     aa, ab, bb : (n_freq,) complex arrays
         m/N.
     distance : float
-        m from a to b, along the axis on which rz = dx/ds.
+        From a to b [m], along the axis s of rz = dx/ds.
 
     Returns
     -------
@@ -109,7 +108,7 @@ def difference_receptance(
 def _without_accelerometer(
     tests: tuple[Frf, Frf, Frf], frequency: NDArray[np.float64], mass: float
 ) -> tuple[NDArray[np.complex128], ...]:
-    """Return the three receptances without the accelerometer."""
+    """Return the three receptances without the effect of the accelerometer's mass."""
     for frf in tests:
         if not frf.has_phase:
             raise MeasurementError(Fault(frf.label, "the coupling needs a phase, and this is an amplitude alone."))
