@@ -1,7 +1,7 @@
 """Condensation of a substructure to the dynamic stiffness of its boundary, at each frequency.
 
-The route depends on what the substructure gives: small matrices or chains of elements, large sparse matrices, or
-receptances alone.
+The method depends on what the substructure provides: small matrices or chains of elements, large sparse matrices, or
+receptances only.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ __all__ = ["boundary_dynamic_stiffness", "inverted_receptance", "substructure_ma
 
 @dataclass(frozen=True)
 class Settings:
-    """Which matrices are eliminated symbolically, and which receptances are inverted."""
+    """Limits of the symbolic elimination and of the inversion of receptances."""
 
     few_dofs: int = 60
-    """DOFs up to which matrices are eliminated symbolically, however full they are."""
+    """Number of DOFs up to which matrices are eliminated symbolically, however full they are."""
     many_dofs: int = 1500
-    """DOFs beyond which matrices are never eliminated symbolically."""
+    """Number of DOFs above which matrices are never eliminated symbolically."""
     chain_entries: int = 16
-    """Entries in a row, at most, of a chain of elements, which is eliminated symbolically between the two."""
+    """Mean number of entries in a row up to which matrices of a size between the two are eliminated symbolically."""
     asymmetry: float = 1e-8
-    """Difference of an entry from its mirror image, over the matrix's largest entry, that rounding explains."""
+    """Difference of two mirrored entries, over the matrix's largest entry, that may be due to rounding."""
     condition: float = 1e10
-    """Condition of a balanced receptance beyond which its inverse is rounding."""
+    """Condition number of a balanced receptance above which its inverse consists of rounding errors."""
 
 
 SETTINGS = Settings()
@@ -58,8 +58,8 @@ def boundary_dynamic_stiffness(
     Returns
     -------
     (n_freq, n, n) complex array
-        Z_bb - Z_bi Z_ii^-1 Z_ib, the Schur complement over the inner DOFs. Where there are no matrices it is the
-        inverse of the receptance, which costs about six digits near the rigid-body modes.
+        Z_bb - Z_bi Z_ii^-1 Z_ib, the Schur complement of the inner DOFs. Without matrices it is the inverse of the
+        receptance, which loses about six digits near the rigid-body modes.
 
     Raises
     ------
@@ -68,8 +68,8 @@ def boundary_dynamic_stiffness(
 
     Notes
     -----
-    Small matrices and chains of elements are eliminated symbolically, all frequencies at once. Others are factorised
-    at every frequency. If the substructure states a tolerance, a reduced basis serves all frequencies instead.
+    Small matrices and chains of elements are eliminated symbolically, for all frequencies at once. Others are
+    factorised at every frequency or, if the substructure states a tolerance, projected on a reduced basis.
     """
     matrices = substructure_matrices(substructure)
     if matrices is None:
@@ -125,7 +125,7 @@ def substructure_matrices(substructure: SubstructureModel) -> StructuralMatrices
     Raises
     ------
     PluginError
-        They are too small for the substructure's nodes, not finite or not symmetric, or no matrices at all.
+        They are too small for the substructure's nodes, not finite, not symmetric, or not matrices.
     """
     with refusing_complex_values():
         matrices = substructure.matrices()
@@ -171,14 +171,14 @@ def inverted_receptance(
     Returns
     -------
     (n_freq, n, n) complex array
-        Zero at the DOFs that the substructure does not have.
+        Zero at the substructure's `absent_dofs`.
 
     Raises
     ------
     PluginError
         The model does not return finite numbers of this shape.
     DovetailError
-        The receptance is singular at a frequency, or so badly conditioned that its inverse is rounding.
+        The receptance is singular at a frequency, or so badly conditioned that its inverse consists of rounding errors.
     """
     absent = substructure.absent_dofs
     if not isinstance(absent, (Set, Sequence)) or isinstance(absent, str):

@@ -1,4 +1,4 @@
-"""The coupled system of an assembly: which DOFs take part, and where substructures and joints have entries."""
+"""The coupled system of an assembly: its active DOFs, and the entries of substructures and joints."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from dovetail.synthesis.joint_evaluation import (
 __all__ = ["BoundaryStiffness", "CoupledSystem", "Point", "condense"]
 
 Point = tuple[str, int]
-"""A DOF of a substructure: its name and the DOF's number there."""
+"""A DOF: the name of a substructure, and the index of the DOF there."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoundaryStiffness:
-    """Dynamic stiffness of a substructure over its boundary DOFs; a chain of elements fills a third of it or less.
+    """Dynamic stiffness of a substructure at its boundary DOFs, stored sparsely: a chain fills a third of it or less.
 
     Parameters
     ----------
     numbers : (n,) int array
         Global numbers of the boundary DOFs that are not held.
     entry : (n, n) int array
-        Row of `values` where the stiffness is, -1 where it is 0 at every frequency.
+        Row of each entry in `values`; -1 for an entry that is 0 at every frequency.
     values : (n_entries, n_freq) complex array
-        The entries that are not 0.
+        The other entries.
     """
 
     numbers: NDArray[np.intp]
@@ -50,7 +50,7 @@ class BoundaryStiffness:
 
     @staticmethod
     def of(numbers: NDArray[np.intp], Z: NDArray[np.complex128]) -> BoundaryStiffness:
-        """Keep the entries of Z (n_freq, n, n) that are not 0."""
+        """Store the entries of Z (n_freq, n, n) that are not 0 at every frequency."""
         filled = (Z != 0).any(axis=0)
         entry = np.full(filled.shape, -1, dtype=np.intp)
         entry[filled] = np.arange(np.count_nonzero(filled))
@@ -77,7 +77,7 @@ def condense(graph: Graph, frequency: NDArray[np.float64], points: Sequence[Poin
     Returns
     -------
     dict of str to BoundaryStiffness
-        By the substructure's name. Held DOFs are left out.
+        By the substructure's name, without held DOFs.
     """
     needed: dict[str, set[int]] = {name: set() for name in graph.substructures}
     for connection in graph.connections.values():
@@ -98,7 +98,7 @@ def condense(graph: Graph, frequency: NDArray[np.float64], points: Sequence[Poin
 
 
 class CoupledSystem:
-    """Substructures condensed to what joints and points need, and the joints between them.
+    """Substructures, condensed to the DOFs that joints and points need, and the joints between them.
 
     Parameters
     ----------
@@ -106,11 +106,11 @@ class CoupledSystem:
     frequency : (n_freq,) array
         Hz, positive.
     points : sequence of Point
-        Where forces act and motion is read; the first is the drive point.
+        DOFs at which forces act or motion is computed.
     condensed : mapping
-        The substructures, by `condense`.
+        The substructures, as `condense` returns them.
     sparsity : Sparsity
-        Which entries of the joints' matrices and derivatives are filled.
+        The non-zero entries of the joints' matrices and derivatives.
     """
 
     def __init__(
@@ -142,7 +142,7 @@ class CoupledSystem:
 
     @cached_property
     def active(self) -> NDArray[np.intp]:
-        """Global DOFs that take part: the points' and all that are connected with them.
+        """Global DOFs of the points, and all those that are connected with them.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class CoupledSystem:
 
     @property
     def pattern(self) -> NDArray[np.bool_]:
-        """Where the system over the active DOFs has entries, (d, d)."""
+        """Which entries of the system of active DOFs, (d, d), are filled."""
         return self._pattern[np.ix_(self.active, self.active)]
 
     def index(self, point: Point) -> int:
@@ -177,14 +177,14 @@ class CoupledSystem:
         return local, np.searchsorted(self.active, numbers[local])
 
     def dynamic_stiffness(self, theta: Theta, lines: NDArray[np.intp] | slice) -> NDArray[np.complex128]:
-        """Return Z over the active DOFs at some lines.
+        """Return Z of the active DOFs at some lines.
 
         Parameters
         ----------
         theta : mapping of str to (1, n_params) array
             One parameter vector.
         lines : array of int or slice
-            Which of the frequencies.
+            Indices of the frequencies.
 
         Returns
         -------
@@ -193,7 +193,7 @@ class CoupledSystem:
         Raises
         ------
         UnplannedEntries
-            A joint connects further DOFs.
+            A joint has entries that are not planned for.
         """
         frequency, size = self.frequency[lines], len(self.active)
         system = np.zeros((len(frequency), size, size), dtype=np.complex128)
@@ -217,10 +217,10 @@ class CoupledSystem:
 
 
 def _scatter(system: NDArray[np.complex128], indices: NDArray[np.intp], Z: NDArray[np.complex128]) -> None:
-    """Add Z to rows and columns of the system. An index that occurs twice is a merged DOF.
+    """Add Z to rows and columns of the system; an index that occurs twice is a merged DOF.
 
-    Entries of merged DOFs are summed before anything else is added: a stiff spring between them cancels then, and
-    leaves no rounding in softer entries.
+    Entries of merged DOFs are summed first, so that a stiff spring between them cancels and leaves no rounding errors
+    in softer entries.
     """
     distinct, place = np.unique(indices, return_inverse=True)
     merged = np.zeros((len(Z), len(distinct), len(distinct)), dtype=np.complex128)

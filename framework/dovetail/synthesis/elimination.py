@@ -1,4 +1,4 @@
-"""Symbolic elimination: order, fill and steps of the LDL^T, worked out once for all samples and frequencies."""
+"""Symbolic elimination: order, fill and steps of the LDL^T, determined once for all samples and frequencies."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["Program", "plan_elimination", "run_elimination"]
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """The steps of a complex-symmetric elimination of all DOFs but the kept ones.
+    """The steps of a complex-symmetric elimination of all DOFs except the kept ones.
 
-    Slots number the non-zeros of the lower triangle, fill included. Pivot p works on the slots
-    ``column[start[p]:start[p + 1]]`` below its diagonal; its update of the entry (i, j) is
+    Slots number the non-zeros of the lower triangle, including fill. Pivot p uses the slots
+    ``column[start[p]:start[p + 1]]`` below its diagonal; its updates are
 
         slot[target] -= slot[row] * slot[other] / slot[diagonal[p]]
 
@@ -30,7 +30,7 @@ class Program:
     order : (size,) array
         The DOFs in the order of elimination, the kept ones last.
     rows, columns : (n_slots,) arrays
-        Position of each slot, as DOFs; row after column in the order.
+        DOFs of each slot; the row follows the column in the order.
     diagonal : (size,) array
         Slot of each pivot.
     start : (pivots + 1,) array
@@ -38,7 +38,7 @@ class Program:
         Slots below the pivots.
     update_start : (pivots + 1,) array
     update : (n_updates, 3) array
-        Target slot, row and other as indices into the pivot's part of `column`.
+        Target slot, and row and other as indices into the pivot's part of `column`.
     """
 
     pivots: int
@@ -53,12 +53,12 @@ class Program:
 
     @property
     def slots(self) -> int:
-        """Number of non-zeros of the lower triangle with its fill."""
+        """Number of non-zeros of the lower triangle, including fill."""
         return len(self.rows)
 
     @cached_property
     def multiplications(self) -> int:
-        """Complex multiplications per frequency, divisions by the pivots included."""
+        """Number of complex multiplications per frequency, including divisions by the pivots."""
         return len(self.update) + len(self.column) + self.pivots + 1
 
 
@@ -68,17 +68,17 @@ def plan_elimination(pattern: NDArray[np.bool_], keep: Sequence[int], order: Seq
     Parameters
     ----------
     pattern : (d, d) bool array
-        Where the symmetric system has entries.
+        Non-zero entries of the symmetric system.
     keep : sequence of int
-        DOFs that stay. After the elimination their slots hold the Schur complement. For a single DOF, the inverse of
-        its final value is the receptance there.
+        DOFs that are kept. After the elimination their slots hold the Schur complement; for a single DOF, its inverse
+        is the receptance there.
     order : sequence of int, optional
-        DOFs that are eliminated last, in this order; the others before them, by minimum degree.
+        DOFs that are eliminated last, in this order; the others precede them, by minimum degree.
 
     Returns
     -------
     Program
-        The same one for the same pattern: a substructure that is changed and condensed anew is ordered once.
+        Cached by the pattern, so that a substructure that is changed and condensed again is ordered only once.
     """
     return _planned(np.asarray(pattern, dtype=np.bool_).tobytes(), len(pattern), tuple(keep), tuple(order))
 
@@ -120,7 +120,7 @@ def _planned(entries: bytes, size: int, keep: tuple[int, ...], last: tuple[int, 
 
 
 def run_elimination(program: Program, slots: NDArray[np.complex128]) -> None:
-    """Carry out the elimination in place, all frequencies at once, as the compiled kernel does.
+    """Carry out the elimination in place for all frequencies at once, as the compiled kernel does.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def run_elimination(program: Program, slots: NDArray[np.complex128]) -> None:
 def _minimum_degree(
     neighbours: list[set[int]], keep: set[int], prescribed: Sequence[int]
 ) -> tuple[list[int], list[list[int]], dict[int, set[int]]]:
-    """Return the order, the remaining neighbours of each pivot, and the graph that remains of the kept DOFs."""
+    """Return the order, the neighbours of each pivot when it is eliminated, and the remaining graph of kept DOFs."""
     graph = {dof: set(adjacent) for dof, adjacent in enumerate(neighbours)}
     order: list[int] = []
     below: list[list[int]] = []
@@ -155,6 +155,6 @@ def _minimum_degree(
 
 
 def _fill(graph: dict[int, set[int]], pivot: int) -> int:
-    """Return twice the number of new entries that eliminating `pivot` makes."""
+    """Return twice the number of entries that the elimination of `pivot` adds."""
     adjacent = graph[pivot]
     return sum(len(adjacent - graph[dof]) - 1 for dof in adjacent)

@@ -1,8 +1,8 @@
 """The synthesis engine: FRFs of many parameter vectors by one symbolic elimination and compiled code.
 
-It uses the primal form of frequency-domain substructure synthesis. The boundary dynamic stiffness of each substructure,
-condensed once, plus the joints' dynamic stiffness is eliminated with the points of the FRFs last. At a single point,
-H_rr is the inverse of the last pivot; between several points, receptances and motions are substituted back from it.
+It uses the primal form of frequency-domain substructure synthesis. The sum of the boundary dynamic stiffnesses of
+substructures, condensed once, and of joints is eliminated with the points of the FRFs last. For a single point, H_rr is
+the inverse of the last pivot; for several points, receptances and motions follow from it by back substitution.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class Settings:
     """How the engine divides its work."""
 
     most_samples: int = 64
-    """Samples in one call of the kernel: enough to use each vector of substructure data well."""
+    """Largest number of samples in one call of the kernel, enough to reuse each vector of substructure data."""
     fewest_samples: int = 8
-    """Samples that are worth a call of the kernel."""
+    """Smallest number of samples that is worth a call of the kernel."""
     gathered_samples: int = 512
-    """Samples whose joint matrices are made at once."""
+    """Number of samples whose joint matrices are computed at a time."""
     threaded_multiplications: float = 3e5
-    """Complex multiplications, about half a millisecond of them, that are worth starting threads."""
+    """Number of complex multiplications, about half a millisecond, from which threads are worth starting."""
     spectral_bytes: float = 16e6
     """Memory in which a thread evaluates joints that depend on frequency."""
 
@@ -54,7 +54,7 @@ SETTINGS = Settings()
 
 
 class Engine:
-    """FRFs of one graph on one frequency axis between chosen points, all by one elimination.
+    """FRFs of one graph on one frequency axis between chosen points, all from one elimination.
 
     Parameters
     ----------
@@ -62,30 +62,30 @@ class Engine:
     frequency : (n_freq,) array
         Hz, positive.
     points : sequence of Point
-        Where forces act and motion is read.
+        DOFs at which forces act or motion is computed.
     probe_theta : mapping of str to (n, n_params) array
-        A few parameter vectors that show which entries of the joints' matrices are filled. They decide what is planned
-        first, and nothing else: where other parameters fill further entries, the plan is widened and compiled anew.
+        A few parameter vectors that show which entries of the joints' matrices are filled. Only the first plan depends
+        on them: if other parameters fill further entries, the plan is extended and compiled again.
     jacobian_columns : mapping of str to list of int, optional
         Columns of each joint's theta by which `frfs_jacobian` differentiates; all by default.
     pairs : sequence of (int, int), optional
-        Output and input of each FRF, as indices into `points`: motion at the first per force at the second. The drive
-        point FRF at the first point alone by default.
+        Output and input of each FRF, as indices into `points`: motion at the first per force at the second. By default
+        the drive-point FRF at the first point only.
 
     Raises
     ------
     ValueError
-        There are no pairs, or one of them names a point that does not exist.
+        There are no pairs, or one of them refers to a point that does not exist.
 
     Attributes
     ----------
     threads : int
-        How many samples are computed at the same time.
+        Number of threads, each of which computes a block of samples.
     pairs : tuple of (int, int)
     pivoted_lines : int
-        Lines solved again with pivoting so far, because a pivot nearly vanished.
+        Number of lines so far that were solved again with pivoting, because a pivot nearly vanished.
     plan : Plan
-        For the entries met so far.
+        For the entries that have occurred so far.
     """
 
     def __init__(
@@ -128,11 +128,11 @@ class Engine:
 
     @property
     def program(self) -> Program:
-        """The symbolic elimination over the active DOFs, the points of the pairs last."""
+        """The symbolic elimination of the active DOFs, those of the pairs last."""
         return self.plan.program
 
     def _probe_derivatives(self) -> None:
-        """Plan for the derivatives that the probes show."""
+        """Extend the plan by the entries of the derivatives at the probes."""
         if self._has_probed_derivatives:
             return
         sparsity = self.system.sparsity
@@ -143,7 +143,7 @@ class Engine:
         self._has_probed_derivatives = True
 
     def prepared(self, factors: FactorsLike = None) -> Factors:
-        """Arrange factors once for many calls of this engine's methods.
+        """Prepare factors once for many calls of this engine's methods.
 
         Parameters
         ----------
@@ -152,14 +152,14 @@ class Engine:
         return Factors.of(factors, len(self.pairs), self._lines)
 
     def frfs(self, theta: Theta, factors: FactorsLike = None) -> NDArray[np.complex128]:
-        """FRFs of all pairs for each parameter vector.
+        """Return the FRFs of all pairs for each parameter vector.
 
         Parameters
         ----------
         theta : mapping of str to (n, n_params) array
             All parameters of each joint, by the joint's name.
         factors : (n_pairs, n_freq) or (n_freq,) complex array or Factors, optional
-            Factor of each pair from the receptance to the wanted quantity; one by default. See `prepared`.
+            Factors that convert each pair's receptance to the desired quantity; 1 by default. See `prepared`.
 
         Returns
         -------
@@ -173,7 +173,7 @@ class Engine:
         return result[..., : self._lines]
 
     def amplitudes(self, theta: Theta, factors: FactorsLike) -> NDArray[np.float32]:
-        """Magnitudes of the FRFs of all pairs, in single precision.
+        """Return the magnitudes of the FRFs of all pairs, in single precision.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class Engine:
     def frfs_jacobian(
         self, theta: Theta, factors: FactorsLike = None
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """FRFs of all pairs and their derivatives, by the adjoint: dH_oi/dp = -x_o^T (dZ/dp) x_i, x_p = Z^-1 e_p.
+        """Return the FRFs of all pairs and their derivatives, dH_oi/dp = -x_o^T (dZ/dp) x_i with x_p = Z^-1 e_p.
 
         Parameters
         ----------
@@ -203,7 +203,7 @@ class Engine:
         -------
         frfs : (n, n_pairs, n_freq) complex array
         jacobian : (n, n_pairs, n_freq, n_jacobian) complex array
-            Joint by joint, per unit of the parameter.
+            Per unit of each parameter, joint by joint.
         """
         self._probe_derivatives()
         prepared = self.prepared(factors)
@@ -228,7 +228,7 @@ class Engine:
         return self._planned(lambda plan: self._run_plan(plan, kernel_of, theta, factors, result, jacobian))
 
     def _planned(self, compute: Callable[[Plan], NDArray[Any]]) -> NDArray[Any]:
-        """Compute after the plan; where there are entries for which nothing is planned, widen it and compute anew."""
+        """Compute with the plan; if entries occur that are not planned for, extend it and compute again."""
         while True:
             try:
                 return compute(self.plan)
@@ -244,7 +244,7 @@ class Engine:
         result: NDArray[Any],
         jacobian: NDArray[np.complex128] | None,
     ) -> NDArray[np.intp]:
-        """Fill `result`, a block of samples in each thread, after one plan."""
+        """Fill `result` with one plan, a block of samples in each thread; return the samples as `_run_kernel`."""
         count, derivatives = len(result), jacobian is not None
         flags = np.zeros(count, dtype=np.uint8)
         outputs = (result, np.empty((count, 0)) if jacobian is None else jacobian, flags)
@@ -268,7 +268,7 @@ class Engine:
         *,
         derivatives: bool,
     ) -> None:
-        """Evaluate the joints for some samples while the threads work on the samples before."""
+        """Evaluate the joints for some samples while the threads compute the previous ones."""
         if not count:
             return
         size = self._block_size(plan, count, derivatives=derivatives)
@@ -292,7 +292,7 @@ class Engine:
             _wait(blocks)
 
     def _block_size(self, plan: Plan, count: int, *, derivatives: bool) -> int:
-        """Return how many samples a thread takes at once: enough for the cache, and some for every thread."""
+        """Return the number of samples in a block: enough to use the cache well, and some for every thread."""
         multiplications = count * len(self.system.frequency) * plan.program.multiplications
         if not plan.spectral.joints and multiplications < SETTINGS.threaded_multiplications:
             return count
@@ -304,14 +304,14 @@ class Engine:
     def _failed_lines(
         self, theta: Theta, result: NDArray[Any], samples: NDArray[np.intp]
     ) -> Iterator[tuple[Theta, int, NDArray[np.intp]]]:
-        """Yield parameters, number and lines of each sample in which a pivot nearly vanished."""
+        """Yield the parameters, the index and the affected lines of each sample in which a pivot nearly vanished."""
         for sample in map(int, samples):
             lines = np.flatnonzero(np.isnan(result[sample, 0]))
             self.pivoted_lines += int(np.count_nonzero(lines < self._lines))
             yield _samples(theta, sample, 1), sample, lines
 
     def receptance(self, theta: Theta, outputs: Sequence[Point], inputs: Sequence[Point]) -> NDArray[np.complex128]:
-        """Receptance between points for one parameter vector, by a pivoted solve at every frequency.
+        """Return the receptance between points for one parameter vector, from a pivoted solve at each frequency.
 
         Parameters
         ----------
@@ -330,7 +330,7 @@ class Engine:
 def _gather(
     plan: Plan, theta: Theta, count: int, *, derivatives: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the terms of joints with constant matrices and, where they are wanted, their derivatives."""
+    """Return the terms of joints with constant matrices and, if needed, their derivatives."""
     terms = plan.inputs.gather(theta, count)
     return terms, plan.inputs.gather_weights(theta, count) if derivatives else np.empty((count, 0))
 
@@ -338,7 +338,7 @@ def _gather(
 def _gather_spectral(
     plan: Plan, theta: Theta, count: int, *, derivatives: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the same of joints that depend on frequency."""
+    """Return the dynamic stiffness of joints that depend on frequency and, if needed, its derivatives."""
     none = np.empty((count, 0))
     if not plan.spectral.joints:
         return none, none
@@ -351,6 +351,6 @@ def _samples(theta: Theta, first: int, count: int) -> Theta:
 
 
 def _wait(blocks: Sequence[Future[None]]) -> None:
-    """Wait, and raise what was raised."""
+    """Wait for all blocks, and raise the first of their exceptions."""
     for future in blocks:
         future.result()

@@ -1,4 +1,4 @@
-"""The graph of an assembly: substructures, the joints between them, and the DOFs they share."""
+"""The graph of an assembly: substructures, the joints between them, and the DOFs that they share."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Attachment:
 
 @dataclass(frozen=True)
 class Connection:
-    """A joint model and where each of its ports is attached, in the order of its ports."""
+    """A joint model and the attachments of its ports, in their order."""
 
     model: JointModel
     attachments: tuple[Attachment, ...]
@@ -57,8 +57,8 @@ class Graph:
 
     Notes
     -----
-    DOFs that a joint merges, or holds at the ground, share one global number: compatibility is met by numbering, not
-    by large stiffnesses.
+    DOFs that a joint merges, or holds at the ground, share one global number: compatibility is satisfied by numbering,
+    not by large stiffnesses.
     """
 
     substructures: Mapping[str, SubstructureModel]

@@ -1,4 +1,4 @@
-"""An engine that computes a few lines of each FRF and interpolates the others by a rational function.
+"""An engine that computes a few lines of each FRF and interpolates the others with a rational function.
 
 An FRF whose estimated error exceeds the tolerance is computed at every line.
 """
@@ -25,20 +25,20 @@ __all__ = ["InterpolatedEngine", "RationalInterpolant", "chebyshev_lines"]
 
 @dataclass(frozen=True)
 class Settings:
-    """How many exact lines an FRF needs, and when interpolating the others pays."""
+    """How many exact lines an FRF needs, and when interpolation saves time."""
 
     counts: tuple[int, ...] = (9, 13, 17, 21, 25, 27, 29, 33, 41, 49, 65, 81, 97)
     """Numbers of exact lines that are tried, in this order."""
     most_exact: float = 1 / 8
-    """Part of all lines beyond which interpolation hardly saves time."""
+    """Share of exact lines above which interpolation hardly saves time."""
     most_rejected: float = 0.03
-    """Part of the trial's FRFs that may exceed the tolerance."""
+    """Share of the trial's FRFs that may exceed the tolerance."""
     fewest_multiplications: int = 100
-    """Of the elimination at a line, below which exact lines cost no more than interpolated lines."""
+    """Multiplications of the elimination at a line below which exact lines cost no more than interpolated ones."""
     fewest_samples: int = 32
-    """FRFs in a call below which interpolation does not pay for its preparation."""
+    """Number of FRFs in a call below which the preparation takes longer than interpolation saves."""
     samples_at_once: int = 64
-    """With `lines_at_once`, so that the arrays of a block of FRFs stay in the second-level cache."""
+    """Chosen with `lines_at_once` so that the arrays of a block of FRFs stay in the second-level cache."""
     lines_at_once: int = 512
 
 
@@ -51,17 +51,17 @@ class InterpolatedEngine(Engine):
     Parameters
     ----------
     graph, frequency, points, probe_theta, jacobian_columns, pairs
-        As of `Engine`.
+        As in `Engine`.
     tolerance : float
-        Greatest estimated relative error at any line. A parameter vector for which an FRF exceeds it is computed
-        exactly, and so are calls for a few vectors, Jacobians and `receptance`.
+        Largest estimated relative error at any line. If an FRF of a parameter vector exceeds it, all its FRFs are
+        computed exactly; so are calls for a few vectors, Jacobians and `receptance`.
     trial : mapping of str to (n, n_params) array
-        Parameter vectors by which the number of exact lines is chosen.
+        Parameter vectors with which the number of exact lines is chosen.
 
     Attributes
     ----------
     rejections : int
-        FRFs computed exactly so far because their estimated error exceeded the tolerance.
+        Number of FRFs so far that were computed exactly because of their estimated error.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class InterpolatedEngine(Engine):
 
     @cached_property
     def interpolant(self) -> RationalInterpolant | None:
-        """The rational functions through the fewest exact lines that suffice, or None where none pays."""
+        """The interpolant with the fewest exact lines that suffice, or None if interpolation saves no time."""
         if self.program.multiplications < SETTINGS.fewest_multiplications:
             return None
         exact = super().frfs(self._trial).reshape(-1, len(self.frequency))
@@ -111,17 +111,17 @@ class InterpolatedEngine(Engine):
         return ThreadpoolController()
 
     def frfs(self, theta: Theta, factors: FactorsLike = None) -> NDArray[np.complex128]:
-        """FRFs of all pairs for each parameter vector, as `Engine.frfs`."""
+        """Return the FRFs of all pairs for each parameter vector, as `Engine.frfs` does."""
         return self._interpolate(theta, factors, np.complex128, super().frfs)
 
     def amplitudes(self, theta: Theta, factors: FactorsLike) -> NDArray[np.float32]:
-        """Magnitudes of the FRFs of all pairs, as `Engine.amplitudes`."""
+        """Return the magnitudes of the FRFs of all pairs, as `Engine.amplitudes` does."""
         return self._interpolate(theta, factors, np.float32, super().amplitudes)
 
     def _interpolate(
         self, theta: Theta, factors: FactorsLike, dtype: type[np.generic], exactly: Callable[..., NDArray[Any]]
     ) -> NDArray[Any]:
-        """Return interpolated FRFs, and exact ones of the vectors with one whose error exceeds the tolerance."""
+        """Return interpolated FRFs, or exact ones for vectors with an FRF whose error exceeds the tolerance."""
         if sample_count(theta) < SETTINGS.fewest_samples or self.interpolant is None:
             return exactly(theta, factors)
         interpolant, size = self.interpolant, SETTINGS.samples_at_once
@@ -147,7 +147,7 @@ class InterpolatedEngine(Engine):
 
 
 def chebyshev_lines(count: int, lines: int) -> NDArray[np.intp]:
-    """Return the numbers of `count` out of `lines` lines, spaced as Chebyshev's points: denser towards both ends."""
+    """Return the indices of `count` out of `lines` lines, spaced like Chebyshev points: denser towards both ends."""
     fraction = (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2.0
     return np.unique(np.round(fraction * (lines - 1)).astype(np.intp))
 
@@ -155,9 +155,9 @@ def chebyshev_lines(count: int, lines: int) -> NDArray[np.intp]:
 class _BarycentricRational:
     """Rational functions of frequency in barycentric form, with the same support lines for all FRFs.
 
-    r(f) = n(f) / d(f), n(f) = sum_j w_j h_j / (f - f_j), d(f) = sum_j w_j / (f - f_j). It takes the values h_j at the
-    support frequencies f_j for any weights. The weights are chosen so that it takes the values at the other lines too
-    (Antoulas and Anderson 1986).
+    r(f) = n(f) / d(f), n(f) = sum_j w_j h_j / (f - f_j), d(f) = sum_j w_j / (f - f_j). It has the values h_j at the
+    support frequencies f_j for any weights. The weights are chosen so that it has the correct values at the other lines
+    too (Antoulas and Anderson 1986).
     """
 
     def __init__(self, nodes: NDArray[np.float64], support: NDArray[np.intp], others: NDArray[np.intp]) -> None:
@@ -167,7 +167,7 @@ class _BarycentricRational:
         self._cauchy = 1.0 / (nodes[others][:, None] - nodes[support])
 
     def weights(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return w (n, n_support) for the values h (n, n_nodes), scaled by its last column."""
+        """Return weights w (n, n_support) for the values h (n, n_nodes), scaled so that the last column is 1."""
         h_support, h_others = values[:, self.support], values[:, self._others]
         loewner = (h_others[:, :, None] - h_support[:, None, :]) * self._cauchy / np.abs(h_others)[:, :, None]
         weights = np.ones_like(h_support)
@@ -175,7 +175,7 @@ class _BarycentricRational:
         return weights
 
     def basis(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return 1 / (f - f_j), (n_support, n_freq); at a support line the unit vector of that line."""
+        """Return 1 / (f - f_j), (n_support, n_freq), or the unit vector of a support line at that line."""
         distance = frequency[None, :] - self._nodes[self.support][:, None]
         hit = distance == 0.0
         basis = 1.0 / np.where(hit, 1.0, distance)
@@ -185,24 +185,24 @@ class _BarycentricRational:
 
 
 class RationalInterpolant:
-    """A rational function through the exact lines of an FRF, with an error estimate from a second of lower degree.
+    """A rational function through the exact lines of an FRF, with an error estimate from one of lower degree.
 
     Parameters
     ----------
     frequency : (n_freq,) array
-        Hz, where the FRFs are wanted.
+        Hz, where the FRFs are computed.
     lines : (n_nodes,) array
-        Numbers of the lines that are known exactly, an odd number of nine or more.
+        Indices of the exact lines, an odd number of nine or more.
 
     Notes
     -----
     The first function has its support at every other exact line and passes through all exact lines. The second has its
-    support at the lines between and passes through all exact lines but two, a and b. The functions agree at all the
-    others, so that the numerator of their difference is a constant. Relative to the first function it is
+    support at the lines between and passes through all exact lines except two, a and b. The functions agree at the
+    others, so that the numerator of their difference is a constant. Relative to the first function the difference is
 
         kappa / ((f - a) (f - b) n_1(f) d_2(f)),   kappa = (a - b) w_a (h_a d_2(a) - n_2(a)),
 
-    at every frequency. Its greatest value over all lines is the error estimate; it is not a bound.
+    at every frequency. Its largest magnitude over all lines is the error estimate; it is not a bound.
     """
 
     def __init__(self, frequency: NDArray[np.float64], lines: NDArray[np.intp]) -> None:
@@ -231,7 +231,7 @@ class RationalInterpolant:
         Returns
         -------
         (n,) array
-            Estimated greatest relative error; infinite or NaN where there is no such function.
+            Largest estimated relative error; infinite or NaN if there is no such function.
         """
         smallest = np.full(len(exact), np.inf)
         with np.errstate(all="ignore"):

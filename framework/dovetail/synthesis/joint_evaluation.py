@@ -1,4 +1,4 @@
-"""A joint model's matrices, its dynamic stiffness and the derivatives of both: checked, and which entries they fill."""
+"""Checked matrices, dynamic stiffness and derivatives of a joint model, and which of their entries are filled."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ Theta = Mapping[str, NDArray[np.float64]]
 """All parameters of each joint, (n, n_params), by the joint's name."""
 
 _ASYMMETRY = 1e-9
-"""Difference of an entry from its mirror image that counts as rounding, relative to both and to their diagonal."""
+"""Difference of two mirrored entries that counts as rounding, relative to both and to their diagonal."""
 
 
 class MatrixRows:
-    """K, D, C and M of one or several sets, each a row for every sample, or one row that all samples share.
+    """K, D, C and M of one or several sets, each with a row for every sample or one row for all samples.
 
     Parameters
     ----------
     sets : sequence of StructuralMatrices
-        Of (n, d, d) arrays; one or more.
+        One or more, of (n, d, d) arrays.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class MatrixRows:
 
     @property
     def filled(self) -> NDArray[np.bool_]:
-        """Entries that any sample fills, (n_sets, 4, d, d)."""
+        """Entries (n_sets, 4, d, d) that are not zero for all samples."""
         filled: NDArray[np.bool_] = self.values != 0
         if len(filled) > len(self._lengths):
             filled = np.array([rows.any(axis=0) for rows in np.split(filled, np.cumsum(self._lengths)[:-1])])
@@ -73,14 +73,14 @@ class MatrixRows:
         Parameters
         ----------
         matrices : (n_entries,) array of int
-            The matrix of each entry: four times its set, and its place among K, D, C and M.
+            The matrix of each entry: four times the index of its set, plus that of the matrix among K, D, C and M.
         entries : (n_entries,) array of int
-            Row by row in a matrix.
+            Index in the matrix, row by row.
 
         Returns
         -------
         (n_entries, n) array
-            (n_entries, 1) where all samples share all matrices.
+            (n_entries, 1) if all samples share all matrices.
         """
         lengths, flat = self._lengths, self.values.reshape(len(self.values), -1)
         if (lengths == lengths[0]).all():
@@ -91,7 +91,7 @@ class MatrixRows:
 
 
 def _without_repetition(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a matrix (n, d, d), or (1, d, d) where all samples share one."""
+    """Return matrices (n, d, d), or a single one (1, d, d) if all samples share it."""
     return values if len(values) < 2 or values.strides[0] else values[:1]
 
 
@@ -101,12 +101,12 @@ def sample_count(theta: Theta) -> int:
 
 
 def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> MatrixRows:
-    """Return a joint's matrices for parameter vectors (n, n_params), a single set.
+    """Return a joint's matrices for parameter vectors (n, n_params), as a single set.
 
     Raises
     ------
     PluginError
-        The model fails, or returns something else than finite and symmetric (n, d, d) matrices.
+        The model fails, or returns anything other than finite and symmetric (n, d, d) matrices.
     """
     label = _label(name, model)
     with plugin_errors(model, label):
@@ -118,12 +118,12 @@ def joint_matrices(name: str, model: JointModel, theta: NDArray[np.float64]) -> 
 
 
 def joint_jacobian(name: str, model: JointModel, theta: NDArray[np.float64]) -> MatrixRows:
-    """Return the derivatives of a joint's matrices for (n, n_params) vectors, a set for each parameter.
+    """Return the derivatives of a joint's matrices for vectors (n, n_params), as a set for each parameter.
 
     Raises
     ------
     PluginError
-        The model fails, or returns something else than one set of finite (n, d, d) matrices a parameter.
+        The model fails, or returns anything other than a set of finite (n, d, d) matrices for each parameter.
     """
     label = _label(name, model)
     with plugin_errors(model, label):
@@ -142,7 +142,7 @@ def joint_stiffness(
     Raises
     ------
     PluginError
-        The model fails, or returns something else than finite numbers of this shape, symmetric at each line.
+        The model fails, or returns anything other than finite numbers of this shape, symmetric at each line.
     """
     label = _label(name, model)
     with plugin_errors(model, label):
@@ -160,7 +160,7 @@ def joint_stiffness_jacobian(
     Raises
     ------
     PluginError
-        The model fails, or gives something else than one array of finite numbers of this shape a parameter.
+        The model fails, or returns anything other than an array of finite numbers of this shape for each parameter.
     """
     label, count, shape = _label(name, model), 0, (len(theta), len(frequency))
     with plugin_errors(model, label):
@@ -193,7 +193,7 @@ def _label(name: str, model: JointModel) -> str:
 
 
 def _checked_rows(label: str, model: JointModel, sets: Sequence[StructuralMatrices], count: int) -> MatrixRows:
-    """Return sets of matrices that have the right shape and are finite."""
+    """Check that sets of matrices are finite and have the right shape, and return them."""
     wanted = (count, model.size, model.size)
     for matrices in sets:
         if not isinstance(matrices, StructuralMatrices):
@@ -208,7 +208,7 @@ def _checked_rows(label: str, model: JointModel, sets: Sequence[StructuralMatric
 
 
 def _check_symmetry(label: str, noun: str, values: NDArray[Any]) -> None:
-    """Refuse entries that differ from their mirror image by more than rounding, on the scale of the diagonal."""
+    """Refuse mirrored entries that differ by more than rounding, on the scale of the diagonal."""
     mirrored = np.swapaxes(values, -1, -2)
     if np.array_equal(values, mirrored):
         return
@@ -219,18 +219,18 @@ def _check_symmetry(label: str, noun: str, values: NDArray[Any]) -> None:
 
 
 def depends_on_frequency(model: JointModel) -> bool:
-    """Return whether a joint gives its dynamic stiffness itself, in place of M, K, C and D."""
+    """Return whether a joint provides its dynamic stiffness itself, instead of M, K, C and D."""
     return type(model).dynamic_stiffness is not JointModel.dynamic_stiffness
 
 
 @dataclass(frozen=True, eq=False)
 class JointSparsity:
-    """Entries of one joint that some parameter vector fills.
+    """Entries of one joint that are filled for some parameter vector.
 
     Parameters
     ----------
     matrices : (n_matrices, d, d) bool array
-        K, D, C and M as in `MATRICES`; the dynamic stiffness alone where a joint depends on frequency.
+        K, D, C and M as in `MATRICES`; only the dynamic stiffness for a joint that depends on frequency.
     derivatives : (n_params, n_matrices, d, d) bool array
     """
 
@@ -239,11 +239,11 @@ class JointSparsity:
 
     @property
     def filled(self) -> NDArray[np.bool_]:
-        """Entries of the joint's dynamic stiffness or of a derivative, (d, d)."""
+        """Entries (d, d) of the joint's dynamic stiffness or of any derivative."""
         return np.asarray(np.concatenate([self.matrices, *self.derivatives]).any(axis=0))
 
     def covers(self, other: JointSparsity) -> bool:
-        """Return whether all entries of the other are entries of this one."""
+        """Return whether all entries of another sparsity are entries of this one."""
         pairs = ((other.matrices, self.matrices), (other.derivatives, self.derivatives))
         return not any((theirs > own).any() for theirs, own in pairs if theirs is not own)
 
@@ -262,7 +262,7 @@ class JointSparsity:
 
 
 Sparsity = Mapping[str, JointSparsity]
-"""Of each joint, by its name."""
+"""The sparsity of each joint, by its name."""
 
 
 class UnplannedEntries(Exception):  # noqa: N818 (a reason to plan anew, not an error)
@@ -271,7 +271,7 @@ class UnplannedEntries(Exception):  # noqa: N818 (a reason to plan anew, not an 
     Parameters
     ----------
     sparsity : Sparsity
-        What they fill, of the joints concerned.
+        Their entries, of the joints concerned.
     """
 
     def __init__(self, sparsity: Sparsity) -> None:
@@ -286,13 +286,13 @@ def filled_entries(values: NDArray[np.generic]) -> NDArray[np.bool_]:
 
 
 def probe_matrices(graph: Graph, frequency: NDArray[np.float64], theta: Theta) -> dict[str, JointSparsity]:
-    """Return what some parameter vectors fill, without derivatives.
+    """Return the entries that some parameter vectors fill, without derivatives.
 
     Parameters
     ----------
     graph : Graph
     frequency : (n_freq,) array
-        Hz; a joint that depends on frequency is tried at the first, the middle and the last line.
+        Hz; a joint that depends on frequency is evaluated at the first, the middle and the last line.
     theta : mapping of str to (n, n_params) array
     """
     sparsity = {}
@@ -312,7 +312,7 @@ def probe_matrices(graph: Graph, frequency: NDArray[np.float64], theta: Theta) -
 def probe_derivatives(
     graph: Graph, frequency: NDArray[np.float64], theta: Theta, columns: Mapping[str, list[int]]
 ) -> dict[str, NDArray[np.bool_]]:
-    """Return what some parameter vectors fill of the derivatives by some columns of each joint's theta.
+    """Return the entries of the derivatives by some columns of each joint's theta that parameter vectors fill.
 
     Returns
     -------

@@ -30,7 +30,7 @@ __all__ = ["KernelInputs", "SpectralInputs"]
 
 
 _Set = tuple[tuple[int, ...], int, NDArray[np.bool_]]
-"""What stands before slot and matrix in the keys of a set of matrices, its number, and its entries (4, d, d)."""
+"""First part of the keys of a set of matrices, before slot and matrix; its index, and its entries (4, d, d)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +43,9 @@ class _Columns:
         As `MatrixRows.at` takes them.
     columns : array of int
     factors : array
-        Of the entries in the columns.
+        By which each entry is multiplied.
     repeated : bool
-        Whether a column occurs twice, where local DOFs are merged.
+        Whether a column occurs more than once, because local DOFs are merged.
     """
 
     matrices: NDArray[np.intp]
@@ -130,12 +130,12 @@ class KernelInputs:
 
     @cached_property
     def _differentiated(self) -> list[tuple[int, str, int]]:
-        """Number of each parameter of these joints, its joint, and its column of the joint's theta."""
+        """Index of each parameter of these joints, its joint, and its column in the joint's theta."""
         every = [(name, column) for name, columns in self._jacobian_columns.items() for column in columns]
         return [(number, name, column) for number, (name, column) in enumerate(every) if name in self._names]
 
     def _entries(self, indices: NDArray[np.intp], filled: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-        """Local (row, column, slot) that make up the lower triangle; both halves where two local DOFs are merged."""
+        """Return (row, column, slot) of the lower triangle, and of both halves if two local DOFs are merged."""
         entries = []
         for row, column in zip(*np.nonzero(filled), strict=True):
             slot = int(self._slot_of[indices[row], indices[column]])
@@ -144,7 +144,7 @@ class KernelInputs:
         return entries
 
     def local_slots(self, name: str, filled: NDArray[np.bool_]) -> list[tuple[tuple[int, int], int]]:
-        """Local row and column, and slot, of a joint's filled entries."""
+        """Return local row and column, and slot, of a joint's filled entries."""
         local, indices = self._system.locate(self._system.graph.joint_dofs(name))
         entries = self._entries(indices, filled[np.ix_(local, local)])
         return [((int(local[row]), int(local[column])), slot) for row, column, slot in entries]
@@ -152,9 +152,9 @@ class KernelInputs:
     def _columns(
         self, name: str, sets: Sequence[_Set], keys: Sequence[tuple[int | str, ...]], factors: NDArray[np.float64]
     ) -> _Columns:
-        """Return where entries of a joint's sets of matrices belong, by the keys of all columns.
+        """Return the columns to which entries of a joint's sets of matrices belong, given the keys of all columns.
 
-        A key is (*before, slot, matrix). The factors are those of each slot.
+        A key is (*before, slot, matrix); there is a factor for each slot.
         """
         column_of = {key: column for column, key in enumerate(keys)}
         chosen = [
@@ -168,13 +168,13 @@ class KernelInputs:
 
     @cached_property
     def _term_columns(self) -> dict[str, _Columns]:
-        """Where the entries of each joint's matrices belong."""
+        """Columns to which the entries of each joint's matrices belong."""
         sparsity, ones = self._system.sparsity, np.ones(self._program.slots)
         return {name: self._columns(name, [((), 0, sparsity[name].matrices)], self.terms, ones) for name in self._names}
 
     @cached_property
     def _weight_columns(self) -> dict[str, _Columns]:
-        """Where those of its derivatives belong, with the factors of -x^T dZ x, whose lower triangle is summed."""
+        """Columns of the entries of its derivatives, with the factors of -x^T dZ x, summed over the lower triangle."""
         factors = np.where(self._program.rows != self._program.columns, -2.0, -1.0)
         sets: dict[str, list[_Set]] = {}
         for parameter, name, column in self._differentiated:
@@ -219,14 +219,14 @@ class KernelInputs:
 
 
 def require(system: CoupledSystem, filled: Mapping[str, JointSparsity]) -> None:
-    """Raise `UnplannedEntries` unless the system is planned for what joints fill."""
+    """Raise `UnplannedEntries` unless the system is planned for the entries that joints fill."""
     unplanned = {name: sparsity for name, sparsity in filled.items() if not system.sparsity[name].covers(sparsity)}
     if unplanned:
         raise UnplannedEntries(unplanned)
 
 
 class SpectralInputs:
-    """The kernel's inputs from joints that depend on frequency and give their own dynamic stiffness.
+    """The kernel's inputs from joints that depend on frequency and provide their dynamic stiffness.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ class SpectralInputs:
         return tuple(sorted(derivatives))
 
     def bytes_per_sample(self, *, derivatives: bool) -> int:
-        """Return roughly how much memory the evaluation of one sample takes."""
+        """Return an estimate of the memory that the evaluation of one sample takes."""
         largest = max((self._model(name).size ** 2 for name in self._entries), default=0)
         rows = len(self.slots) + (len(self.derivatives) if derivatives else 0)
         temporaries = 12 if derivatives else 3
@@ -316,7 +316,7 @@ class SpectralInputs:
         return total
 
     def _stiffness_derivatives(self, theta: Theta) -> Iterator[tuple[str, int, NDArray[np.complex128]]]:
-        """Yield joint, parameter number and derivative, one derivative at a time to save memory."""
+        """Yield joint, parameter index and derivative, one derivative at a time to save memory."""
         for name in self._entries:
             if numbers := self._parameter_numbers(name):
                 derivatives = joint_stiffness_jacobian(name, self._model(name), self._system.frequency, theta[name])
@@ -327,7 +327,7 @@ class SpectralInputs:
                         yield name, numbers[column], dZ
 
     def _parameter_numbers(self, name: str) -> dict[int, int]:
-        """Return the number among all parameters of each column of a joint by which to differentiate."""
+        """Return the index among all parameters for each column of a joint by which to differentiate."""
         before = 0
         for joint, columns in self._jacobian_columns.items():
             if joint == name:

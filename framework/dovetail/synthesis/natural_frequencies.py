@@ -21,19 +21,19 @@ __all__ = ["DampedModes", "elastic_frequencies", "elastic_shapes"]
 
 _RIGID_BODY_MODES = 6
 _STRAIN_FLOOR = 1e-13
-"""A mode whose strain energy is below this part of the largest its amplitudes allow is a rigid-body mode. Rounding
-leaves a hundredth of it; a beam of 2500 elements in its first bending mode has twice as much."""
+"""Strain energy of a mode, over the largest possible one with its amplitudes, below which it is a rigid-body mode.
+Rounding gives a hundredth of this; a beam of 2500 elements in its first bending mode has twice as much."""
 _SHIFT_FLOOR = 1e-14
-"""A square of a frequency [1/s^2] below this part of the shift is rounding. The motion of a mass that nothing holds has
-no strain but the rounding of its shape, which is in that of its amplitudes as any elastic mode's is."""
+"""Squared frequency [1/s^2], over the shift, below which it is rounding. A mass that nothing holds has only the strain
+of rounding errors in its shape, which relative to its amplitudes may be as large as that of an elastic mode."""
 _MOST_DOFS = 1500
-"""Of an assembly whose poles are computed, with full matrices."""
+"""Largest number of DOFs of an assembly whose poles are computed, with full matrices."""
 _SAME_POLE = 1e-6
-"""Relative difference of two poles that are one and the same."""
+"""Relative difference below which two poles are the same."""
 _LEAST_TURN = 0.5
 """Imaginary part of a pole over its magnitude below which it is overdamped: a damping ratio above 0.87."""
 _CONVERGED = 1e-6
-"""Relative change of a pole in the last step, after which the next would change it by the cube of that."""
+"""Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
 _MOST_ITERATIONS = 12
 
 
@@ -49,17 +49,17 @@ def elastic_frequencies(matrices: StructuralMatrices | SparseMatrices, count: in
     Returns
     -------
     (<= count,) array
-        Hz, increasing. Fewer where the model has fewer elastic modes.
+        Hz, increasing; fewer if the model has fewer elastic modes.
 
     Raises
     ------
     DovetailError
-        The structure is not stable: a stiffness or a mass is negative. Or Lanczos does not converge.
+        The structure is not stable, since a stiffness or a mass is negative; or Lanczos does not converge.
 
     Notes
     -----
-    Neither massless DOFs nor rigid-body modes are a special case. Dense matrices: M phi = mu (K + s M) phi. Sparse
-    ones: shift-invert Lanczos with a shift below zero.
+    Massless DOFs and rigid-body modes need no special treatment. Dense matrices: M phi = mu (K + s M) phi. Sparse ones:
+    shift-invert Lanczos with a shift below zero.
     """
     if (matrices.M.diagonal() < 0).any():
         raise DovetailError("there are no natural frequencies: with these parameters a mass is negative.")
@@ -128,7 +128,7 @@ def _sparse_elastic_frequencies(matrices: SparseMatrices, count: int) -> NDArray
 
 
 def _dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the DOFs that are connected with a mass; the others have no motion."""
+    """Return the DOFs that are connected with a mass; the others do not move."""
     if (inertia > 0).all():
         return np.arange(len(inertia))
     _, group = connected_components(pattern, directed=False)
@@ -138,7 +138,7 @@ def _dofs_with_inertia(pattern: Any, inertia: NDArray[np.float64]) -> NDArray[np
 def _elastic_modes(
     K: Any, M: Any, shapes: NDArray[np.float64], least: float
 ) -> Iterator[tuple[float, NDArray[np.float64]]]:
-    """Yield those shapes that deform the structure, with frequencies [Hz] whose squares [1/s^2] are above the least."""
+    """Yield the shapes that deform the structure, with their frequencies [Hz]; squares [1/s^2] are above `least`."""
     stiffness = abs(K)
     for shape in shapes.T:
         strain, mass = shape @ K @ shape, shape @ M @ shape
@@ -156,7 +156,7 @@ class DampedModes:
     Raises
     ------
     DovetailError
-        The assembly is large, a substructure is known by its FRFs only, or a joint depends on frequency otherwise than
+        The assembly is too large, a substructure is known by its FRFs only, or a joint depends on frequency other than
         through matrices.
     """
 
@@ -190,9 +190,9 @@ class DampedModes:
             All parameters of each joint, by the joint's name.
         count : int
         highest : float
-            Hz; of modes beyond it, all but the first are left out.
+            Hz; of the modes above it, only the first is computed.
         differentiate : bool
-            Without derivatives where False.
+            Whether derivatives are computed.
 
         Returns
         -------
@@ -203,9 +203,9 @@ class DampedModes:
 
         Notes
         -----
-        Rayleigh quotient iteration for (s^2 M + s C + K + iD) x = 0 from each mode of the undamped assembly; where it
-        fails or leads to the same pole twice, all poles by the QZ algorithm. Derivatives are -x^T (dZ/dp) x / x^T
-        (dZ/ds) x.
+        Rayleigh quotient iteration for (s^2 M + s C + K + iD) x = 0 from each mode of the undamped assembly. If it
+        fails or finds the same pole twice, the QZ algorithm computes all poles. Derivatives are
+        -x^T (dZ/dp) x / x^T (dZ/ds) x.
         """
         matrices = [matrix.copy() for matrix in self._fixed]
         for name, model, L in self._joints:
@@ -229,7 +229,7 @@ class DampedModes:
         return poles, derivatives
 
     def _active(self, M: Any, K: Any, C: Any, D: Any) -> NDArray[np.intp]:
-        """Return the DOFs that move; they are those of the call before where the same entries are zero."""
+        """Return the DOFs that move, from the previous call if the same entries are zero."""
         pattern, inertia = (K != 0) | (M != 0) | (C != 0) | (D != 0), np.diag(M)
         if self._moving is None or not np.array_equal(self._moving[0], pattern):
             self._moving = pattern, _dofs_with_inertia(pattern, inertia)
@@ -237,7 +237,7 @@ class DampedModes:
 
 
 def _poles(A: Any, C: Any, M: Any, undamped: list[tuple[float, NDArray[np.float64]]]) -> tuple[Any, Any]:
-    """Return poles and shapes (n,), (n, d) of A + s C + s^2 M from the frequencies [Hz] and shapes without damping."""
+    """Return poles (n,) and shapes (n, d) of A + s C + s^2 M from the undamped frequencies [Hz] and shapes."""
     starts = np.array([2j * np.pi * frequency for frequency, _ in undamped], dtype=np.complex128)
     shapes = np.array([shape for _, shape in undamped], dtype=np.complex128).reshape(len(undamped), len(M))
     poles, shapes = _refined(A, C, M, starts, shapes)
@@ -254,7 +254,7 @@ def _poles(A: Any, C: Any, M: Any, undamped: list[tuple[float, NDArray[np.float6
 
 
 def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
-    """Return the poles and shapes to which Rayleigh quotient iteration leads; NaN where it does not converge."""
+    """Return the poles and shapes from Rayleigh quotient iteration; NaN where it does not converge."""
     s, X, going = s.copy(), X.copy(), np.arange(len(s))
     for _ in range(_MOST_ITERATIONS):
         at, x = s[going, None], X[going]

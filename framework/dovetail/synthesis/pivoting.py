@@ -1,4 +1,4 @@
-"""Solution of the coupled system with pivoting: between any points, and where a pivot of the elimination vanishes."""
+"""Solution of the coupled system with pivoting, between any points or where a pivot of the elimination vanishes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dovetail.synthesis.joint_evaluation import Theta, joint_stiffness_jacobian
 __all__ = ["PivotedSolver"]
 
 _DENSE_BYTES = 64e6
-"""Memory for the systems that are solved at once."""
+"""Memory for the systems that are solved at a time."""
 
 
 class PivotedSolver:
@@ -56,7 +56,7 @@ class PivotedSolver:
     def _motion(self, theta: Theta, lines: NDArray[np.intp], forces: Sequence[int]) -> NDArray[np.complex128]:
         """Return the motion (n_lines, d, n) under a unit force at each of n active DOFs.
 
-        What these parameters do not connect with a force does not move.
+        DOFs that these parameters do not connect with a force do not move.
         """
         Z = self._system.dynamic_stiffness(theta, lines)
         _, group = connected_components((Z != 0).any(axis=0), directed=False)
@@ -79,7 +79,7 @@ class PivotedSolver:
         return np.diagonal(self.receptance(theta, lines, outputs, inputs), axis1=1, axis2=2).T
 
     def derivatives(self, theta: Theta, lines: NDArray[np.intp]) -> NDArray[np.complex128]:
-        """Return the derivatives (n_pairs, n_jacobian, n_lines) of the receptance of each pair, by the adjoint."""
+        """Return the derivatives (n_pairs, n_jacobian, n_lines) of each pair's receptance, by adjoint sensitivity."""
         used = list(dict.fromkeys(point for pair in self._pairs for point in pair))
         motion = self._motion(theta, lines, [self._system.index(self._system.points[point]) for point in used])
         frequency = self._system.frequency[lines]
@@ -103,11 +103,11 @@ class PivotedSolver:
 
 
 def _solve_refined(Z: NDArray[np.complex128], loads: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Solve with rows of one size, and once more for the residual.
+    """Solve with rows scaled to the same size, and once more for the residual.
 
-    Newtons beside newton metres mislead the choice of pivots; the second step brings the error down to what rounding
-    in each entry of Z explains (Skeel, Iterative refinement implies numerical stability for Gaussian elimination,
-    1980).
+    Different units (newtons and newton metres) would mislead the choice of pivots. The second step reduces the error to
+    that of rounding in each entry of Z (Skeel, Iterative refinement implies numerical stability for Gaussian
+    elimination, 1980).
     """
     size = abs(Z).max(axis=2, keepdims=True)
     scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))

@@ -1,4 +1,4 @@
-"""What the engine has worked out for one sparsity pattern: elimination, inputs and compiled kernels."""
+"""The elimination, the inputs and the compiled kernels for one sparsity pattern."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class Settings:
     """How an elimination is compiled."""
 
     straight_line: int = 1500
-    """Multiplications up to which an elimination is compiled without loops, in less than a second.
+    """Number of multiplications up to which an elimination is compiled without loops, in less than a second.
 
-    The choice depends on the system alone, never on the number of samples, so that an FRF is the same bit for bit
-    however it is asked for.
+    The choice depends only on the system, never on the number of samples, so that an FRF is always the same bit for
+    bit.
     """
 
 
@@ -41,7 +41,7 @@ SETTINGS = Settings()
 
 
 FactorsLike: TypeAlias = "NDArray[np.complex128] | Factors | None"
-"""A factor for each pair and line, (n_pairs, n_freq), for each line, (n_freq,), or one everywhere."""
+"""A factor for each pair and line, (n_pairs, n_freq), or for each line, (n_freq,); None stands for 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +51,14 @@ class Factors:
     Parameters
     ----------
     values : (n_pairs, n_lines) array
-        The lines are a whole number of vectors.
+        The number of lines is a multiple of the vector length.
     """
 
     values: NDArray[np.complex128]
 
     @staticmethod
     def of(given: FactorsLike, pairs: int, lines: int) -> Factors:
-        """Return those of each pair and line; the last line's go on until the last vector is full."""
+        """Return the factor of each pair and line; that of the last line is repeated to fill the last vector."""
         if isinstance(given, Factors):
             return given
         every = np.broadcast_to(np.asarray(1.0 if given is None else given, dtype=np.complex128), (pairs, lines))
@@ -71,13 +71,13 @@ class Factors:
 
     @cached_property
     def vectors(self) -> NDArray[np.float64]:
-        """(n_vectors, 2 n_pairs, width) array of the real and the imaginary part of each pair's."""
+        """(n_vectors, 2 n_pairs, width) array of the real and imaginary parts of each pair's factors."""
         halves = np.stack([self.values.real, self.values.imag], axis=1)
         return as_vectors(halves.reshape(-1, self.values.shape[1]))
 
 
 class Plan:
-    """The elimination of a coupled system, its inputs and its kernels, each made when it is first used.
+    """The elimination of a coupled system, its inputs and its kernels, each created when it is first used.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ class Plan:
     pairs : sequence of (int, int)
         Output and input of each FRF, as indices into the system's points.
     order : sequence of int, optional
-        Global DOFs that an earlier plan eliminated, in its order. It is kept, and new DOFs are eliminated before them.
-        Thus the FRFs of parameters that leave the new entries empty stay the same bit for bit.
+        Global DOFs that an earlier plan eliminated, in its order, which is kept; new DOFs are eliminated before them.
+        Thus the FRFs of parameters that do not fill the new entries stay the same bit for bit.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Plan:
         self._order = order
 
     def widened(self, sparsity: Sparsity) -> Plan:
-        """Return a plan for further entries of some joints' matrices and derivatives too."""
+        """Return a plan that also covers further entries of some joints' matrices and derivatives."""
         system = self.system
         whole = {name: entries | sparsity.get(name, entries) for name, entries in system.sparsity.items()}
         wider = CoupledSystem(system.graph, system.frequency, system.points, system.condensed, whole)
@@ -116,7 +116,7 @@ class Plan:
 
     @cached_property
     def program(self) -> Program:
-        """The symbolic elimination over the active DOFs, those of the pairs after all others."""
+        """The symbolic elimination of the active DOFs, those of the pairs last."""
         last, *others = dict.fromkeys(dof for pair in self._dofs_of_pairs for dof in pair)
         position = {int(dof): index for index, dof in enumerate(self.system.active)}
         order = [position[dof] for dof in self._order if position[dof] not in (last, *others)]
@@ -145,7 +145,7 @@ class Plan:
 
     @cached_property
     def _static(self) -> tuple[tuple[tuple[int, int], ...], NDArray[np.float64]]:
-        """Slot and part of the substructures' entries, and the entries as the kernel reads them."""
+        """Slot and part (real or imaginary) of the substructures' entries, and the entries as the kernel reads them."""
         keys, rows = self.inputs.static()
         return keys, as_vectors(rows)
 
@@ -160,7 +160,7 @@ class Plan:
         return as_vectors(2.0 * np.pi * self.system.frequency)
 
     def layout(self, *, derivatives: bool = False) -> Layout:
-        """Return what the columns of the kernel's arrays mean."""
+        """Return the meaning of the columns of the kernel's arrays."""
         layout = Layout(self._static[0], self.inputs.terms, self._dofs_of_pairs, self.spectral.slots)
         if not derivatives:
             return layout

@@ -1,4 +1,4 @@
-"""Reference methods that the engine is tested against: the direct solution of the whole assembly, and literal FDSS."""
+"""Reference methods against which the engine is tested: direct solution of the whole assembly, and literal FDSS."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dovetail.synthesis.joint_evaluation import depends_on_frequency, joint_matr
 __all__ = ["LiteralSynthesis", "assembly_matrices", "direct_receptance"]
 
 _CANCELLED = 1e-15
-"""What is left of a sum below this part of its terms is rounding: stiffness between DOFs that a rigid joint merges."""
+"""Sum, over the size of its terms, below which it is rounding, as for stiffness between DOFs that a joint merges."""
 
 _Component = tuple[StructuralMatrices | SparseMatrices, NDArray[np.intp]]
 """Matrices and the global number of each of their DOFs; `HELD` where it does not move."""
@@ -28,7 +28,7 @@ _Component = tuple[StructuralMatrices | SparseMatrices, NDArray[np.intp]]
 def assembly_matrices(
     graph: Graph, theta: Mapping[str, NDArray[np.float64]] | None
 ) -> StructuralMatrices | SparseMatrices:
-    """Assemble all matrices over the global DOFs, the inner DOFs of substructures after those of the graph.
+    """Assemble the matrices of all global DOFs; the inner DOFs of substructures follow those of the graph.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def assembly_matrices(
     Returns
     -------
     StructuralMatrices or SparseMatrices
-        (d, d); sparse where a substructure's are.
+        (d, d); sparse if those of a substructure are.
 
     Raises
     ------
     DovetailError
-        A substructure is known by its FRFs only, or a joint depends on frequency otherwise than through matrices.
+        A substructure is known by its FRFs only, or a joint depends on frequency other than through matrices.
     """
     components, count = _substructures(graph)
     for name, connection in graph.connections.items():
@@ -62,7 +62,7 @@ def assembly_matrices(
 
 
 def _substructures(graph: Graph) -> tuple[list[_Component], int]:
-    """Return the substructures' matrices with their global numbers, and the number of DOFs with the inner ones."""
+    """Return the substructures' matrices with their global numbers, and the number of DOFs including inner ones."""
     components: list[_Component] = []
     count = graph.size
     for name, substructure in graph.substructures.items():
@@ -80,7 +80,7 @@ def _substructures(graph: Graph) -> tuple[list[_Component], int]:
 
 
 def _sum(name: str, components: Sequence[_Component], count: int) -> Any:
-    """Sum each component's own entries first: those between merged DOFs cancel then and leave no rounding elsewhere."""
+    """Sum each component's entries first, so that those between merged DOFs cancel without rounding elsewhere."""
     total = sum((_summed(name, *component, count) for component in components), coo_array((count, count)).tocsr())
     return total.tocoo()
 
@@ -135,17 +135,17 @@ def direct_receptance(
 class LiteralSynthesis:
     """Drive-point receptance H_rr - H_rb (H_bb + H_J)^-1 H_br, with the substructures' receptances computed once.
 
-    This is FDSS as it stands in Eqs. 4-7 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
+    This is FDSS as in Eqs. 4-7 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
 
     Parameters
     ----------
     graph : Graph
-        Without merged or held DOFs, each interface DOF in a single joint only, and every joint with inertia, so that
+        Without merged or held DOFs, with each interface DOF in a single joint, and with inertia in every joint, so that
         its receptance exists.
     frequency : (n_freq,) array
         Hz.
     substructure, dof : str and int
-        Where the response is.
+        The DOF of the response.
     """
 
     def __init__(self, graph: Graph, frequency: NDArray[np.float64], substructure: str, dof: int) -> None:
@@ -167,7 +167,7 @@ class LiteralSynthesis:
                 self._H_rr = receptance[:, -1, -1]
 
     def receptance(self, theta: Mapping[str, NDArray[np.float64]]) -> NDArray[np.complex128]:
-        """Return the (n_freq,) drive-point receptance for one vector of all parameters of each joint."""
+        """Return the drive-point receptance (n_freq,) for one parameter vector of each joint."""
         H = self._H_bb.copy()
         first = 0
         for name, connection in self._graph.connections.items():

@@ -1,7 +1,7 @@
 """Condensation of sparse matrices: exactly, by a factorisation at each frequency, or on a reduced basis.
 
-The reduced basis holds the modes with the boundary fixed and the exact motion at a few frequencies. Its error is
-measured against exact condensations at further frequencies.
+The reduced basis consists of the modes with the boundary held and of the exact motion at a few frequencies. Its error
+is measured with exact condensations at further frequencies.
 """
 
 from __future__ import annotations
@@ -28,30 +28,30 @@ class Settings:
     """How inner DOFs are eliminated, and how the reduced basis grows."""
 
     diagonal_preference: float = 0.01
-    """Part of a column's largest entry from which the diagonal serves as pivot, which preserves the sparse order."""
+    """Diagonal entry, over the column's largest one, from which it is the pivot, so that the sparse order is kept."""
     residual: float = 1e-11
-    """Of the inner equations, over the size of their terms; beyond it the line is solved again with full pivoting."""
+    """Residual of the inner equations, over their terms, above which the line is solved again with full pivoting."""
     frequency_margin: float = 1.2
-    """Multiple of the highest frequency up to which modes are taken."""
+    """Multiple of the highest frequency up to which modes are used."""
     agreements: int = 2
-    """Exact lines in a row that a basis must meet before it is accepted."""
+    """Number of successive exact lines with which a basis must agree before it is accepted."""
     independence: float = 1e-10
-    """Part of a vector that must be independent of the basis for the vector to join it."""
+    """Smallest part of a vector outside the basis, relative to its length, with which it is added to the basis."""
     lines_at_once: int = 256
-    """Bounds the memory of the projected matrices."""
+    """Number of lines at a time, which limits the memory of the projected matrices."""
 
 
 SETTINGS = Settings()
 
 
 class PartitionedMatrices:
-    """Inner and boundary blocks of sparse matrices, the inner DOFs in an order of elimination for all frequencies.
+    """Inner and boundary blocks of sparse matrices; the inner DOFs are in the order of elimination.
 
     Parameters
     ----------
     matrices : SparseMatrices
     dofs : sequence of int
-        The n boundary DOFs. DOFs without any entry are left out.
+        The n boundary DOFs. Inner DOFs without entries are left out.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class PartitionedMatrices:
         Raises
         ------
         DovetailError
-            The substructure has an undamped resonance with its boundary held exactly there.
+            With its boundary held, the substructure has an undamped resonance at exactly this frequency.
         """
         Z_bb = self.boundary.dynamic_stiffness(frequency).toarray()
         Z_ib = self.coupling_stiffness(frequency)
@@ -117,21 +117,21 @@ class PartitionedMatrices:
         return 0.5 * (stiffness + stiffness.T), motion
 
     def condense(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Condense exactly at every frequency (n_freq,) [Hz], by a factorisation each, to (n_freq, n, n)."""
+        """Return the exact stiffness (n_freq, n, n) at each frequency (n_freq,) [Hz], by one factorisation each."""
         with ThreadPoolExecutor(cores()) as pool:
             lines = list(pool.map(lambda line: self.solve(line)[0], [float(line) for line in frequency]))
         return np.stack(lines)
 
 
 def _elimination_order(pattern: csc_array) -> NDArray[np.intp]:
-    """Return a fill-reducing order: minimum degree on a dominant matrix of this pattern, which needs no pivoting."""
+    """Return a minimum-degree order, from a diagonally dominant matrix of this pattern, which needs no pivoting."""
     dominant = csc_array(pattern + diags_array(2.0 * np.asarray(pattern.sum(axis=0))))
     factors = splu(dominant, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0)
     return np.asarray(np.argsort(factors.perm_c), dtype=np.intp)
 
 
 def _solve(Z: csc_array, load: NDArray[np.complex128]) -> NDArray[np.complex128] | None:
-    """Solve by LU in the order of the DOFs; with full pivoting where that costs digits; None where Z is singular."""
+    """Solve by LU in the order of the DOFs or, if that loses digits, with pivoting; None if Z is singular."""
     threshold = SETTINGS.diagonal_preference
     attempts: tuple[dict[str, Any], ...] = (
         {"permc_spec": "NATURAL", "options": {"SymmetricMode": True}, "diag_pivot_thresh": threshold},
@@ -160,12 +160,12 @@ class ReducedCondensation:
     stiffness : (n_freq, n, n) complex array
         The boundary dynamic stiffness.
     error : float
-        Largest relative difference in the last comparisons: from exact lines that were not in the basis, and from the
+        Largest relative difference in the last comparison: from an exact line that was not in the basis, and from the
         previous basis at every line.
     vectors : int
         Size of the basis.
     exact_lines : int
-        Lines that were factorised.
+        Number of lines that were factorised.
     """
 
     stiffness: NDArray[np.complex128]
@@ -185,7 +185,7 @@ def condense_on_basis(
     frequency : (n_freq,) array
         Hz.
     tolerance : float
-        Of `relative_difference`.
+        Largest `relative_difference`.
 
     Returns
     -------
@@ -193,12 +193,12 @@ def condense_on_basis(
 
     Notes
     -----
-    Galerkin projection of M, K, C and D. The basis holds the undamped modes with the boundary held, up to 1.2 times the
-    highest frequency, and residual vectors for the higher modes: the exact motion at single frequencies under motion
-    of the boundary. The projection is symmetric, so that the error of the stiffness is the square of the error of the
-    motion. The next exact line is the one that the last vectors changed most. Its exact stiffness measures the error of
-    the basis before it. The basis is accepted when two such lines in a row, and the change at all others, are within
-    the tolerance.
+    Galerkin projection of M, K, C and D. The basis consists of the undamped modes with the boundary held, up to 1.2
+    times the highest frequency, and of residual vectors for the higher modes: the exact motion at single frequencies
+    under motion of the boundary. The projection is symmetric, so that the error of the stiffness is the square of the
+    error of the motion. The next exact line is the one that the last vectors changed most; its exact stiffness gives
+    the error of the basis before it. The basis is accepted when, twice in succession, this error and the change at all
+    lines are within the tolerance.
     """
     projection = _Projection(matrices)
     projection.add(_fixed_boundary_modes(matrices, SETTINGS.frequency_margin * float(frequency.max())))
@@ -231,7 +231,7 @@ def relative_difference(approximation: NDArray[np.complex128], truth: NDArray[np
 
 
 def _next_line(change: NDArray[np.float64], exact_lines: list[int]) -> int:
-    """Return the inexact line that changed most; at first the highest, the lowest and the middle line."""
+    """Return the line, not yet exact, that changed most; first the highest, the lowest and the middle line."""
     initial = (len(change) - 1, 0, len(change) // 2)
     if len(exact_lines) < len(initial) and initial[len(exact_lines)] not in exact_lines:
         return initial[len(exact_lines)]
@@ -267,7 +267,7 @@ class _Projection:
                 self._basis = np.column_stack([self._basis, new / norm])
 
     def condense(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the boundary dynamic stiffness on the basis, (n_freq, n, n)."""
+        """Return the boundary dynamic stiffness (n_freq, n, n), condensed on the basis."""
         V = self._scale[:, None] * self._basis
         inner, outer = self._matrices.inner, self._matrices.boundary
         projected = [V.T @ (matrix @ V) for matrix in (inner.M, inner.K, inner.C, inner.D)]
@@ -294,7 +294,7 @@ def _schur_complement(
 
 
 def _fixed_boundary_modes(matrices: PartitionedMatrices, highest: float) -> NDArray[np.float64]:
-    """Return the undamped modes (n_inner, k) up to a frequency [Hz], the boundary held."""
+    """Return the undamped modes (n_inner, k) up to a frequency [Hz], with the boundary held."""
     from scipy.sparse.linalg import ArpackError, eigsh
 
     M, K = matrices.inner.M, matrices.inner.K

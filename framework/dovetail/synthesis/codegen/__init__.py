@@ -1,1 +1,1 @@
-"""The elimination as machine code: LLVM IR on vectors of frequencies, as straight-line code or as loops."""
+"""The elimination as machine code, from LLVM IR on vectors of frequencies, as straight-line code or as loops."""

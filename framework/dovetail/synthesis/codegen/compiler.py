@@ -1,4 +1,4 @@
-"""Machine code made at run time: LLVM IR in, a function out."""
+"""Compilation of LLVM IR to machine code at run time."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class MachineKernel:
     Parameters
     ----------
     source : str
-        LLVM IR of a function ``kernel`` of three integers and eleven arrays, the last of which is its scratch memory.
+        LLVM IR of a function ``kernel`` of three integers and eleven arrays; the last array is its scratch memory.
     scratch : int
         Number of doubles in the scratch memory.
 
     Notes
     -----
-    Compiling takes about a tenth of a second, because the code consists of vector instructions already. Nothing has to
-    be inferred, vectorised or cached on disk.
+    Compilation takes about a tenth of a second, because the code already consists of vector instructions: there is
+    nothing to infer or to vectorise, and no cache on disk is needed.
     """
 
     def __init__(self, source: str, scratch: int = 0) -> None:
@@ -47,7 +47,7 @@ class MachineKernel:
         self._function: Callable[..., None] = signature(self._engine.get_function_address("kernel"))
 
     def __call__(self, vectors: int, samples: int, lines: int, arrays: Sequence[NDArray[Any]]) -> None:
-        """Run the kernel on C-contiguous arrays, in the order of its arguments but the scratch."""
+        """Run the kernel on C-contiguous arrays, in the order of its arguments, without the scratch memory."""
         if not all(array.flags.c_contiguous for array in arrays):
             raise ValueError("the kernel takes contiguous arrays only.")
         scratch = aligned_empty((self.scratch,), np.float64)
@@ -56,12 +56,12 @@ class MachineKernel:
 
 @lru_cache(maxsize=32)
 def compiled(source: str, scratch: int = 0) -> MachineKernel:
-    """Return the kernel of an LLVM IR text. The same text, as for other frequencies, is compiled once."""
+    """Return the kernel of an LLVM IR text; the same text, as for other frequencies, is compiled only once."""
     return MachineKernel(source, scratch)
 
 
 def _target_machine() -> Any:
-    """Describe this processor; each compiled module takes ownership of a description."""
+    """Return a description of this processor; each compiled module takes ownership of one."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -78,7 +78,7 @@ def as_vectors(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:
-    """Return an array that begins on a boundary of 64 bytes, as the kernel stores whole cache lines."""
+    """Return an array that starts on a boundary of 64 bytes, since the kernel stores whole cache lines."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
     raw = np.empty(size + _CACHE_LINE, dtype=np.uint8)
     first = -raw.ctypes.data % _CACHE_LINE

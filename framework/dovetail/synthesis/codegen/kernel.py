@@ -1,4 +1,4 @@
-"""What both kernels share: the loops over frequencies and samples, the check of the pivots, tables and stores.
+"""Common parts of both kernels: the loops over frequencies and samples, the check of the pivots, tables and stores.
 
 The outer loop runs over vectors of frequencies and the inner loop over samples, so that the substructures' entries for
 a vector of frequencies stay in the first-level cache for all samples.
@@ -27,9 +27,9 @@ ZERO = constant(0.0)
 _PAIRS = f"<{2 * WIDTH} x double>"
 """A vector of complex numbers, real and imaginary parts alternating."""
 _MANY_SAMPLES = 8
-"""Samples whose derivatives do not stay in a cache until they are read."""
+"""Number of samples from which derivatives do not stay in a cache until they are read."""
 _TINY_PIVOT = 1e-16
-"""Square of a pivot over the square of its summands, below which half of its digits are lost."""
+"""Square of a pivot over that of the size of its summands, below which half of its digits are lost."""
 
 
 class KernelWriter:
@@ -38,13 +38,13 @@ class KernelWriter:
     Parameters
     ----------
     program : Program
-        With a single kept DOF, and the other DOFs of the layout's pairs right before it.
+        With a single kept DOF, directly preceded by the other DOFs of the layout's pairs.
     layout : Layout
 
     Attributes
     ----------
     ir : VectorWriter
-        Takes the instructions for one sample and one vector of frequencies.
+        Writer of the instructions for one sample and one vector of frequencies.
     scratch : int
         Number of doubles of the scratch memory.
     rank : dict of int to int
@@ -70,13 +70,13 @@ class KernelWriter:
         return f"%scratch_{name}"
 
     def within(self, region: str, row: str, length: int) -> str:
-        """Return the pointer to a row of some complex numbers in a region."""
+        """Return the pointer to a row of `length` complex numbers in a region."""
         return self.ir.value(
             f"getelementptr {VECTOR}, ptr {region}, i64 {self.ir.value(f'mul i64 {row}, {2 * length}')}"
         )
 
     def table(self, values: Iterable[int]) -> str:
-        """Put integers into the code and return their name."""
+        """Add a table of integers to the code and return its name."""
         numbers = [int(value) for value in values]
         name = f"@table{len(self._tables)}"
         entries = ", ".join(f"i32 {number}" for number in numbers)
@@ -110,7 +110,7 @@ class KernelWriter:
         return real, self.ir.value(f"add i64 {real}, 1")
 
     def invert(self, value: ComplexVector, size: str | None) -> tuple[ComplexVector, str, str]:
-        """Invert a pivot; also return 1 / |pivot|^2, and where it is tiny beside the `size` of its summands."""
+        """Invert a pivot; also return 1 / |pivot|^2, and a mask of where it is tiny beside the summands' `size`."""
         ir = self.ir
         real, imaginary = value
         square = ir.multiply_add(real, real, ir.product(imaginary, imaginary)) or "zeroinitializer"
@@ -120,7 +120,7 @@ class KernelWriter:
         return (ir.product(real, scale), ir.negative(ir.product(imaginary, scale))), scale, small
 
     def load_complex(self, pointer: str, row: str, index: str | int) -> ComplexVector:
-        """Load a complex row of an array (samples, rows, 2, lines) at this vector of lines."""
+        """Load a complex row of an array (samples, rows, 2, lines) at the current vector of lines."""
         ir = self.ir
         real_row = ir.value(f"add i64 {row}, {ir.value(f'mul i64 {index}, 2')}")
         return self._load_row(pointer, real_row), self._load_row(pointer, ir.value(f"add i64 {real_row}, 1"))
@@ -131,12 +131,12 @@ class KernelWriter:
         return self.ir.value(f"load {VECTOR}, ptr {address}, align 8")
 
     def nan_where(self, bad: str, value: str | None) -> str:
-        """Return a value with NaN where a pivot nearly vanished."""
+        """Replace a value by NaN where a pivot nearly vanished."""
         nan = constant(float("nan"))
         return self.ir.value(f"select {MASK} {bad}, {VECTOR} {nan}, {VECTOR} {value or 'zeroinitializer'}")
 
     def raise_flag(self, bad: str) -> None:
-        """Note that a pivot nearly vanished at some line of this sample."""
+        """Record that a pivot nearly vanished at some line of this sample."""
         ir = self.ir
         bits = ir.value(f"bitcast {MASK} {bad} to i{WIDTH}")
         address = ir.value(f"getelementptr i{WIDTH}, ptr %flags, i64 %sample")
@@ -144,12 +144,12 @@ class KernelWriter:
         ir.emit(f"store i{WIDTH} {ir.value(f'or i{WIDTH} {before}, {bits}')}, ptr {address}")
 
     def store(self, pointer: str, index: str, value: ComplexVector) -> None:
-        """Store a complex vector from a complex element on."""
+        """Store a complex vector, starting at a complex element."""
         both, address = self.interleave(pointer, index, value)
         self.ir.emit(f"store {_PAIRS} {both}, ptr {address}, align 64")
 
     def stream(self, pointer: str, index: str, value: ComplexVector) -> None:
-        """Store a complex vector past the caches where there are many samples: it is not read again soon."""
+        """Store a complex vector; if there are many samples, bypass the caches, since it is not read again soon."""
         ir = self.ir
         both, address = self.interleave(pointer, index, value)
         label = both.strip("%")
@@ -181,7 +181,7 @@ class KernelWriter:
         return real, imaginary
 
     def factor(self, pair: str | int) -> ComplexVector:
-        """Load the factor from a pair's receptance to the quantity that is stored."""
+        """Load the factor that converts a pair's receptance to the stored quantity."""
         return self.load_pair("%factors_here", pair)
 
     def _row(self, pair: str | int) -> str:
@@ -189,7 +189,7 @@ class KernelWriter:
         return self.ir.value(f"add i64 %frf_row, {pair}")
 
     def _element(self, row: str) -> str:
-        """Return the index at this vector of lines in a row."""
+        """Return the index of the current vector of lines in a row."""
         return self.ir.value(f"add i64 {self.ir.value(f'mul i64 {row}, %lines')}, %line")
 
     def store_derivative(self, pair: str | int, parameter: str | int, value: ComplexVector, at: ComplexVector) -> None:
@@ -202,7 +202,7 @@ class KernelWriter:
     def store_frfs(
         self, receptance: Callable[[int, int], ComplexVector], scale: str, bad: str, *, amplitude: bool
     ) -> None:
-        """Store each pair's receptance times its factor, or the magnitude; `scale` is |H|^2 at the last point."""
+        """Store each pair's receptance times its factor, or its magnitude; `scale` is |H|^2 at the last point."""
         ir = self.ir
         for pair, (output, force) in enumerate(self.layout.pairs):
             real, imaginary = receptance(output, force)
@@ -226,7 +226,7 @@ class KernelWriter:
     def differentiate(self, motions: str) -> None:
         """Store -x_o^T (dZ/dp) x_i of each pair for each parameter, with loops over tables.
 
-        `motions` is a region with the motion of all DOFs in their order for a unit force at each of the points.
+        `motions` is a region with the motion of all DOFs, in their order, under a unit force at each of the points.
         """
         slots = {slot for _, slot, _ in self.layout.derivatives}
         slots.update(slot for _, slot in self.layout.spectral_derivatives)
@@ -243,7 +243,7 @@ class KernelWriter:
         self.ir.loop(0, len(self.layout.pairs), store)
 
     def _multiply_motions(self, x: str, y: str, products: str, slots: list[int]) -> None:
-        """Multiply the entries of two motions that each differentiated slot couples."""
+        """Multiply, for each differentiated slot, the entries of two motions that it couples."""
         rows = self.table(self.rank[int(dof)] for dof in self.program.rows[slots])
         columns = self.table(self.rank[int(dof)] for dof in self.program.columns[slots])
 
@@ -259,7 +259,7 @@ class KernelWriter:
         self.ir.loop(0, len(slots), multiply)
 
     def _symmetric_product(self, x: str, y: str, row: str, column: str) -> ComplexVector:
-        """Return (x_r y_c + x_c y_r) / 2 of two motions, by which an entry of the lower triangle is weighted."""
+        """Return (x_r y_c + x_c y_r) / 2 of two motions, the weight of an entry of the lower triangle."""
         x_row, y_row, x_column, y_column = (self.load_pair(motion, at) for at in (row, column) for motion in (x, y))
         real, imaginary = self.ir.complex_multiply_add(x_row, y_column, self.ir.complex_product(x_column, y_row))
         return self.ir.product(real, constant(0.5)), self.ir.product(imaginary, constant(0.5))
@@ -290,7 +290,7 @@ class KernelWriter:
         ir.loop(0, layout.parameters, parameter)
 
     def _derivative_tables(self, matrix: str, product_of: Mapping[int, int]) -> tuple[str, str, str]:
-        """Return tables of the first entry of each parameter, and of each entry's column and product."""
+        """Return tables of each parameter's first entry, and of each entry's column and product."""
         entries = [
             (parameter, column, product_of[slot])
             for column, (parameter, slot, kind) in enumerate(self.layout.derivatives)
@@ -302,7 +302,7 @@ class KernelWriter:
     def _sum_products(
         self, products: str, starts: str, columns: str, rows: str, index: str, after: str
     ) -> ComplexVector:
-        """Add up the weighted products of one parameter and one matrix."""
+        """Sum the weighted products of one parameter and one matrix."""
         ir = self.ir
 
         def add(entry: str, sums: list[str]) -> list[str]:
@@ -317,7 +317,7 @@ class KernelWriter:
     def function(self) -> str:
         """Return the LLVM IR of the function: the instructions, in loops over vectors of frequencies and over samples.
 
-        The fence at its end makes visible to other threads what was stored past the caches.
+        The fence at its end makes the stores that bypass the caches visible to other threads.
         """
         layout = self.layout
         return "\n".join(
@@ -365,7 +365,7 @@ class KernelWriter:
         )
 
     def _sample_begins(self) -> list[str]:
-        """Return the instructions for where a sample begins in each array."""
+        """Return the instructions that compute where a sample begins in each array."""
         layout = self.layout
         return [
             "begin:",
@@ -381,5 +381,5 @@ class KernelWriter:
 
 
 def _starts(parameters: Sequence[int], count: int) -> list[int]:
-    """Return where each parameter begins in a sorted list, and its end."""
+    """Return the index at which each parameter begins in a sorted list, followed by the list's length."""
     return [bisect_left(parameters, parameter) for parameter in range(count + 1)]

@@ -1,4 +1,4 @@
-"""What the columns of the arrays mean that a kernel reads."""
+"""The meaning of the columns of a kernel's arrays."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class Layout:
     static : tuple of (int, int)
         Slot and part (0 real, 1 imaginary) of each row of the substructures' contributions.
     terms : tuple of Term
-        Of each column of the joints' matrices.
+        Slot and matrix of each column of the joints' matrices.
     pairs : tuple of (int, int)
         Output and input DOF of each FRF, among those that the elimination keeps longest.
     spectral_terms : tuple of int
         Slot of each complex row of the joints that depend on frequency.
     derivatives : tuple of Derivative
-        Of each column of the derivatives; empty for the FRF alone.
+        Parameter, slot and matrix of each column of the derivatives; empty without derivatives.
     spectral_derivatives : tuple of SpectralDerivative
-        Of each complex row of the derivatives of joints that depend on frequency.
+        Parameter and slot of each complex row of the derivatives of joints that depend on frequency.
     parameters : int
         Number of parameters by which to differentiate.
     """

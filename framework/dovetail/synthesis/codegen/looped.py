@@ -1,8 +1,8 @@
 """The elimination program as loops over tables of its steps (LLVM IR), which compile quickly for any size.
 
-Straight-line code (`straight_line`) keeps what it can in registers. This kernel works on a scratch memory that holds
-all slots for one vector of frequencies. It is slower for small systems, and faster for large ones, whose straight-line
-code does not fit the instruction cache and takes seconds to compile.
+Straight-line code (`straight_line`) keeps as much as possible in registers. This kernel works in a scratch memory that
+holds all slots for one vector of frequencies. It is slower for small systems and faster for large ones, whose
+straight-line code does not fit into the instruction cache and takes seconds to compile.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class _LoopedKernel(KernelWriter):
         self.ir.loop(0, len(pairs), add)
 
     def _fill_slots(self) -> None:
-        """Add up the entries of substructures and joints in each slot, and the magnitudes behind each pivot."""
+        """Sum the entries of substructures and joints in each slot, and the magnitudes of each pivot's summands."""
 
         def clear(index: str, _: list[str]) -> list[str]:
             self.store_vector(self._work, index, ZERO)
@@ -77,7 +77,7 @@ class _LoopedKernel(KernelWriter):
             self._scatter(self._work, spectral, partial(self._spectral_term, half))
 
     def _sum_magnitudes(self) -> None:
-        """Add up the magnitudes of the real summands of each pivot; so far the slots hold those of substructures."""
+        """Sum the magnitudes of each pivot's real summands; at this point the slots hold those of substructures."""
         pivot_of = {int(slot): position for position, slot in enumerate(self.program.diagonal)}
         diagonal = self.table(self.program.diagonal)
 
@@ -111,7 +111,7 @@ class _LoopedKernel(KernelWriter):
         return self.load_complex("%spectral", "%spectral_row", row)[half]
 
     def _eliminate(self) -> str:
-        """Run through the pivots and return a mask of where one nearly vanished."""
+        """Eliminate all pivots and return a mask of where one nearly vanished."""
         ir, program = self.ir, self.program
         diagonal, start, column = (self.table(values) for values in (program.diagonal, program.start, program.column))
         updates, target = self.table(program.update_start), self.table(program.update[:, 0])
@@ -160,7 +160,7 @@ class _LoopedKernel(KernelWriter):
         return self.load_pair(self._between, len(self.points) * self.points.index(output) + self.points.index(force))
 
     def _substitute_between_points(self) -> None:
-        """Fill the receptances between the points from the last one back, by the formula of straight-line code."""
+        """Compute the receptances between the points from the last one backwards, as in straight-line code."""
         ir, program, count = self.ir, self.program, len(self.points)
         if count == 1:
             return
@@ -194,7 +194,7 @@ class _LoopedKernel(KernelWriter):
         ir.loop(0, count - 1, point)
 
     def _substitute(self, force: str, _: list[str]) -> list[str]:
-        """Substitute back for the motion under a unit force at a point, in the order of elimination."""
+        """Compute the motion under a unit force at a point by back substitution, in the order of elimination."""
         ir, program, count = self.ir, self.program, len(self.points)
         before = len(program.order) - count
         between, motion = (
@@ -224,6 +224,6 @@ class _LoopedKernel(KernelWriter):
 
 
 def looped_kernel_source(program: Program, layout: Layout, *, amplitude: bool = False) -> tuple[str, int]:
-    """Write the code that runs a program of any size; parameters and results are those of `kernel_source`."""
+    """Write the code that runs a program of any size, with the parameters and results of `kernel_source`."""
     kernel = _LoopedKernel(program, layout)
     return kernel.source(amplitude), kernel.scratch

@@ -47,7 +47,7 @@ class _StraightLineKernel(KernelWriter):
         return self.function()
 
     def _load(self, slot: int) -> None:
-        """Add up the entries of substructures and joints at a slot, when it is first needed."""
+        """Sum the entries of substructures and joints at a slot when it is first needed."""
         if slot in self._slots:
             return
         ir = self.ir
@@ -67,7 +67,7 @@ class _StraightLineKernel(KernelWriter):
         self._slots[slot] = ir.add(real, spectral[0]), ir.add(imaginary, spectral[1])
 
     def _spectral_term(self, slot: int) -> ComplexVector:
-        """Load the sum over the joints that depend on frequency at a slot."""
+        """Load the sum over the joints that depend on frequency, at a slot."""
         if slot not in self._spectral:
             return None, None
         return self.load_complex("%spectral", "%spectral_row", self._spectral[slot])
@@ -78,7 +78,7 @@ class _StraightLineKernel(KernelWriter):
         return self.ir.broadcast(self.ir.load("%terms_here", self._terms[slot, matrix], "double"))
 
     def _invert_pivot(self, pivot: int) -> str:
-        """Invert a pivot and mark where it nearly vanishes; return 1 / |pivot|^2."""
+        """Invert a pivot and record where it nearly vanishes; return 1 / |pivot|^2."""
         slot = int(self.program.diagonal[pivot])
         self._inverses[pivot], scale, small = self.invert(self._slots[slot], self._size[slot])
         self._bad = small if self._bad is None else self.ir.value(f"or {MASK} {self._bad}, {small}")
@@ -107,10 +107,10 @@ class _StraightLineKernel(KernelWriter):
         return [(factor, int(row)) for factor, row in zip(self._factors[pivot], rows, strict=True)]
 
     def _receptance(self, output: int, force: int) -> ComplexVector:
-        """Return an entry of the inverse between two of the points, from those of points eliminated later.
+        """Return the entry of the inverse for two of the points, from those of points eliminated later.
 
-        With Z = L D L^T, L^T H = D^-1 L^-1 is lower triangular, with the inverse pivots on its diagonal (Takahashi,
-        Fagan, Chin 1973). H is symmetric bit for bit.
+        With Z = L D L^T, the matrix L^T H = D^-1 L^-1 is lower triangular, with the inverse pivots on its diagonal
+        (Takahashi, Fagan, Chin 1973). H is symmetric bit for bit.
         """
         pivot, later = sorted((self.rank[output], self.rank[force]))
         if (pivot, later) not in self._between:
@@ -122,7 +122,7 @@ class _StraightLineKernel(KernelWriter):
         return self._between[pivot, later]
 
     def _motion(self, motion: dict[int, ComplexVector]) -> dict[int, ComplexVector]:
-        """Substitute back from the motion of the points under a unit force at one of them to that of all DOFs."""
+        """Compute the motion of all DOFs by back substitution from that of the points under a unit force."""
         for pivot in reversed(range(len(self.program.order) - len(self.points))):
             x: ComplexVector = (None, None)
             for factor, row in self._below(pivot):
@@ -131,7 +131,7 @@ class _StraightLineKernel(KernelWriter):
         return motion
 
     def _differentiate_drive_point(self) -> None:
-        """Store -x^T (dZ/dp) x for each parameter, x the motion under a unit force at the only point."""
+        """Store -x^T (dZ/dp) x for each parameter, with the motion x under a unit force at the only point."""
         ir, point = self.ir, self.points[0]
         x = self._motion({point: self._receptance(point, point)})
         entries: list[dict[int, dict[str, int]]] = [{} for _ in range(self.layout.parameters)]
@@ -158,16 +158,16 @@ class _StraightLineKernel(KernelWriter):
                 self.store_derivative(pair, parameter, total, factor)
 
     def _weight(self, columns: Mapping[str, int]) -> ComplexVector:
-        """Return a derivative's entry of the dynamic stiffness from those of its matrices, by their columns."""
+        """Return a derivative of an entry of the dynamic stiffness from those of the matrices, by their columns."""
         ir = self.ir
         weights = {m: ir.broadcast(ir.load("%weights_here", at, "double")) for m, at in columns.items()}
         real = ir.multiply_add(weights.get("M"), "%minus_omega2", weights.get("K"))
         return real, ir.multiply_add(weights.get("C"), "%omega", weights.get("D"))
 
     def _substitute(self) -> str:
-        """Substitute back for the motions under unit forces at all points; return the region where they are.
+        """Compute the motions under unit forces at all points; return the region that holds them.
 
-        A loop runs through the points, so that the code is no longer for many of them.
+        The code loops over the points, so that it is not longer for many of them.
         """
         count, size = len(self.points), len(self.rank)
         between, motions = self.region("between", 2 * count**2), self.region("motions", 2 * count * size)
@@ -191,10 +191,10 @@ def kernel_source(program: Program, layout: Layout, *, amplitude: bool = False) 
     Parameters
     ----------
     program : Program
-        With a single kept DOF, and the other DOFs of the layout's pairs right before it.
+        With a single kept DOF, directly preceded by the other DOFs of the layout's pairs.
     layout : Layout
     amplitude : bool
-        Store the factor's real part times the magnitude in single precision, in place of factor times value.
+        Store the factor's real part times the magnitude in single precision, instead of factor times value.
 
     Returns
     -------

@@ -7,16 +7,16 @@ from collections.abc import Callable, Sequence
 __all__ = ["MASK", "VECTOR", "WIDTH", "ComplexVector", "VectorWriter", "constant", "declarations"]
 
 WIDTH = 8
-"""Frequencies in a vector."""
+"""Number of frequencies in a vector."""
 VECTOR = f"<{WIDTH} x double>"
 MASK = f"<{WIDTH} x i1>"
 
 ComplexVector = tuple[str | None, str | None]
-"""Names of real and imaginary part; None is zero."""
+"""Names of real and imaginary part; None means zero."""
 
 
 class VectorWriter:
-    """Instructions on vectors; an operand that is None is zero."""
+    """Writer of instructions on vectors; an operand None means zero."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -39,7 +39,7 @@ class VectorWriter:
         return self.value(f"load {kind}, ptr {address}, align {4 if kind == 'float' else 8}")
 
     def broadcast(self, scalar: str) -> str:
-        """Return a vector of one scalar."""
+        """Return a vector with all elements equal to a scalar."""
         first = self.value(f"insertelement {VECTOR} poison, double {scalar}, i32 0")
         return self.value(f"shufflevector {VECTOR} {first}, {VECTOR} poison, <{WIDTH} x i32> zeroinitializer")
 
@@ -93,14 +93,14 @@ class VectorWriter:
         ----------
         first, last : str or int
         body : callable
-            Takes the names of the index and of the carried values, and returns those that the next round takes.
+            Takes the names of the index and of the carried values, and returns the values for the next iteration.
         carried : sequence of (str, str)
-            Type and first value of each value that a round passes to the next.
+            Type and initial value of each value that an iteration passes to the next.
 
         Returns
         -------
         list of str
-            The carried values after the last round.
+            The carried values after the last iteration.
         """
         self._count += 1
         number = self._count
@@ -130,13 +130,13 @@ class VectorWriter:
 
 
 def constant(value: float) -> str:
-    """Return a vector of one number."""
+    """Return a vector with all elements equal to a number."""
     text = "0x7FF8000000000000" if value != value else f"{value:.17e}"
     return "<" + ", ".join([f"double {text}"] * WIDTH) + ">"
 
 
 def declarations() -> list[str]:
-    """Return the functions on vectors that the instructions call."""
+    """Return the declarations of the vector functions that the instructions call."""
     return [
         f"declare {VECTOR} @llvm.fma.v{WIDTH}f64({VECTOR}, {VECTOR}, {VECTOR})",
         f"declare {VECTOR} @llvm.fabs.v{WIDTH}f64({VECTOR})",
