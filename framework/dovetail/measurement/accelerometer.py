@@ -13,7 +13,7 @@ from dovetail.frf import Frf
 __all__ = ["add_accelerometer_mass", "remove_accelerometer_mass"]
 
 _LARGEST_MASS = 1000.0
-"""kg; of a heavier one nothing is left of the FRF but rounding errors."""
+"""kg; with a heavier one, the FRF would consist of rounding errors."""
 
 
 def remove_accelerometer_mass(
@@ -24,12 +24,12 @@ def remove_accelerometer_mass(
     to_response: Frf | None = None,
     from_force: Frf | None = None,
 ) -> Frf:
-    """Return the FRF that the structure has without the accelerometer.
+    """Return the FRF of the structure without the accelerometer.
 
-    With i the response, j the force and k the accelerometer, all measured with it, in accelerance:
-    ``A_ij + m A_ik A_kj / (1 - m A_kk)``. Which FRFs that takes depends on where the accelerometer was:
+    With the response i, the force j, the accelerometer k and accelerances that were all measured with it, this is
+    ``A_ij + m A_ik A_kj / (1 - m A_kk)``. The FRFs that are needed depend on the place of the accelerometer:
 
-    - at the drive point of `frf`: none but `frf` itself, ``A / (1 - m A)``;
+    - at the drive point of `frf`: only `frf` itself, ``A / (1 - m A)``;
     - at the response or at the force of a transfer FRF: `drive`, ``A_ij / (1 - m A_kk)``;
     - at a third DOF: `drive`, `to_response` and `from_force`.
 
@@ -47,7 +47,7 @@ def remove_accelerometer_mass(
     Returns
     -------
     Frf
-        In the quantity of `frf`. Its `variance` is that of `frf`, where it is known, without the errors of the other
+        In the quantity of `frf`. Its `variance`, if known, follows from that of `frf`, without the errors of the other
         FRFs.
 
     Raises
@@ -72,7 +72,7 @@ def add_accelerometer_mass(
     to_response: Frf | None = None,
     from_force: Frf | None = None,
 ) -> Frf:
-    """Return the FRF that is measured once an accelerometer is on the structure.
+    """Return the FRF as it is measured with an accelerometer on the structure.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def add_accelerometer_mass(
     Raises
     ------
     MeasurementError
-        As `remove_accelerometer_mass`.
+        As in `remove_accelerometer_mass`.
     """
     return _with_mass(frf, mass, 1.0, drive, to_response, from_force)
 
@@ -141,7 +141,7 @@ def _check(other: Frf, frf: Frf) -> None:
 
 
 def _replace_values(frf: Frf, values: NDArray[np.complex128], derivative: NDArray[np.complex128]) -> Frf:
-    """Return the FRF with other values, and with its variance through their derivative with respect to the old."""
+    """Return the FRF with other values, and the variance that follows from their derivative by the old ones."""
     variance = frf.random_variance
     if variance is not None and np.all(np.isfinite(variance)):
         return replace(frf, values=values, variance=variance * np.abs(derivative) ** 2)

@@ -1,4 +1,4 @@
-"""Reading and writing a measured FRF in the format that the suffix names."""
+"""Reading and writing a measured FRF in the format given by the suffix of the file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["frf_suffixes", "read_frf", "write_frf"]
 
 
 class Format(NamedTuple):
-    """How files with one suffix are read and written; `encode` is None where they are only read."""
+    """How files with one suffix are read and written; `encode` is None if they are only read."""
 
     decode: Callable[[Path, bytes, ReadOptions], Recording]
     encode: Callable[[FrfToWrite, Path, bool | None], bytes] | None = None
@@ -63,9 +63,9 @@ def read_frf(
 ) -> Frf:
     """Read one measured FRF.
 
-    A line at 0 Hz is left out. In UFF, response and reference directions of opposite sense turn the sign, so that the
-    FRF is along positive axes. A unit that the file states and that is not SI is converted, or refused when it is not
-    understood.
+    A line at 0 Hz is left out. In UFF, the sign is changed if response and reference directions have opposite senses,
+    so that the FRF is along positive axes. If the file states a unit other than SI, the values are converted, or the
+    file is refused if the unit is not understood.
 
     Parameters
     ----------
@@ -75,48 +75,47 @@ def read_frf(
         ``.npz``, ``.npy`` (columns, or a structured array), ``.mat`` (version 5 or 7.3), ``.h5`` or ``.hdf5`` (arrays
         ``frequency`` and ``values``, or others that `names` gives), ``.frf`` (CutPro), ``.lvm`` (LabVIEW).
     quantity : {"receptance", "mobility", "accelerance"}, optional
-        What the file holds. Needed when the file does not say it; must not contradict the file when it does.
+        Needed if the file does not state it; must not contradict the file.
     unit : str, optional
-        The unit of the values, such as ``"um/N"`` or ``"g/N"``; it says the quantity too. SI without it. Must not
-        contradict the file.
+        The unit of the values, such as ``"um/N"`` or ``"g/N"``, which also determines the quantity; SI by default. Must
+        not contradict the file.
     accelerometer_mass : float
         kg at the drive point, removed from the FRF: A / (1 - m A).
     index : int, optional
-        Which FRF of a file with several, counted from 1: the number of the set in UFF, of the segment in
-        LabVIEW files, the column in an array.
+        Number of the FRF in a file with several, from 1: that of the set in UFF, of the segment in LabVIEW files, of
+        the column in an array.
     response, force : str, optional
-        DOFs of the FRF that is wanted from a file with several: ``"5+x"``, ``"tool:5+x"`` or ``"5"`` in UFF, numbers
-        from 1 along the axes of an array.
+        DOFs that select the FRF in a file with several: ``"5+x"``, ``"tool:5+x"`` or ``"5"`` in UFF, numbers from 1
+        along the axes of an array.
     names : mapping of str to str, optional
-        What the file calls the fields of the FRF, such as ``{"frequency": "f", "values": "data/H1"}``. Fields:
-        frequency, values, real, imag, amplitude, db, phase_deg, phase_rad, coherence, variance, averages, quantity,
-        unit.
+        Names of the FRF's fields in the file, such as ``{"frequency": "f", "values": "data/H1"}``. Fields: frequency,
+        values, real, imag, amplitude, db, phase_deg, phase_rad, coherence, variance, averages, quantity, unit.
     columns : sequence of str, optional
-        What each column of a table holds, in place of its header: ``("frequency", "real", "imag", "skip")``, with a
-        unit if need be, ``"frequency [kHz]"``. `skip` leaves a column out.
+        The columns of a table, instead of its header: ``("frequency", "real", "imag", "skip")``, with a unit if
+        necessary, ``"frequency [kHz]"``. `skip` leaves a column out.
     dofs : (str, str), optional
-        DOFs of the response and of the force where the file does not state them: ``("3+x", "1-x")``. If their senses
-        are opposite, the sign is turned, so that the FRF is along positive axes.
+        DOFs of response and force, if the file does not state them: ``("3+x", "1-x")``. If they have opposite senses,
+        the sign is changed, so that the FRF is along positive axes.
     reader : str, optional
-        The plugin's reader that is to read the file. Without it the one that knows the file's suffix and format does,
-        and else that of Dovetail.
+        Name of a plugin's reader for the file. By default a plugin's reader that recognises suffix and format, or else
+        that of Dovetail.
     plugins : path or iterable of paths
         Plugin files with further readers.
 
     Returns
     -------
     Frf
-        `label` is the file's name, `note` what the file says about it in words (the first id line of a UFF set).
+        `label` is the file's name, `note` the file's comment on it (the first id line of a UFF set).
 
     Raises
     ------
     FileError
-        The file is missing, empty, no file, larger than 100 MB, or cannot be read.
+        The file is missing, empty, not a file, larger than 100 MB, or cannot be read.
     MeasurementError
-        It does not hold one valid FRF; the fault names the line, the set or the array, and
-        lists what a file with several FRFs or unknown names holds.
+        It does not contain one valid FRF; the fault names the line, the set or the array, and lists the contents of a
+        file with several FRFs or unknown names.
     DovetailError
-        HDF5 and MATLAB 7.3 need h5py, LabVIEW files lvm_read, which is not installed.
+        A package is not installed: HDF5 and MATLAB 7.3 need h5py, LabVIEW files lvm_read.
     PluginError
         There is no such reader, a plugin file cannot be loaded, or the code of a reader fails.
     """
@@ -148,7 +147,7 @@ def _decode(source: Path, content: bytes, file_format: Format, options: ReadOpti
 
 
 def _check_drive_point(frf: Frf) -> None:
-    """Refuse to take a mass off an FRF between two DOFs by the formula for one."""
+    """Refuse to remove a mass from a transfer FRF with the formula for a drive point."""
     ends = [end.lower().replace("-", "").replace("+", "") for end in (frf.response, frf.force)]
     if all(ends) and ends[0] != ends[1]:
         problem = f"the FRF is from {frf.force} to {frf.response}, and the mass is taken off a drive point."
@@ -177,16 +176,16 @@ def write_frf(
     overwrite : bool
         Replace a file that is there.
     binary : bool, optional
-        UFF only. By default ASCII, unless six digits cannot hold the frequencies, which is all that ASCII gives them.
+        UFF only. By default ASCII, unless its six digits cannot represent the frequencies.
     unit : str, optional
-        Unit of the values in the file, such as ``"um/N"``; it also says the quantity. SI without it.
+        Unit of the values in the file, such as ``"um/N"``, which also determines the quantity; SI by default.
 
     Raises
     ------
     FileError
-        The file is there, its folder is missing, or it cannot be written.
+        The file exists, its folder is missing, or it cannot be written.
     MeasurementError
-        An unknown suffix, or an FRF that the format cannot hold.
+        An unknown suffix, or an FRF that the format cannot represent.
     """
     target = Path(path)
     file_format = _format_of(target)
@@ -200,7 +199,7 @@ def write_frf(
 
 
 def frf_suffixes(plugins: PluginPaths) -> tuple[str, ...]:
-    """Return the suffixes of the files that `read_frf` reads, with those of plugins."""
+    """Return the suffixes of the files that `read_frf` reads, including those of plugins."""
     return _suffixes(components(plugins))
 
 

@@ -1,4 +1,4 @@
-"""What the unit that a file gives its FRF says: the quantity, and the factor that makes the values SI."""
+"""The meaning of an FRF's unit: the quantity, and the factor that converts the values to SI."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ _MOTION: dict[tuple[Quantity, bool], str] = {
 
 
 class UnitMeaning(NamedTuple):
-    """What an FRF's unit says.
+    """The meaning of an FRF's unit.
 
     Parameters
     ----------
     quantity : Quantity
     factor : float
-        Makes the values SI.
+        Converts the values to SI.
     rotation, moment : bool
-        Of a rotation, not of a displacement; by a moment, not by a force.
+        Whether the response is a rotation instead of a displacement, and the excitation a moment instead of a force.
     """
 
     quantity: Quantity
@@ -46,19 +46,19 @@ class UnitMeaning(NamedTuple):
 
     @property
     def kind(self) -> tuple[bool, bool]:
-        """Whether it is of a rotation, and whether by a moment."""
+        """Whether the response is a rotation, and whether the excitation is a moment."""
         return self.rotation, self.moment
 
 
 def meaning_of_unit(label: str, where: str) -> UnitMeaning:
-    """Return what a unit such as ``"um/N"``, ``"g/lbf"``, ``"mm/s^2/N"`` or ``"rad/(N m)"`` says.
+    """Return the meaning of a unit such as ``"um/N"``, ``"g/lbf"``, ``"mm/s^2/N"`` or ``"rad/(N m)"``.
 
     `g` is the standard gravity of 9.80665 m/s^2.
 
     Raises
     ------
     MeasurementError
-        Not a unit of an FRF; the fault stands at `where`.
+        Not a unit of an FRF; the fault is reported at `where`.
     """
     if _DECIBEL.search(label[:_SHOWN]):
         problem = f"the unit '{label[:_SHOWN]}' is in decibels."
@@ -76,7 +76,7 @@ def meaning_of_unit(label: str, where: str) -> UnitMeaning:
 
 
 def is_angular(label: str) -> bool:
-    """Return whether a unit is one of a rotation, by its spelling."""
+    """Return whether a unit is that of a rotation, judged by its spelling."""
     return _ANGLE.search(label) is not None
 
 
@@ -86,7 +86,7 @@ def motion_unit(quantity: Quantity, *, rotation: bool) -> str:
 
 
 def pint_spelling(label: str) -> str:
-    """Return a unit label in pint's spelling, or an empty string where there is none."""
+    """Return a unit label in pint's spelling, or an empty text if there is none."""
     text = label.strip()
     if text.lower() in _NO_LABEL:
         return ""
@@ -94,7 +94,7 @@ def pint_spelling(label: str) -> str:
 
 
 def conversion_factor(label: str, unit: str) -> float | None:
-    """Return the factor from a spelled label to a unit, or None where it is not one of that dimension."""
+    """Return the factor from a label in pint's spelling to a unit, or None if its dimension differs."""
     if label == unit:
         return 1.0
     try:

@@ -1,4 +1,4 @@
-"""The measured lines within the band of a description, and what is missing there: ends of the band, and gaps."""
+"""The measured lines within the band of a description, and the missing ones: at the ends of the band, and gaps."""
 
 from __future__ import annotations
 
@@ -20,42 +20,42 @@ class Settings:
     """Which lines lie in a band, and when lines count as missing."""
 
     tolerance: float = 1e-9
-    """Relative; how far a line may lie beyond the band, for rounding."""
+    """Relative distance beyond the band that is allowed for rounding."""
     fewest_residuals: int = 2
-    """Real numbers that must be measured in the band: two a line with a phase, one without."""
+    """Smallest number of real values in the band: two for a line with a phase, one without."""
     end_steps: float = 2.0
-    """Of the measured spacing there: how far from an end of the band the first line may lie."""
+    """Largest distance of the first line from an end of the band, in measured spacings."""
     gap: float = 3.5
-    """Times the spacing on either side from which on lines are missing between two: the third of three missing lines
-    is found, and no step of an axis with changing or logarithmic spacing is taken for a gap."""
+    """Ratio of a spacing to those on either side above which lines are missing: three missing lines are detected, and
+    no step of an axis with changing or logarithmic spacing is taken for a gap."""
     beside: int = 3
-    """Spacings on either side whose median counts."""
+    """Number of spacings on either side of which the median is taken."""
 
 
 _SETTINGS = Settings()
 
 
 def within_band(frf: Frf, frequency: ArrayLike, left_out: Sequence[tuple[float, float]] = ()) -> Frf:
-    """Select the measured lines within a band; nothing is interpolated.
+    """Select the measured lines within a band, without interpolation.
 
     Parameters
     ----------
     frf : Frf
         The measurement.
     frequency : (n_freq,) array
-        Hz; the band reaches from the least to the greatest.
+        Hz; the band extends from the smallest to the largest.
     left_out : sequence of (float, float)
-        Hz; between these ends, which are left out too, no lines are selected.
+        Hz; bands, including their ends, in which no lines are selected.
 
     Returns
     -------
     Frf
-        The measurement itself if all of its lines lie within. Values, coherence and variance are those measured.
+        The measurement itself if all of its lines lie within the band. Values, coherence and variance are as measured.
 
     Raises
     ------
     MeasurementError
-        No line lies within the band, or so few that less than two real numbers are measured there.
+        No line lies within the band, or a single one without a phase.
     """
     low, high = _band(frequency)
     tolerance = _SETTINGS.tolerance
@@ -82,7 +82,7 @@ def find_missing_ends(frf: Frf, frequency: ArrayLike) -> tuple[tuple[float, floa
     Parameters
     ----------
     frf : Frf
-        With lines within the band only, as of `within_band`.
+        With lines within the band only, as `within_band` returns it.
     frequency : (n_freq,) array
         Hz; the band.
 
@@ -100,7 +100,7 @@ def find_missing_ends(frf: Frf, frequency: ArrayLike) -> tuple[tuple[float, floa
 
 
 def check_cover(frf: Frf, frequency: ArrayLike) -> None:
-    """Make sure that a measurement reaches both ends of a band.
+    """Check that a measurement reaches both ends of a band.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def check_cover(frf: Frf, frequency: ArrayLike) -> None:
 
 
 def find_gaps(frf: Frf) -> tuple[tuple[float, float], ...]:
-    """Return the neighbouring lines, (lower, upper) Hz each, between which lines are missing.
+    """Return pairs of neighbouring lines, (lower, upper) in Hz, between which lines are missing.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Natural frequencies and damping ratios as another program identified them: a measurement too."""
+"""Natural frequencies and damping ratios that another program identified, as a kind of measurement."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NAMES = {
     "mode": ("mode", "no", "nr", "number"),
 }
 _RATIO = ("damping_ratio", "zeta", "damping_ratio_sd", "zeta_sd")
-"""Names that say of themselves that 1 is the critical damping."""
+"""Names that imply that 1 is the critical damping."""
 _ACCEPTED = "frequency_Hz[,damping_ratio or damping_percent][,frequency_sd_Hz][,damping_ratio_sd or damping_sd_percent]"
 _PERCENT = 0.01
 _MOST_MODES = 10_000
@@ -43,7 +43,7 @@ class ModalParameters:
     frequency : (n_modes,) array
         Natural frequencies in Hz, positive and increasing.
     damping_ratio : (n_modes,) array, optional
-        Of the critical damping, from 0 to below 1.
+        Relative to the critical damping, from 0 to below 1.
     frequency_sd : (n_modes,) array, optional
         Standard deviation of each natural frequency in Hz, positive.
     damping_sd : (n_modes,) array, optional
@@ -54,7 +54,7 @@ class ModalParameters:
     Raises
     ------
     MeasurementError
-        Wrong shapes, or values out of these limits.
+        Wrong shapes, or values outside these limits.
     """
 
     frequency: NDArray[np.float64]
@@ -74,7 +74,7 @@ class ModalParameters:
             raise MeasurementError(f"{self.label}: there are standard deviations of the damping, and no damping.")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values, fit for JSON."""
+        """Return everything as plain values for JSON."""
         columns = {name: getattr(self, name) for name in ("frequency", "damping_ratio", "frequency_sd", "damping_sd")}
         return {name: None if at is None else at.tolist() for name, at in columns.items()} | {"label": self.label}
 
@@ -110,9 +110,9 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
     Raises
     ------
     FileError
-        The file is missing, empty, no file, too large, or cannot be read.
+        The file is missing, empty, not a file, too large, or cannot be read.
     MeasurementError
-        A column that is not understood or without its unit, what is not a number, values that are impossible.
+        A column that is not understood or has no unit, a cell that is not a number, or impossible values.
     """
     source = Path(path)
     if source.suffix.lower() not in _SUFFIXES:
@@ -141,7 +141,7 @@ def read_modal_parameters(path: str | os.PathLike[str]) -> ModalParameters:
 
 
 def is_modal_table(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file is a table whose columns are all modal parameters, right or wrong; so no FRF."""
+    """Return whether a file is a table of modal parameters, valid or not, and thus not an FRF."""
     source = Path(path)
     if source.suffix.lower() not in _SUFFIXES:
         return False
@@ -165,7 +165,7 @@ def _split_unit(
 
 
 def _parameter(name: str) -> tuple[str, str]:
-    """Return the parameter that a column holds, or nothing, and the unit at the end of its name."""
+    """Return the parameter of a column, or an empty text, and the unit at the end of its name."""
     word = plain_name(name)
     for unit in ("hz", "khz", "percent", ""):
         stem = word.removesuffix(f"_{unit}") if unit and word.endswith(f"_{unit}") else word
@@ -180,7 +180,7 @@ def _is_percent(name: str, unit: str) -> bool:
 
 
 def _meaning(where: str, name: str, unit: str) -> tuple[str, float]:
-    """Return the parameter of a column and what makes its numbers Hz or ratios.
+    """Return the parameter of a column and the factor that converts its numbers to Hz or ratios.
 
     Raises
     ------

@@ -26,13 +26,13 @@ def complex_noise(
     values : (..., n_freq) complex array
         An FRF, in any quantity.
     relative : float
-        Standard deviation of the complex noise over what `kind` says: 0.01 is one per cent. Real and imaginary part
-        have 1/sqrt(2) of it each.
+        Standard deviation of the complex noise, relative to the reference given by `kind`: 0.01 is one per cent. Real
+        and imaginary part each have 1/sqrt(2) of it.
     seed : int or numpy.random.Generator
         The same seed gives the same noise.
     kind : {"proportional", "uniform"}
-        In proportion to the magnitude of each line, or the same on all lines: in proportion to the standard deviation
-        of the FRF over its lines.
+        Relative to the magnitude of each line, or the same on all lines, relative to the standard deviation of the FRF
+        over its lines.
 
     Returns
     -------
@@ -85,9 +85,9 @@ def data_noise(values: ArrayLike, level: float, seed: int | np.random.Generator)
     Parameters
     ----------
     values : (n_samples, n_freq) array, or any other shape
-        For example the amplitudes of many FRFs. sigma is the standard deviation of all of them together.
+        For example the amplitudes of many FRFs; sigma is the standard deviation of all values together.
     level : float
-        Standard deviation of the noise over sigma.
+        Standard deviation of the noise, relative to sigma.
     seed : int or numpy.random.Generator
         The same seed gives the same noise.
 

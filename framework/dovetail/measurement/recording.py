@@ -1,7 +1,7 @@
-"""What readers return, what they are asked for, and what writers get.
+"""Input and output of readers and writers.
 
-A reader gets `ReadOptions` and returns a `Recording`, whose `to_frf` checks everything and makes an FRF of it. A writer
-gets an `FrfToWrite`, made by `prepare_for_writing`.
+A reader gets `ReadOptions` and returns a `Recording`, which `to_frf` checks and converts to an FRF. A writer gets an
+`FrfToWrite` from `prepare_for_writing`.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ __all__ = [
 ]
 
 MOST_LINES = 1_000_000
-"""Longest FRF that is read."""
+"""Largest number of lines of an FRF."""
 _COHERENCE_ROUNDING = 1e-4
-"""How far a coherence may lie beyond 0 and 1 by single precision and rounding in the file."""
+"""Distance of a coherence beyond 0 or 1 that single precision and rounding in the file may cause."""
 _HIGHEST_COHERENCE = 1.05
-"""What analysers write for 1 whose auto and cross spectra are averaged or corrected unequally; more is no coherence."""
+"""Largest value for a coherence of 1 from analysers that average or correct auto and cross spectra differently."""
 DOF = re.compile(r"(?:([^\s:]{1,10}):)?(\d{1,9})(?:([+-]?)(rx|ry|rz|x|y|z))?", re.IGNORECASE)
-"""The name of a DOF: substructure, node, sense and direction, of which all but the node may be missing."""
+"""The name of a DOF: substructure, node, sense and direction; only the node is required."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One FRF as it stands in the file, not yet checked.
+    """One FRF as the file contains it, not yet checked.
 
     Parameters
     ----------
@@ -56,34 +56,34 @@ class Recording:
     frequency : (n_freq,) array
         Hz.
     values : (n_freq,) array
-        Complex, or real for an amplitude alone; times `factor` they are SI.
+        Complex, or real for an amplitude only; times `factor` they are SI.
     has_phase : bool
-        False for an amplitude alone.
+        False for an amplitude only.
     quantity : Quantity or None
-        What the file says it is.
+        As stated in the file.
     is_stated : bool
-        False where the file is ambiguous, so that the caller has to confirm `quantity` or to give it.
+        False if the file is ambiguous, so that the caller must confirm or state `quantity`.
     coherence : (n_freq,) array or None
         Ordinary coherence.
     locate : callable
         Returns the place in the file of the line with an index, for messages.
     how_to_state_quantity : str
-        How a file of this format says its quantity.
+        How a file of this format states its quantity.
     note : str
-        What the file says about it in words.
+        The file's comment on it.
     factor : float
-        Makes the values SI; negative where response and force point in directions of opposite sense.
+        Converts the values to SI; negative if response and force point in opposite directions.
     unit : str
-        The unit that the file states, empty where it states none.
+        The unit that the file states; empty if it states none.
     averages : int or None
     variance : (n_freq,) array or None
         E|error|^2 of each value, in the square of the values' unit.
     rotation, moment : bool
-        Of a rotation, not of a displacement; by a moment, not by a force.
+        Whether the response is a rotation instead of a displacement, and the excitation a moment instead of a force.
     response, force : str
         Names of the DOFs.
     taken : sequence of str
-        What each column, or array, is taken for; nothing in formats that have none.
+        Sentences on what each column or array is taken for; empty for formats without these.
     """
 
     where: str
@@ -113,7 +113,7 @@ class Recording:
         Parameters
         ----------
         quantity, unit : str or None
-            What the caller says it is; must not contradict the file.
+            As the caller states them; they must not contradict the file.
 
         Raises
         ------
@@ -154,14 +154,14 @@ class Recording:
         return f"{self.frequency.size} rows{left_out}; {listing(self.taken)}."
 
     def with_dofs(self, response: str, force: str) -> Recording:
-        """Return the recording with the DOFs that the caller gives where the file states none.
+        """Return the recording with the caller's DOFs, if the file states none.
 
-        Where response and force point in directions of opposite sense, the sign of the values is turned.
+        If response and force point in opposite directions, the sign of the values is changed.
 
         Raises
         ------
         MeasurementError
-            Not the names of DOFs, or others than those that the file states.
+            The names are not those of DOFs, or differ from those in the file.
         """
         for name, stated in ((response, self.response), (force, self.force)):
             if not DOF.fullmatch(name):
@@ -173,7 +173,7 @@ class Recording:
         return replace(self, response=response, force=force, factor=-self.factor if is_new else self.factor)
 
     def _with_unit(self, label: str) -> Recording:
-        """Return the recording with the unit that the caller gives; a file that states another is refused."""
+        """Return the recording with the caller's unit; a file that states another one is refused."""
         meaning = meaning_of_unit(label, "the argument unit")
         if not self.unit:
             return replace(
@@ -288,13 +288,13 @@ _REMOVE = (
 
 
 def are_opposite(response: str, force: str) -> bool:
-    """Return whether the names of two DOFs are of directions of opposite sense, as ``3+x`` and ``1-x`` are."""
+    """Return whether the names of two DOFs have opposite senses, as ``3+x`` and ``1-x`` have."""
     matches = DOF.fullmatch(response), DOF.fullmatch(force)
     return all(matches) and [match[3] == "-" for match in matches if match].count(True) == 1
 
 
 def parse_quantity(word: str, where: str) -> Quantity:
-    """Return `word` as a quantity, or raise a MeasurementError at `where` with the nearest spelling."""
+    """Return `word` as a quantity, or raise a MeasurementError at `where` that suggests the nearest spelling."""
     for quantity in QUANTITIES:
         if word == quantity:
             return quantity
@@ -305,7 +305,7 @@ def parse_quantity(word: str, where: str) -> Quantity:
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Which FRF of a file is wanted, and what the file calls its fields.
+    """The selection of an FRF in a file, and the names of its fields there.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ class ReadOptions:
     names : mapping of str to str
         From a field of the FRF (``frequency``, ``values``, ``coherence``, ...) to its name in the file.
     columns : tuple of str
-        What each column of a table holds, in place of its header.
+        The columns of a table, instead of its header.
     """
 
     index: int | None = None
@@ -327,7 +327,7 @@ class ReadOptions:
 
     @property
     def chooses(self) -> str:
-        """The first option by which the caller chooses one of several FRFs, with its value, or an empty string."""
+        """The first option that chooses one of several FRFs, with its value, or an empty text."""
         for name in ("index", "response", "force"):
             if (value := getattr(self, name)) is not None:
                 return f"{name}={value}"
@@ -336,7 +336,7 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class FrfToWrite:
-    """An FRF in the quantity and the unit of the file to be written.
+    """An FRF in the quantity and the unit of the file to write.
 
     Parameters
     ----------
@@ -345,7 +345,7 @@ class FrfToWrite:
     unit : str
         Of the values in the file.
     factor : float
-        SI for one unit of the file.
+        From the unit of the file to SI.
     """
 
     frf: Frf
@@ -359,17 +359,17 @@ class FrfToWrite:
 
     @property
     def variance(self) -> NDArray[np.float64] | None:
-        """(n_freq,) variance in the square of the file's unit, where the FRF has one."""
+        """(n_freq,) variance in the square of the file's unit, if the FRF has one."""
         return None if self.frf.variance is None else self.frf.variance / self.factor**2
 
 
 def prepare_for_writing(frf: Frf, path: Path, unit: str | None) -> FrfToWrite:
-    """Return an FRF for writing, in a unit or in SI.
+    """Return an FRF for writing, in a given unit or in SI.
 
     Raises
     ------
     MeasurementError
-        A coherence that is not finite, a unit that is none of an FRF, a displacement's unit for a rotation.
+        A coherence that is not finite, a unit that is not one of an FRF, or that of a displacement for a rotation.
     """
     if frf.coherence is not None and not np.all(np.isfinite(frf.coherence)):
         raise MeasurementError(Fault(str(path), f"the coherence of {frf.label} is not finite: nothing is written."))

@@ -1,4 +1,4 @@
-"""A measured FRF interpolated to other lines, as trained networks and coupling need it; nothing else interpolates."""
+"""Interpolation of a measured FRF to other lines, only for trained networks and coupling."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ class Settings:
     Parameters
     ----------
     window : int
-        Measured lines in one interpolating polynomial: four make a cubic.
+        Number of measured lines in one interpolating polynomial: four make a cubic.
     clearly_smoother : float
-        The reciprocal is used only where its curvature is this small a part of the FRF's: in noise it never is.
+        Ratio of roughness to that of the FRF below which the reciprocal is used; noise never gets there.
     cover_tolerance : float
-        Relative; how far a grid may reach beyond the measurement, for rounding.
+        Relative distance of a grid beyond the measurement that is allowed for rounding.
     on_a_line : float
-        Of the measured spacing: a grid that is nowhere further from a line needs no interpolation.
+        Distance from the nearest line, in measured spacings, up to which a grid needs no interpolation.
     fewest_lines : int
-        From which on it is checked whether the lines are close enough.
+        Number of lines from which their spacing is checked.
     largest_miss : float
-        Of the FRF's norm: how far the interpolation from every other line may miss the lines between them. Noise of
+        Largest error at the lines between, relative to the FRF's norm, when every other line is interpolated. Noise of
         half the FRF stays below.
     """
 
@@ -49,13 +49,13 @@ _SETTINGS = Settings()
 def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
     """Interpolate a measured FRF to other frequencies.
 
-    A cubic goes through the four nearest lines of H, or of 1/H where that is clearly the smoother of the two. Near a
-    resonance 1/H, a dynamic stiffness, is close to a parabola, however sharp the resonance; near an antiresonance H is
-    smooth itself. For an amplitude alone the same is done with its square.
+    A cubic is fitted through the four nearest lines of H, or of 1/H where that is clearly smoother. Near a resonance,
+    1/H, a dynamic stiffness, is close to a parabola, however sharp the resonance; near an antiresonance, H itself is
+    smooth. An amplitude without phase is interpolated in the same way through its square.
 
-    Measured at 1.5625 Hz and wanted at 2 Hz, loss factor 0.003, modes from 1 to 8 kHz, the error is below 1e-7 of each
-    line's own value (linear interpolation: 0.1; cubic spline: 0.07); of an amplitude alone below 1e-4. Two modes that
-    are only four lines apart: 0.07. Noise of the lines is not amplified: 0.9 of its standard deviation remains.
+    From lines every 1.5625 Hz to every 2 Hz, with a loss factor of 0.003 and modes from 1 to 8 kHz, the error is below
+    1e-7 of each line's value (linear interpolation: 0.1; cubic spline: 0.07), or 1e-4 for an amplitude. With two modes
+    only four lines apart it is 0.07. Noise is not amplified: 0.9 of its standard deviation remains.
 
     Parameters
     ----------
@@ -67,16 +67,16 @@ def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
     Returns
     -------
     Frf
-        On `frequency`; coherence is interpolated linearly. Where the variance is known, also from coherence and
-        averages, `variance` is that of the interpolated values: between lines it is lower than on them, and
-        neighbouring lines of a fine grid share errors.
+        On `frequency`; coherence is interpolated linearly. If the variance is known, also from coherence and averages,
+        `variance` is that of the interpolated values: it is lower between lines than on them, and the errors of
+        neighbouring lines of a fine grid are correlated.
 
     Raises
     ------
     MeasurementError
-        The measurement does not cover the grid, the grid does not increase, or the measured lines are so far apart that
-        they do not determine the FRF between them (its impulse response is longer than their spacing allows, and
-        aliased): interpolated from every other line, the lines between are missed by more than 0.6 of their norm.
+        The measurement does not cover the grid, the grid is empty or not finite, or the measured lines are so far apart
+        that they do not determine the FRF between them (its impulse response is longer than their spacing allows, and
+        aliased): the interpolation of every other line misses those between by more than 0.6 of their norm.
     """
     grid = np.asarray(frequency, dtype=np.float64)
     if grid.ndim != 1 or grid.size == 0 or not np.all(np.isfinite(grid)):
@@ -144,7 +144,7 @@ def _check_cover(frf: Frf, grid: NDArray[np.float64]) -> None:
 def _interpolate(
     measured: NDArray[np.float64], values: NDArray[Any], grid: NDArray[np.float64], variance: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64] | None]:
-    """Return values on the grid, and their variance where that of the measured lines is known."""
+    """Return values on the grid, and their variance if that of the measured lines is known."""
     width = min(_SETTINGS.window, measured.size)
     start = np.searchsorted(measured, grid, side="right") - width // 2
     window = np.clip(start, 0, measured.size - width)[:, np.newaxis] + np.arange(width)
@@ -162,7 +162,7 @@ def _interpolate(
 
 
 def _lagrange_weights(nodes: NDArray[np.float64], grid: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n_grid, width) weights of the polynomial through `nodes` (n_grid, width), evaluated at `grid`."""
+    """Return the weights (n_grid, width) of the polynomials through `nodes` (n_grid, width) at `grid`."""
     weights = np.ones_like(nodes)
     for this in range(nodes.shape[1]):
         for other in range(nodes.shape[1]):
@@ -172,6 +172,6 @@ def _lagrange_weights(nodes: NDArray[np.float64], grid: NDArray[np.float64]) -> 
 
 
 def _roughness(window: NDArray[Any]) -> NDArray[np.float64]:
-    """(n_grid,) highest difference of each window over the size of its values, from 0 to about 1."""
+    """Return the highest difference (n_grid,) of each window over the size of its values, from 0 to about 1."""
     highest = np.diff(window, n=window.shape[1] - 1, axis=1)[:, 0]
     return np.asarray(np.abs(highest) / np.sum(np.abs(window), axis=1), dtype=np.float64)

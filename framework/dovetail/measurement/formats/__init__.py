@@ -1,1 +1,1 @@
-"""Files by their formats: universal files, tables, MATLAB, HDF5, NumPy and CutPro."""
+"""Readers and writers of file formats: universal files, tables, MATLAB, HDF5, NumPy and CutPro."""

@@ -1,4 +1,4 @@
-"""The fields of an FRF by the names that people give them in tables, archives and workspaces."""
+"""The fields of an FRF, recognised by their usual names in tables, archives and workspaces."""
 
 from __future__ import annotations
 
@@ -57,50 +57,50 @@ FIELD_NAMES: dict[str, tuple[str, ...]] = {
     "response": ("response", "response_dof"),
     "force": ("force", "force_dof"),
 }
-"""The fields of an FRF, and the names by which each is recognised; capitals do not matter."""
+"""The fields of an FRF, and the names by which each is recognised, in upper or lower case."""
 VALUE_FIELDS = frozenset(("values", "real", "imag", "amplitude", "db", "phase_deg", "phase_rad"))
-"""The fields that together are the values."""
+"""The fields that make up the values."""
 NUMERIC_FIELDS = (
     *("frequency", "values", "real", "imag", "amplitude", "db", "phase_deg", "phase_rad"),
     *("coherence", "variance"),
 )
-"""The fields that have a number for each line."""
+"""The fields with a number for each line."""
 _VALUES = (
     *(("values",), ("real", "imag"), ("amplitude", "phase_deg"), ("amplitude", "phase_rad"), ("amplitude",)),
     *(("db", "phase_deg"), ("db", "phase_rad"), ("db",)),
 )
 PHASES = ("phase", "angle", "arg")
-"""Names of a phase that do not say whether it is in degrees or in radians."""
+"""Names of a phase that leave open whether it is in degrees or in radians."""
 _ANGLES = {
     **dict.fromkeys(("deg", "deg.", "degree", "degrees", "°"), "phase_deg"),
     **dict.fromkeys(("rad", "radian", "radians"), "phase_rad"),
 }
 _PARTS = ("real", "imag", "amplitude", "db", "phase_deg", "phase_rad", "coherence")
-"""Fields that a name may say in its last word, behind that of a signal."""
+"""Fields that the last word of a name may state, after the name of a signal."""
 _NO_FRF = frozenset(("force", "excitation", "hammer", "psd", "power", "autopower", "spectrum", "autospectrum", "time"))
-"""Words by which a signal is none of an FRF."""
+"""Words that tell that a signal is not an FRF."""
 _SHOWN = 60
-"""Characters of a name."""
+"""Characters of a name that are shown."""
 _MANY_LINES = 100
 _HALF_TURN, _NEARLY_A_TURN = 3.15, 6.0
-"""Phase [rad] that is not left, and from which on a jump is a wrap, where radians are called degrees."""
+"""Largest phase, and smallest jump of a wrapped phase, of numbers labelled in degrees that are in fact radians."""
 _ACCEPTED = "values (complex) | real, imag | amplitude (or db), phase_deg (or phase_rad) | amplitude"
 
 
 def plain_name(name: str) -> str:
-    """Return the last part of a path as a word of small letters, digits and underscores."""
+    """Return the last part of a path as a word of lower-case letters, digits and underscores."""
     return re.sub(r"[^a-z0-9]+", "_", re.split(r"[/.]", name)[-1].lower()).strip("_")
 
 
 def column_word(name: str, unit: str = "") -> str:
-    """Return the word by which a column of a table is known, such as ``imag`` for ``Signal 2 (Imag.)``.
+    """Return the word that identifies a column of a table, such as ``imag`` for ``Signal 2 (Imag.)``.
 
     Parameters
     ----------
     name : str
         Of the column.
     unit : str
-        Its unit: it makes ``Phase`` either ``phase_deg`` or ``phase_rad``, and an amplitude ``db``.
+        Its unit, which turns ``Phase`` into ``phase_deg`` or ``phase_rad``, and an amplitude into ``db``.
     """
     word = _plain_words(name)
     spellings = [spelling for field in _PARTS for spelling in FIELD_NAMES[field]] + list(PHASES)
@@ -119,47 +119,47 @@ def _plain_words(name: str) -> str:
 
 
 def quantities_in(name: str, *, motions: bool = False) -> list[Quantity]:
-    """Return the quantities that the words of a column's name say, such as ``Accelerance magnitude``.
+    """Return the quantities that a column's name states, such as ``Accelerance magnitude``.
 
     Parameters
     ----------
     name : str
     motions : bool
-        Look for ``acceleration``, ``velocity`` and ``displacement``, which do not say over what.
+        Look for ``acceleration``, ``velocity`` and ``displacement``, which do not state that they are per force.
     """
     spellings = _MOTION_NAMES if motions else _QUANTITY_NAMES
     return [spellings[word] for word in _plain_words(name).split("_") if word in spellings]
 
 
 def quantity_of_name(name: str) -> Quantity | None:
-    """Return the quantity that the name of a variable says, such as ``compliance``."""
+    """Return the quantity that the name of a variable states, such as ``compliance``."""
     return _QUANTITY_NAMES.get(plain_name(name))
 
 
 def assign_fields(
     where: str, contents: Mapping[str, str], names: Mapping[str, str], words: Mapping[str, str] | None = None
 ) -> dict[str, str]:
-    """Decide which name of a file is which field of the FRF.
+    """Assign the names in a file to the fields of the FRF.
 
     Parameters
     ----------
     where : str
     contents : mapping of str to str
-        The names in the file, and what each holds in words.
+        The names in the file, with a description of their contents.
     names : mapping of str to str
-        From fields to names, as the caller says.
+        From fields to names, as the caller specifies them.
     words : mapping of str to str, optional
-        The word by which each name is known; by default its last part, in small letters.
+        The word that identifies each name; by default its last part, in lower case.
 
     Returns
     -------
     dict of str to str
-        From fields to names: a frequency, and one way to give the values.
+        From fields to names: a frequency, and one form of the values.
 
     Raises
     ------
     MeasurementError
-        A field or a name that does not exist, two names for one field, no frequency, no values or two kinds of them.
+        A field or a name that does not exist, two names for one field, no frequency, no values or two forms of them.
     """
     assigned = _check_names(where, contents, names)
     words = {name: plain_name(name) for name in contents} if words is None else words
@@ -182,16 +182,16 @@ def assign_fields(
 
 
 def taken_for(fields: Mapping[str, str], names: Sequence[str], units: Sequence[str] = ()) -> list[str]:
-    """Say what each name of a file was taken for; names that are read come first.
+    """Return sentences on what each name in a file was taken for; names that are read come first.
 
     Parameters
     ----------
     fields : mapping of str to str
         From fields of the FRF to names.
     names : sequence of str
-        In the file.
+        All names in the file.
     units : sequence of str, optional
-        Of the names.
+        Unit of each name.
     """
     meant = {name: field for field, name in fields.items()}
     labels = [f" [{unit[:_SHOWN]}]" if unit else "" for unit in units] or [""] * len(names)
@@ -214,7 +214,7 @@ def _check_names(where: str, contents: Mapping[str, str], names: Mapping[str, st
 
 
 def _is_overridden(field: str, names: Mapping[str, str]) -> bool:
-    """Whether the caller gives the values in another way, so that this field is not looked for."""
+    """Return whether the caller specifies another form of the values, so that this field is not looked for."""
     value_fields = {name for kind in _VALUES for name in kind}
     return field in value_fields and any(name in value_fields for name in names)
 
@@ -252,7 +252,7 @@ def _inventory(contents: Mapping[str, str], limit: int = 20) -> str:
 
 
 def _looks_like_radians(phase: NDArray[np.float64]) -> bool:
-    """Return whether a phase labelled in degrees looks like radians: within +-pi on many lines, and wrapping there."""
+    """Return whether a phase labelled in degrees looks like radians: within +-pi on many lines, and wrapped there."""
     within = phase.size >= _MANY_LINES and bool(np.all(np.abs(phase) <= _HALF_TURN))
     return within and bool(np.abs(np.diff(phase)).max() > _NEARLY_A_TURN)
 
@@ -263,7 +263,7 @@ def combine_values(fields: Mapping[str, NDArray[Any]], locate: Callable[[int], s
     Raises
     ------
     MeasurementError
-        A negative amplitude; `locate` gives its place in the file.
+        A negative amplitude; `locate` returns its place in the file.
     """
     if "db" in fields:
         with np.errstate(over="ignore"):  # the recording refuses what is infinite

@@ -1,6 +1,6 @@
 """FRFs in the text files (.frf) that CutPro exports and reads.
 
-Each row has frequency, real and imaginary part. Behind the numbers of the first row stand the labels of the columns,
+Each row has frequency, real and imaginary part. The numbers of the first row are followed by the labels of the columns,
 such as ``Freq Hz Real m/N Imag m/N``; exponents may have three digits.
 """
 
@@ -23,17 +23,17 @@ _COLUMNS = 3
 _GAP = re.compile(r"[\s,;]+")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LONGEST = 500
-"""Characters of a line, labels with it."""
+"""Largest number of characters in a line, including labels."""
 _NOT_READ = re.compile(r"\b(magnitude|mag|phase|amplitude|db|khz|rpm)\b", re.IGNORECASE)
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
-    """Return what a CutPro file holds.
+    """Return the FRF in a CutPro file.
 
     Raises
     ------
     MeasurementError
-        Not text, a row without three numbers, labels of another kind than real and imaginary part, units that differ.
+        Not text, a row without three numbers, labels of anything other than real and imaginary part, different units.
     """
     if options.chooses or options.names:
         option = options.chooses or f"names={dict(options.names)}"
@@ -75,7 +75,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
 
 
 def _split(line: str) -> list[str]:
-    """Return the words of a row; where blanks stand between numbers with a comma inside, the comma is decimal."""
+    """Return the words of a row; a comma within numbers that are separated by blanks is a decimal comma."""
     words = re.split(r"[\s;]+", line)
     commas = [word for word in words[:_COLUMNS] if "," in word]
     if len(words) > 1 and commas and all(map(_DECIMAL_COMMA.fullmatch, commas)):
@@ -95,7 +95,7 @@ def _parse_row(words: list[str], where: str) -> list[float]:
 
 
 def _unit(where: str, labels: str) -> tuple[UnitMeaning | None, str]:
-    """Return what the labels of the first row say of the values' unit."""
+    """Return the unit of the values according to the labels of the first row, and its meaning."""
     if match := _NOT_READ.search(labels):
         problem = f"the labels '{labels[:60]}' speak of {match[0]}."
         raise MeasurementError(Fault(where, problem, "frequency in Hz, real part, imaginary part"))

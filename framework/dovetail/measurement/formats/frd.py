@@ -1,4 +1,4 @@
-"""MATLAB's frequency response data (frd): structs of arrays, and objects that only MATLAB opens."""
+"""MATLAB's frequency response data (frd): structs of arrays, and objects that only MATLAB can open."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ _HERTZ = {
     "khz": "kHz",
     **dict.fromkeys(("rad/s", "rad/sec", "rad/second"), "rad/s"),
 }
-"""Units of the frequency that are read; per ``TimeUnit`` is per second unless another is stated."""
+"""Accepted units of the frequency; ``TimeUnit`` is a second unless another one is stated."""
 _SECONDS = ("", "s", "second", "seconds")
 
 
 def closed_entry(path: Path, name: str, label: str, entries: Mapping[str, Entry]) -> Entry:
-    """Return the entry of an object that only MATLAB opens.
+    """Return the entry of an object that only MATLAB can open.
 
     Raises
     ------
     MeasurementError
-        It is an frd, and no other entry is a frequency; the fault says what to type in MATLAB.
+        It is an frd, and no other entry is a frequency; the fault tells what to type in MATLAB.
     """
     problem = f"'{name}' is an object of the class {label[:40]}, which only MATLAB opens."
     typed = f"{name} = chgFreqUnit({name},'Hz'); [H,f] = frdata({name},'v'); save('frf.mat','H','f')"
@@ -46,7 +46,7 @@ def closed_entry(path: Path, name: str, label: str, entries: Mapping[str, Entry]
 
 
 def with_frd_units(path: Path, entries: Mapping[str, Entry], separator: str) -> dict[str, Entry]:
-    """Return entries whose frd structs have the units that their fields state.
+    """Return the entries with the units of frd structs attached, as their fields state them.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def _frequency(path: Path, name: str, entry: Entry, texts: Mapping[str, str]) ->
 
 
 def _unit(name: str, texts: Mapping[str, str]) -> str:
-    """Return the unit of all channels; of a cell, each of those that differ."""
+    """Return the unit of all channels; for a cell, all different units."""
     return " and ".join(sorted({text.strip() for field, text in texts.items() if field.partition("{")[0] == name}))
 
 

@@ -1,4 +1,4 @@
-"""Files whose readers are plugins: which reader takes a file, and the check of what it returns."""
+"""Files that plugins read: choice of the reader, and checks of the FRFs that it returns."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from dovetail.registry import Registry
 __all__ = ["decode", "find_reader"]
 
 _HEAD = 4096
-"""Bytes by which a reader tells its format."""
+"""Number of bytes from which a reader recognises its format."""
 _MOST_LISTED = 20
 
 
 def find_reader(path: Path, content: bytes, registry: Registry, name: str | None) -> FrfReader | None:
-    """Return the reader called `name`, or the one whose suffix and format a file has; None if there is none.
+    """Return the reader called `name`, or the one for the file's suffix and format; None if there is none.
 
     Raises
     ------
     MeasurementError
-        Several readers take the file.
+        Several readers accept the file.
     PluginError
         There is no reader of this name, or its code fails.
     """
@@ -60,12 +60,12 @@ def _label(reader: FrfReader) -> str:
 
 
 def decode(path: Path, content: bytes, reader: FrfReader, options: ReadOptions) -> Recording:
-    """Return the FRF that a plugin reads from a file, or that of several which `options` select.
+    """Return the FRF that a plugin reads from a file, or the one of several that `options` select.
 
     Raises
     ------
     MeasurementError
-        The reader cannot read the file, or no single FRF of it is meant.
+        The reader cannot read the file, or `options` do not select a single FRF.
     PluginError
         The reader fails, or returns no FRFs.
     """
@@ -123,7 +123,7 @@ def _read(path: Path, content: bytes, reader: FrfReader) -> Sequence[RecordedFrf
 
 
 def _chosen(path: Path, recorded: Sequence[RecordedFrf], options: ReadOptions) -> tuple[int, RecordedFrf]:
-    """Return the FRF that is meant, and its number from 1."""
+    """Return the number of the selected FRF, from 1, and the FRF."""
     fitting = [
         (number, frf)
         for number, frf in enumerate(recorded, start=1)
@@ -146,7 +146,7 @@ def _is_meant(stated: str, wanted: str | None) -> bool:
 
 
 def _check_arrays(frf: RecordedFrf, label: str) -> None:
-    """Make sure that a plugin's arrays are vectors of numbers of one length.
+    """Check that a plugin's arrays are numeric vectors of equal length, and its texts are texts.
 
     Raises
     ------

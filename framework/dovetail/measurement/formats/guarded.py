@@ -1,4 +1,4 @@
-"""HDF5 files and MATLAB workspaces, which libraries in C read: in a guarded process, never in this one."""
+"""HDF5 files and MATLAB workspaces, which C libraries read in a guarded process, never in this one."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _HELD = (
     *("frequency", "values", "coherence", "variance", "has_phase", "quantity", "is_stated", "how_to_state_quantity"),
     *("note", "factor", "unit", "averages", "rotation", "response", "force", "taken"),
 )
-"""What of a recording comes back."""
+"""Fields of a recording that the guarded process returns."""
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
-    """Return the FRF that a file holds.
+    """Return the FRF in a file.
 
     Raises
     ------
     MeasurementError
-        What is wrong with the file, or that reading it took more memory or time than any FRF.
+        The file is invalid, or needs more memory or time to read than any FRF.
     DovetailError
         h5py is not installed.
     """
@@ -45,12 +45,12 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
 
 
 def read_arrays(path: Path, content: bytes, names: Sequence[str]) -> Archive:
-    """Return the arrays of a file; only those called by one of `names`, in full or by the last word, can be loaded.
+    """Return the arrays of a file; only those whose full name or last word is among `names` can be loaded.
 
     Raises
     ------
     MeasurementError, DovetailError
-        As `decode`.
+        As in `decode`.
     """
     held = _ask(path, content, {"arrays": list(names)})
     return Archive(path, {name: Entry("", partial(held.__getitem__, name)) for name in held["names"]})
@@ -68,7 +68,7 @@ def _ask(path: Path, content: bytes, question: Mapping[str, Any]) -> dict[str, A
 
 
 def answer(path: Path, content: bytes, form: Form, question: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is asked of a file; to be called in the guarded process only."""
+    """Return the requested contents of a file; only for the guarded process."""
     with _opened(path, content, form) as archive:
         if "options" in question:
             recording = read_recording(archive, ReadOptions(*question["options"]))

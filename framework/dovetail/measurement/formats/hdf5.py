@@ -27,27 +27,27 @@ _MOST_OBJECTS = 2000
 _DEEPEST = 8
 _LONGEST_TEXT = 4000
 _CLOSED = "class of an object that only MATLAB opens"
-"""Under this an entry has the name of its class."""
+"""Attribute of such an entry, with the name of the class."""
 _NEEDED = ("unit", "units", "quantity", "MATLAB_class")
 _COMPLEX = (("r", "i"), ("real", "imag"), ("re", "im"))
 
 
 def check_signature(path: Path, content: bytes) -> None:
-    """Raise a MeasurementError where a file is not HDF5."""
+    """Raise a MeasurementError if a file is not HDF5."""
     if not any(content.startswith(SIGNATURE, start) for start in _STARTS):
         raise MeasurementError(Fault(str(path), "this is no HDF5 file."))
 
 
 @contextmanager
 def open_hdf5(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
-    """Open an HDF5 file, in the guarded process only; `matlab` turns MATLAB's order of axes and its texts to numpy's.
+    """Open an HDF5 file, only in the guarded process; with `matlab`, axes and texts are converted to numpy's.
 
     Nothing outside the file is read: links to other files, external storage and virtual datasets are left out.
 
     Raises
     ------
     MeasurementError
-        Damaged, or more than any FRF has.
+        The file is damaged, or larger than any FRF.
     """
     import h5py
 
@@ -87,7 +87,7 @@ def _entries(
 def _dataset_entries(
     path: Path, item: h5py.Dataset, name: str, matlab: bool, count: list[int]
 ) -> Iterator[tuple[str, Entry]]:
-    """Yield a dataset, or what the references of a MATLAB cell lead to, numbered from 1."""
+    """Yield a dataset, or the datasets to which a MATLAB cell refers, numbered from 1."""
     import h5py
 
     attributes = _text_attributes(item)
@@ -106,7 +106,7 @@ def _dataset_entries(
 
 
 def _array(path: Path, dataset: h5py.Dataset, matlab: bool) -> NDArray[Any]:
-    """Return the numbers or the text of a dataset after its header has shown that it is small."""
+    """Return the numbers or the text of a dataset, if its header shows that it is small."""
     import h5py
 
     size = int(np.prod(dataset.shape or (1,), dtype=np.float64)) * dataset.dtype.itemsize

@@ -1,4 +1,4 @@
-"""LabVIEW measurement files (.lvm) by lvm_read: FRFs, and the time records of impact tests."""
+"""LabVIEW measurement files (.lvm), read with lvm_read: FRFs, and time records of impact tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
 __all__ = ["Segment", "decode", "read_segments"]
 
 _MOST_CELLS = MOST_LINES
-"""Numbers of an FRF of a quarter of a million lines: the library keeps each as an object."""
+"""Largest number of cells, enough for an FRF of 250,000 lines: the library stores each cell as an object."""
 _TIME = "time"
 _FREQUENCY = "frequency"
 
@@ -30,14 +30,14 @@ class Segment(NamedTuple):
     where : str
         The file and the number of the segment.
     dimension : str
-        What its abscissa is, in small letters: time, unless the file says otherwise.
+        Dimension of the abscissa, in lower case: time, unless the file states another.
     axis : (n,) array
         The abscissa.
     names, units : tuple of str
         Of the channels.
     channels : (n_channels, n) array
     axis_unit : str
-        Of the abscissa, empty where none is stated.
+        Of the abscissa; empty if none is stated.
     """
 
     where: str
@@ -50,12 +50,12 @@ class Segment(NamedTuple):
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
-    """Return the FRF that a LabVIEW measurement file holds: the only segment, or that with the number `index`.
+    """Return the FRF in a LabVIEW measurement file: the only segment, or the one with the number `index`.
 
     Raises
     ------
     MeasurementError
-        Not such a file, damaged, several segments, time records, channels that are no FRF.
+        Not such a file, a damaged file, several segments, time records, channels that are not an FRF.
     DovetailError
         lvm_read is not installed.
     """
@@ -96,7 +96,7 @@ def read_segments(path: Path, content: bytes) -> list[Segment]:
     Raises
     ------
     MeasurementError, DovetailError
-        As `decode`.
+        As in `decode`.
     """
     require_package("lvm_read", "lvm", str(path))
     import lvm_read
@@ -118,7 +118,7 @@ def read_segments(path: Path, content: bytes) -> list[Segment]:
 
 
 def _segment(path: Path, parsed: dict[Any, Any], number: int) -> Segment:
-    """Return a segment as lvm_read has it: a table of which the abscissa may be the first column or left out."""
+    """Return a segment from lvm_read's table, whose first column may be the abscissa."""
     where, fields = f"{path}: segment {number + 1}", parsed[number]
     kind = str(parsed.get("X_Columns", "One")).strip()
     kind = "One" if kind == "Multi" and fields.get("Channels") == 1 else kind

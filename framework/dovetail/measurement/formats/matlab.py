@@ -24,19 +24,19 @@ __all__ = ["check_version", "workspace"]
 _VERSION = slice(124, 128)
 _VERSION_5 = (b"\x00\x01IM", b"\x01\x00MI")
 _CELL, _STRUCT, _OBJECT, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 5, 16, 17
-"""Numbers of classes, in MATLAB's description of the format; those of numbers and texts are 4 and 6 to 15."""
+"""Numbers of classes in MATLAB's description of the format; those of numbers and texts are 4 and 6 to 15."""
 _NO_NUMBERS = (_CELL, _STRUCT, _OBJECT, _SPARSE, _FUNCTION, _OPAQUE)
-"""Classes whose shape does not say how much they hold."""
+"""Classes whose shape does not tell the size of their contents."""
 _HEADER = 1000
-"""Bytes within which the class, the shape and the name of a variable stand."""
+"""Number of bytes that contain the class, the shape and the name of a variable."""
 _COMPRESSED = 10_000
-"""Bytes that unpack to a header, whatever their compression."""
+"""Number of compressed bytes that unpack to at least a header, whatever their compression."""
 _MOST_CELLS = 1000
 _NOT_READ = "of a class that is not read (sparse, object, function handle, array of structs)"
 _ITEM = 16
-"""Bytes of the largest number, a complex one in double precision."""
+"""Bytes of the largest type of number, complex in double precision."""
 _MOST_NUMBERS = 12_500_000
-"""In all variables together."""
+"""Largest number of elements in all variables together."""
 
 
 def check_version(path: Path, content: bytes) -> bool:
@@ -45,7 +45,7 @@ def check_version(path: Path, content: bytes) -> bool:
     Raises
     ------
     MeasurementError
-        Neither 5 nor 7.3.
+        The version is neither 5 nor 7.3.
     """
     if SIGNATURE in (content[:8], content[512:520]):
         return True
@@ -56,12 +56,12 @@ def check_version(path: Path, content: bytes) -> bool:
 
 
 def workspace(path: Path, content: bytes) -> Archive:
-    """Return the variables of a workspace of version 5; to be called in the guarded process only.
+    """Return the variables of a workspace of version 5; only for the guarded process.
 
     Raises
     ------
     MeasurementError
-        Damaged, truncated, or more than an FRF needs.
+        The file is damaged, truncated, or larger than any FRF.
     """
     from scipy.io import loadmat
 
@@ -84,9 +84,9 @@ def workspace(path: Path, content: bytes) -> Archive:
 
 
 def _variables(content: bytes) -> Iterator[tuple[str, tuple[int, ...], int, str]]:
-    """Yield name, shape, number of the class and, of an object that only MATLAB opens, the class of each variable.
+    """Yield name, shape and class number of each variable, and the class of an object that only MATLAB can open.
 
-    scipy's `whosmat` fails where there is one such object.
+    scipy's `whosmat` fails if there is such an object.
     """
     order = "<" if content[126:128] == b"IM" else ">"
     position = 128
@@ -106,7 +106,7 @@ def _variables(content: bytes) -> Iterator[tuple[str, tuple[int, ...], int, str]
 
 
 def _elements(content: bytes, order: str) -> Iterator[bytes]:
-    """Yield the data of the elements of a variable; four bytes or less stand in the tag itself."""
+    """Yield the data of the elements of a variable; up to four bytes are stored in the tag itself."""
     position = 0
     while position + 8 <= len(content):
         kind, size = struct.unpack_from(f"{order}2I", content, position)
@@ -119,7 +119,7 @@ def _elements(content: bytes, order: str) -> Iterator[bytes]:
 
 
 def _check_sizes(path: Path, variables: Sequence[tuple[str, tuple[int, ...], int, str]]) -> None:
-    """Refuse numbers that are too many before they are unpacked."""
+    """Refuse too many numbers before they are unpacked."""
     sizes = {name: 0 if kind in _NO_NUMBERS else prod(shape) for name, shape, kind, _ in variables}
     for number, (name, size) in enumerate(sizes.items(), start=1):
         if not 0 <= size * _ITEM <= LARGEST_ARRAY:  # scipy takes a negative length for one that is to be told
@@ -130,7 +130,7 @@ def _check_sizes(path: Path, variables: Sequence[tuple[str, tuple[int, ...], int
 
 
 def _entries(path: Path, name: str, value: Any, depth: int = 0) -> Iterator[tuple[str, Entry]]:
-    """Yield numbers and texts; fields of a struct by their path, contents of a cell by their number from 1."""
+    """Yield numbers and texts, with fields of a struct named by path and contents of a cell numbered from 1."""
     from scipy.io.matlab import MatlabObject
 
     is_array = type(value) is np.ndarray  # function handles are subclasses

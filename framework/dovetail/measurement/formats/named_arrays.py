@@ -1,4 +1,4 @@
-"""FRFs in files of named arrays: what NPZ, HDF5 and MATLAB files have in common."""
+"""FRFs in files of named arrays: the common part of the readers of NPZ, HDF5 and MATLAB files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording, p
 __all__ = ["LARGEST_ARRAY", "Archive", "Entry", "read_recording"]
 
 LARGEST_ARRAY = 40_000_000
-"""Bytes of one unpacked array."""
+"""Largest size of an unpacked array in bytes."""
 _HERTZ = {"": 1.0, "hz": 1.0, "1/s": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
 _LONGEST_TEXT = 1000
 
@@ -42,7 +42,7 @@ class Entry:
     load : callable
         Returns the array; a text is an array of one string.
     attributes : mapping of str to str
-        Texts that the file attaches to it, such as its unit.
+        Texts that the file attaches to the entry, such as its unit.
     """
 
     what: str
@@ -68,12 +68,12 @@ class Archive:
 
 
 def read_recording(archive: Archive, options: ReadOptions) -> Recording:
-    """Return the FRF that an archive holds.
+    """Return the FRF in an archive.
 
     Raises
     ------
     MeasurementError
-        Fields that are missing or ambiguous, with a list of what the file holds; shapes and types that do not fit.
+        Fields that are missing or ambiguous, with a list of the file's contents; shapes and types that do not fit.
     """
     where = str(archive.path)
     names = assign_fields(where, {name: entry.what for name, entry in archive.entries.items()}, options.names)
@@ -110,7 +110,7 @@ def read_recording(archive: Archive, options: ReadOptions) -> Recording:
 
 
 def _load_fields(archive: Archive, names: Mapping[str, str], options: ReadOptions) -> dict[str, NDArray[Any]]:
-    """Return the arrays that have a number for each line, each of shape (n_freq,)."""
+    """Return the arrays with a number for each line, each of shape (n_freq,)."""
     frequency = _load_numbers(archive, names["frequency"], "frequency", "real")
     if frequency.size != max(frequency.shape, default=0) or frequency.size == 0:
         raise _shape_error(archive, names["frequency"], frequency, "(n_freq,) real numbers")
@@ -141,7 +141,7 @@ def _load_numbers(archive: Archive, name: str, field_name: str, kind: str) -> ND
 
 
 def _select_frf(archive: Archive, name: str, array: NDArray[Any], lines: int, options: ReadOptions) -> NDArray[Any]:
-    """Return the (n_freq,) numbers of the FRF that is wanted from an array with an axis of frequencies."""
+    """Return the values (n_freq,) of the selected FRF from an array with an axis of frequencies."""
     if array.size == max(array.shape, default=0) != lines:
         raise MeasurementError(Fault(str(archive.path), f"'{name}' has {array.size} lines, the frequency has {lines}."))
     axes = [axis for axis, length in enumerate(array.shape) if length == lines]
@@ -158,7 +158,7 @@ def _select_frf(archive: Archive, name: str, array: NDArray[Any], lines: int, op
 
 
 def _select_column(archive: Archive, name: str, shape: tuple[int, ...], options: ReadOptions) -> int:
-    """Return the position, from 0, of the wanted FRF among those of an array in C order."""
+    """Return the index of the selected FRF among those of an array, in C order."""
     selectors: tuple[str, ...] = ("response", "force") if len(shape) > 1 else ("index", "response", "force")
     wanted = [value for selector in selectors if (value := getattr(options, selector)) is not None]
     numbers = tuple(int(wish) if re.fullmatch(r"\d{1,6}", str(wish)) else 0 for wish in wanted)
@@ -178,7 +178,7 @@ def _shape_error(archive: Archive, name: str, array: NDArray[Any], accepted: str
 
 
 def _read_text(archive: Archive, names: Mapping[str, str], field_name: str) -> str:
-    """Return a text of the file by its name, else from the attributes of the values or of the file; or nothing."""
+    """Return a text by its name in the file, or from the attributes of the values or of the file; '' without one."""
     if field_name in names:
         array = archive.entries[names[field_name]].load()
         if array.size != 1 or array.dtype.kind not in "US":
@@ -200,7 +200,7 @@ def _read_unit(archive: Archive, names: Mapping[str, str]) -> UnitMeaning | None
 
 
 def _read_quantity(archive: Archive, names: Mapping[str, str], meaning: UnitMeaning | None) -> Quantity | None:
-    """Return what the file says in words, by its unit or by the name of the values; all must agree."""
+    """Return the quantity that the file states in words, by its unit or by the name of the values; all must agree."""
     word = _read_text(archive, names, "quantity")
     statements = {
         "its word": parse_quantity(word, f"{archive.path}  quantity") if word else None,
@@ -225,7 +225,7 @@ def _read_averages(archive: Archive, names: Mapping[str, str]) -> int | None:
 
 
 def _hertz_per_unit(archive: Archive, name: str) -> float:
-    """Return Hz for each unit of the frequency, by its attribute."""
+    """Return the factor from the frequency's unit, stated by its attribute, to Hz."""
     attributes = archive.entries[name].attributes
     label = attributes.get("unit", attributes.get("units", "")).strip()
     if label.lower() not in _HERTZ:

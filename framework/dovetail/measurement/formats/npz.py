@@ -1,4 +1,4 @@
-"""FRFs in numpy archives and in single numpy arrays, read without pickle."""
+"""FRFs in NumPy archives and in single NumPy arrays, read without pickle."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ __all__ = ["decode", "decode_array", "encode", "open_archive"]
 
 _MOST_ARRAYS = 1000
 _ENTRY = b"PK\x01\x02"
-"""With this each entry of the directory begins, whatever the end of the archive says of their number."""
+"""First bytes of each entry in the directory; counted, since the number at the end of the archive may be wrong."""
 _WIDEST_ITEM = 4000
-"""Bytes of one array item: a complex number, or a text of 1000 characters."""
+"""Largest size of an array item in bytes: a text of 1000 characters."""
 _MOST_AXES = 3
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
-    """Return what an NPZ file holds.
+    """Return the FRF in an NPZ file.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
 
 
 def open_archive(path: Path, content: bytes) -> Archive:
-    """Return the arrays of an NPZ file, none of them loaded.
+    """Return the arrays of an NPZ file without loading them.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def open_archive(path: Path, content: bytes) -> Archive:
 
 @contextmanager
 def _report_damage(path: Path) -> Iterator[None]:
-    """Turn the errors that zipfile, decompressors and numpy raise for a damaged archive into one fault."""
+    """Convert the errors that zipfile, decompressors and NumPy raise for a damaged archive to one fault."""
     try:
         yield
     except MeasurementError:
@@ -90,7 +90,7 @@ def encode(content: FrfToWrite, _path: Path, _binary: bool | None) -> bytes:
 
 
 def _load_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
-    """Return one array after its header has shown that it is small and holds plain values."""
+    """Return one array, if its header shows that it is small and holds plain values."""
     with _report_damage(path):
         return _load_plain_array(path, archive, name)
 
@@ -108,7 +108,7 @@ def _load_plain_array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArra
 
 
 def _check_plain(path: Path, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Refuse Python objects, and more than an FRF has."""
+    """Refuse Python objects, and arrays that are too large for an FRF."""
     if dtype.hasobject:
         raise MeasurementError(
             Fault(str(path), f"'{name}' holds Python objects (pickle), which are never loaded.", "an array of numbers")
@@ -124,7 +124,7 @@ def _check_plain(path: Path, name: str, shape: tuple[int, ...], dtype: np.dtype[
 
 
 def decode_array(path: Path, content: bytes, options: ReadOptions) -> Recording:
-    """Return what an NPY file holds: a structured array, two complex columns, or columns that the caller names.
+    """Return the FRF in an NPY file: a structured array, two complex columns, or columns that the caller names.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""FRFs in tables of text, with comma, semicolon, tab or blanks between the columns.
+"""FRFs in tables of text, with commas, semicolons, tabs or blanks between the columns.
 
 A table has comments (``# quantity: mobility``) or any other lines, a header with the names of the columns, perhaps a
-row of units, and the rows of numbers. `read_header` finds out which column holds which field of the FRF, `decode` reads
-the numbers, and `encode` writes CSV.
+row of units, and the rows of numbers. `read_header` assigns the columns to the fields of the FRF, `decode` reads the
+numbers, and `encode` writes CSV.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ __all__ = [
 _COMMENT = re.compile(r"[#%]\s*(quantity|unit|averages|note|response|force)\s*[:=]\s*(.*?)\s*$", re.IGNORECASE)
 _BRACKET = re.compile(r"([^\[(]*?)\s*[\[(](.*)[\])]")
 _SLASH = re.compile(r"(.+?)\s+/\s+(\S.*)")
-"""A unit as DIN 1313 has it: ``Frequency / Hz``."""
+"""A name and its unit according to DIN 1313: ``Frequency / Hz``."""
 _DECIBEL = re.compile(r"db(?:\s*(?:re|ref)?\.?:?\s*(?:1(?:\.0*)?\s*)?(?=\D)(.*))?", re.IGNORECASE)
 HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi)}
-"""Hz for each unit of a frequency."""
+"""Factors from units of frequency to Hz."""
 _PURE = ("", "-", "1", "none")
 _HEADERS = (
     "frequency_Hz,real,imag | frequency_Hz,amplitude,phase_deg | frequency_Hz,amplitude, "
@@ -74,13 +74,13 @@ class Header(NamedTuple):
     names : tuple of str
         Of the columns, without their units.
     hertz : float
-        Hz for each unit of the frequency.
+        Factor from the unit of the frequency to Hz.
     unit : str
-        Of the values, empty where none is stated.
+        Of the values; empty if none is stated.
     comments : mapping of str to str
-        What the lines above say: quantity, averages, note, response, force.
+        Statements in the lines above: quantity, averages, note, response, force.
     taken : sequence of str
-        What each column is taken for.
+        Sentences on what each column is taken for.
     """
 
     columns: Mapping[str, int]
@@ -92,7 +92,7 @@ class Header(NamedTuple):
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
-    """Return what a table holds.
+    """Return the FRF in a table.
 
     Raises
     ------
@@ -130,12 +130,12 @@ def _table(path: str, lines: Sequence[str], options: ReadOptions) -> TextTable:
 
 
 def check_columns(options: ReadOptions) -> list[int]:
-    """Return which columns of those that the caller names are read.
+    """Return the indices of those columns named by the caller that are read.
 
     Raises
     ------
     MeasurementError
-        A name that is no field of an FRF, or names given in two ways.
+        A name that is not a field of an FRF, or names given in two ways.
     """
     if options.names:
         raise MeasurementError(Fault("the argument names", "the argument columns names the columns already."))
@@ -152,7 +152,7 @@ def check_columns(options: ReadOptions) -> list[int]:
 def recording_of(
     path: Path, header: Header, arrays: Mapping[str, NDArray[Any]], locate: Callable[[int], str]
 ) -> Recording:
-    """Return the recording of columns that have been read.
+    """Build the recording from columns that have been read.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def recording_of(
 def _quantity(path: Path, header: Header, meaning: UnitMeaning | None) -> tuple[Quantity | None, bool]:
     """Return the quantity that comments, unit and column names state, and whether they state that it is per force.
 
-    A name such as ``Acceleration`` does not say over what. All statements must agree.
+    A name such as ``Acceleration`` does not state that. All statements must agree.
     """
     word = header.comments.get("quantity", "")
     named = [header.names[column] for field, column in header.columns.items() if field in VALUE_FIELDS]
@@ -229,7 +229,7 @@ def _averages(comments: Mapping[str, str]) -> int | None:
 
 
 def _is_header(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
-    """Return whether one of the cells is the frequency, by its name or as the caller says."""
+    """Return whether one of the cells is the frequency, by its name or by the caller's choice."""
     names, units = names_and_units(cells)
     if "frequency" in chosen:
         return chosen["frequency"] in names
@@ -239,25 +239,25 @@ def _is_header(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
 def read_header(
     where: str, cells: Sequence[str], below: Sequence[str], chosen: Mapping[str, str], comments: Mapping[str, str]
 ) -> Header:
-    """Return what the columns of a table are.
+    """Return the meaning of a table's columns.
 
     Parameters
     ----------
     where : str
-        Its line.
+        The line of the header.
     cells : sequence of str
         Of the header.
     below : sequence of str
-        Of a row of units, or nothing.
+        Cells of a row of units, or empty.
     chosen : mapping of str to str
-        From fields of the FRF to names of columns, as the caller says.
+        From fields of the FRF to names of columns, as the caller specifies them.
     comments : mapping of str to str
-        What the lines above say.
+        Statements in the lines above.
 
     Raises
     ------
     MeasurementError
-        Names that are not understood, units that are not or that differ.
+        Names or units that are not understood, or units that differ.
     """
     names, units = names_and_units(cells)
     for column, cell in enumerate(below):
@@ -278,7 +278,7 @@ def read_header(
 
 
 def _comments_above(path: str, table: TextTable) -> dict[str, str]:
-    """Return what the comments above a table say, and where."""
+    """Return the statements in the comments above a table, and their lines."""
     comments: dict[str, str] = {}
     for number, line in enumerate(table.lines[: table.line]):
         if match := _COMMENT.match(line.strip()[:_LONGEST]):
@@ -289,9 +289,9 @@ def _comments_above(path: str, table: TextTable) -> dict[str, str]:
 
 
 def names_and_units(cells: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the names of columns and their units, empty where there is none: ``Real [um/N]``, ``Frequency / Hz``.
+    """Split cells such as ``Real [um/N]`` or ``Frequency / Hz`` into names and units; a missing unit is empty.
 
-    Brackets may also hold what a column is, as in ``Signal 2 (Real)``: that is part of its name.
+    Brackets may also contain the kind of values, as in ``Signal 2 (Real)``, which is part of the name.
     """
     pairs = [_name_and_unit(cell) for cell in cells]
     return [name for name, _ in pairs], [unit for _, unit in pairs]
@@ -312,7 +312,7 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
 def _field_columns(
     where: str, line: str, names: Sequence[str], units: Sequence[str], chosen: Mapping[str, str]
 ) -> dict[str, int]:
-    """Return the column of each field of the FRF; any other column is refused unless the caller names the columns."""
+    """Return the column of each field of the FRF; other columns are refused unless the caller names the columns."""
     columns = [(name, unit) for name, unit in zip(names, units, strict=True) if name not in ("", _SKIP)]
     words = {name: column_word(name, unit) for name, unit in columns}
     shown = line if len(line) <= 60 else f"{line[:60]}..."
@@ -336,7 +336,7 @@ def _hertz(where: str, unit: str) -> float:
 
 
 def _unit(where: str, units: Sequence[str], columns: Mapping[str, int], stated: str) -> str:
-    """Return the unit of the values that columns or comments state; they must not differ."""
+    """Return the unit of the values that columns and comments state; they must agree."""
     named = {units[columns[part]] for part in ("values", "real", "imag", "amplitude", "db") if part in columns}
     bare = {match[1] or "" if (match := _DECIBEL.fullmatch(label)) else label for label in (*named, stated)}
     labels = {label.strip() for label in bare if label.strip().lower() not in _PURE}
@@ -348,7 +348,7 @@ def _unit(where: str, units: Sequence[str], columns: Mapping[str, int], stated: 
 
 
 def encode(content: FrfToWrite, path: Path, _binary: bool | None) -> bytes:
-    """Return a CSV file with what is known of the FRF in comments and every digit of the numbers.
+    """Return a CSV file with every digit of the numbers, and the FRF's other data in comments.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Tables of numbers in text files: where they start, what separates their columns, and what their header is.
+"""Tables of numbers in text files: their start, the separator of their columns, and their header.
 
 A table may follow any lines of text. `find_table` finds its header by the names in it; `find_rows` finds the first row
 of a table whose columns the caller names; `read_rows` reads the numbers, with decimal points or decimal commas.
@@ -33,13 +33,13 @@ _BLANKS = ""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LAST_NUMBER = re.compile(r"[^\s,;]+(?=\s*$)")
 _LAST_ROWS, _FEWEST_ROWS, _MANY_DIGITS = 60, 3, 8
-"""Rows at the end that are compared, rows that this takes, and characters of a number that is not rounded by chance."""
+"""Rows at the end that are compared, fewest of them, and characters of a number that is not short by chance."""
 _WORDS = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
 """A word with the brackets behind it, as in ``Real [um/N]``."""
 
 
 class TextTable(NamedTuple):
-    """Where a table stands.
+    """A table in a text file.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class TextTable(NamedTuple):
     first : int
         Index of the first row of numbers.
     separator : str
-        Between the columns; empty for blanks.
+        Separator of the columns; empty for blanks.
     """
 
     where: str
@@ -80,7 +80,7 @@ def split_lines(path: Path, content: bytes) -> list[str]:
     Raises
     ------
     MeasurementError
-        Too many lines, or bytes that are no text.
+        Too many lines, or bytes that are not text.
     """
     if max(content.count(b"\n"), content.count(b"\r")) > MOST_LINES + _MOST_ABOVE:
         raise MeasurementError(Fault(str(path), "the file has too many lines.", f"at most {MOST_LINES:,} lines"))
@@ -98,7 +98,7 @@ def split_lines(path: Path, content: bytes) -> list[str]:
 def find_table(
     where: str, lines: Sequence[str], is_header: Callable[[Sequence[str]], bool], accepted: str, remedy: str = ""
 ) -> TextTable:
-    """Return the table below the last header that stands before the rows of numbers.
+    """Return the table below the last header before the rows of numbers.
 
     Parameters
     ----------
@@ -106,11 +106,11 @@ def find_table(
         The file.
     lines : sequence of str
     is_header : callable
-        Whether cells are those of a header.
+        Returns whether cells are those of a header.
     accepted : str
-        Headers that are understood, for the message.
+        Accepted headers, for the message.
     remedy : str
-        What to do where there is none.
+        What to do if there is none.
 
     Returns
     -------
@@ -302,7 +302,7 @@ def read_rows(
 
 
 def check_end(where: str, lines: Sequence[str]) -> None:
-    """Refuse a truncated file: its last line does not end, and its last number is shorter than all others.
+    """Refuse a truncated file, whose last line has no end and whose last number is shorter than all others.
 
     It is refused only if all numbers have many digits, since short numbers may be shorter by chance.
 

@@ -1,9 +1,9 @@
-"""FRFs in universal files (set 58, ASCII and binary) by pyuff, with its traps closed.
+"""FRFs in universal files (set 58, ASCII and binary), read with pyuff after checks of the file.
 
-pyuff scans and splits whole files whatever their size, says only that something failed, ignores the number of values
-that a set declares, empties the file when a binary set overwrites it, writes NaN as 0, and counts the bytes of a
-binary set wrongly. So a file is scanned here first, pyuff sees one checked set at a time, and a set is written into
-an empty file.
+pyuff scans and splits whole files whatever their size, reports only that something failed, ignores the number of values
+that a set declares, empties the file when a binary set overwrites it, writes NaN as 0, and counts the bytes of a binary
+set wrongly. A file is therefore scanned here first, pyuff gets one checked set at a time, and a set is written into an
+empty file.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ Array = NDArray[np.float64]
 _REAL, _COMPLEX = (2, 4), (5, 6)
 _DOUBLE = (4, 6)
 _LONGEST_ROW = 60
-"""Characters of ASCII data for one line of an FRF, at most, whatever its form."""
+"""Largest number of characters of ASCII data for one line of an FRF."""
 _NOT_NUMERIC = re.compile(rb"[^0-9eE+\-.\s]\S*")
 
 
 def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
-    """Return what a universal file holds: its only FRF, or the one that is chosen by number or DOFs.
+    """Return the FRF in a universal file: the only one, or the one that is chosen by number or DOFs.
 
-    The coherence is read too when exactly one set holds it for the same points and frequencies; so are the variance
-    that Dovetail writes and a number of averages that an id line states as ``averages: 10``.
+    The coherence is also read if exactly one set contains it for the same points and frequencies; so are the variance
+    as Dovetail writes it and a number of averages that an id line states as ``averages: 10``.
 
     Raises
     ------
@@ -87,12 +87,12 @@ def decode(path: Path, content: bytes, options: ReadOptions) -> Recording:
 
 
 def read_time_records(path: Path, content: bytes) -> tuple[Array, Array, float, tuple[str, str]]:
-    """Return force and response (n_impacts, n_samples), the sampling rate [Hz] and the units of the two.
+    """Return force and response (n_impacts, n_samples), the sampling rate [Hz] and the units of both.
 
     Raises
     ------
     MeasurementError
-        No time responses, or not in pairs of a force and a motion with the same times.
+        No time responses, or no pairs of a force and a motion with the same times.
     """
     sets = [uff_set for uff_set in scan_sets(path, content) if uff_set.function == TIME]
     forces = [uff_set for uff_set in sets if _is_force(uff_set)]
@@ -152,13 +152,13 @@ def _is_variance(uff_set: UffSet) -> bool:
 
 
 def _averages(uff_set: UffSet) -> int | None:
-    """Return the number of averages that an id line gives, or None."""
+    """Return the number of averages that an id line states, or None."""
     number = _id_line_value(uff_set, r"averages", r"0*([1-9]\d{0,5})\b")
     return int(number) if number else None
 
 
 def _id_line_value(uff_set: UffSet, key: str, value: str = r"(.+?)\s*$") -> str:
-    """Return the value that an id line after the first gives to a key, as in ``averages: 10``, or nothing."""
+    """Return the value of a key in an id line after the first, as in ``averages: 10``, or an empty text."""
     for line in ("id2", "id3", "id4", "id5"):
         if match := re.search(rf"\b{key}\s*[:=]\s*{value}", str(uff_set.fields[line]), re.IGNORECASE):
             return match[1]
@@ -231,7 +231,7 @@ def _check_size(uff_set: UffSet, payload: bytes) -> None:
 
 
 def _ascii_data(uff_set: UffSet, content: bytes, payload: bytes) -> bytes:
-    """Return the data lines without the blanks and empty lines at their ends, which pyuff does not take."""
+    """Return the data lines without trailing blanks and empty lines, which pyuff does not accept."""
     rows = max(payload.count(b"\n"), payload.count(b"\r"))
     if len(payload) > (uff_set.fields["num_pts"] + 2) * _LONGEST_ROW or rows > uff_set.fields["num_pts"] + 2:
         raise MeasurementError(

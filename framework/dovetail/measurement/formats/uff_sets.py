@@ -1,7 +1,7 @@
 """The sets of a universal file.
 
-`scan_sets` tells where each set stands and reads its header, `select_set` takes the one that the caller wants, and
-`meaning_of` says what its values are: quantity, unit and sign.
+`scan_sets` locates each set and reads its header, `select_set` returns the one that the caller wants, and `meaning_of`
+determines quantity, unit and sign of its values.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ _TAG = re.compile(rb" {4}-1(?=[\r\n]| {74}|\Z)")
 """Start and end of every set; the same rule as pyuff's."""
 _HEADER = re.compile(rb"(?:[^\r\n]{0,200}(?:\r\n|\r|\n)){13}")
 _NOT_PRINTED = dict.fromkeys((*range(10), 11, 12, *range(14, 32), 0x7F, 0x85, 0x2028, 0x2029), " ")
-"""Characters at which Python, but no universal file, ends a line; and other control characters."""
+"""Characters that end a line in Python but not in a universal file, and other control characters."""
 END = b"    -1\n"
 ORDINATE: dict[Quantity, tuple[int, str, str]] = {
     "receptance": (8, "Displacement", "m"),
@@ -89,13 +89,13 @@ class UffSet:
     number : int
         From 1.
     kind : int
-        Type of the set, 58 for functions; 0 when it cannot be read.
+        Type of the set, 58 for functions; 0 if it cannot be read.
     start, end : int
         First byte of the start tag and of the end tag.
     header_end : int
         First byte after the thirteen header lines of a set 58.
     fields : dict
-        pyuff's names and values of a set 58's header; empty when it cannot be read.
+        Header of a set 58, with pyuff's names; empty if it cannot be read.
     """
 
     where: str
@@ -137,14 +137,14 @@ class UffSet:
 
     @property
     def rotation(self) -> bool:
-        """Whether the header says that it is of a rotation: by its direction, or else by its unit or a moment."""
+        """Whether the response is a rotation, according to its direction or else to its unit or a moment."""
         direction, unit = int(self.fields["rsp_dir"]), str(self.fields["ordinate_axis_units_lab"]).strip().lower()
         by_unit = is_angular(unit) if unit not in _NO_LABEL else self.moment
         return abs(direction) > 3 if direction else by_unit
 
     @property
     def moment(self) -> bool:
-        """Whether the header says that it is by a moment: by its direction, or else in a word."""
+        """Whether the excitation is a moment, according to its direction or else to its name."""
         direction, word = int(self.fields["ref_dir"]), str(self.fields["orddenom_axis_lab"]).strip().lower()
         return abs(direction) > 3 if direction else word == "moment"
 
@@ -170,12 +170,12 @@ def _direction(code: int) -> str:
 
 
 def scan_sets(path: Path, content: bytes) -> list[UffSet]:
-    """Return the sets of a file, in its order, without reading any data.
+    """Return the sets of a file, in order, without reading their data.
 
     Raises
     ------
     MeasurementError
-        No set, a last set without an end, too many sets.
+        No set, a last set without an end, or too many sets.
     """
     tags: list[int] = []
     for match in _TAG.finditer(content):
@@ -201,7 +201,7 @@ def _scan_set(path: Path, content: bytes, number: int, start: int, end: int) -> 
 
 
 def clean_header(header: bytes) -> bytes:
-    """Return header lines as UTF-8 with plain line ends; older writers use Latin-1."""
+    """Return header lines, in UTF-8 or in Latin-1 from older programs, as UTF-8 with plain line ends."""
     try:
         text = header.decode("utf-8")
     except UnicodeDecodeError:
@@ -211,7 +211,7 @@ def clean_header(header: bytes) -> bytes:
 
 
 def parse_set(content: bytes, *, header_only: bool = False) -> dict[str, Any]:
-    """Return what pyuff reads in a file of one set; empty when it cannot read it."""
+    """Return the contents of one set as pyuff reads them; empty if it cannot."""
     import pyuff
 
     number, file = tempfile.mkstemp(".uff")  # a folder for each of ten thousand sets would take half a minute
@@ -234,12 +234,12 @@ def _inventory(sets: list[UffSet]) -> str:
 
 
 def select_set(path: Path, sets: list[UffSet], options: ReadOptions) -> UffSet:
-    """Return the FRF that the options choose by number or by the names of its DOFs, or the only one.
+    """Return the FRF that the options choose by its number or by the names of its DOFs, or the only one.
 
     Raises
     ------
     MeasurementError
-        No such set, no FRF, or several that fit; the fault lists the sets.
+        No such set, no FRF, or several that match; the fault lists the sets.
     """
     inventory = _inventory(sets)
     if options.index is not None:
@@ -268,7 +268,7 @@ def select_set(path: Path, sets: list[UffSet], options: ReadOptions) -> UffSet:
 
 
 def _is_dof(name: str, wanted: str | None) -> bool:
-    """Whether the caller means this DOF; component, sign and direction may be left out."""
+    """Return whether the caller's name is that of this DOF; component, sign and direction may be left out."""
     if wanted is None:
         return True
     entity, _, rest = name.lower().rpartition(":")
@@ -280,18 +280,18 @@ def _is_dof(name: str, wanted: str | None) -> bool:
 
 
 class Meaning(NamedTuple):
-    """What the values of a set are.
+    """The meaning of the values of a set.
 
     Parameters
     ----------
     quantity : Quantity or None
         From the data types or the unit labels.
     over_force : bool
-        The header says that the motion is per force.
+        Whether the header states that the motion is per force.
     factor : float
-        Makes the values SI; negative where response and reference point in directions of opposite sense.
+        Converts the values to SI; negative if response and reference point in opposite directions.
     unit : str
-        Its label, empty where there is none.
+        Label of the unit; empty if there is none.
     """
 
     quantity: Quantity | None
@@ -301,7 +301,7 @@ class Meaning(NamedTuple):
 
 
 def meaning_of(uff_set: UffSet) -> Meaning:
-    """Return what the header of a set says about its values.
+    """Return the meaning of a set's values according to its header.
 
     Raises
     ------
@@ -349,7 +349,7 @@ def _check_types(uff_set: UffSet) -> None:
 
 
 def _force(uff_set: UffSet, label: str) -> float:
-    """Return newtons, or newton metres, per labelled unit of the denominator; 1 where there is no label."""
+    """Return the factor from the denominator's labelled unit to newtons or newton metres; 1 without a label."""
     unit = "N m" if uff_set.moment else "N"
     si = conversion_factor(label, unit) if label else 1.0
     if si is None:
@@ -373,7 +373,7 @@ def _unknown_unit(uff_set: UffSet, label: str, accepted: str) -> MeasurementErro
 
 
 def check_unit_system(content: bytes, sets: list[UffSet]) -> None:
-    """Refuse a file whose set 164 announces another system of units than SI (m, N).
+    """Refuse a file whose set 164 states a system of units other than SI (m, N).
 
     Raises
     ------

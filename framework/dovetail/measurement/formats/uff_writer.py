@@ -1,4 +1,4 @@
-"""FRFs to universal files by pyuff: each set into an empty file of its own."""
+"""FRFs written to universal files with pyuff, each set into a separate empty file."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from dovetail.measurement.recording import DOF, FrfToWrite, are_opposite
 __all__ = ["VARIANCE", "encode"]
 
 VARIANCE = "variance of the FRF"
-"""First words of a set with the variance of each line."""
+"""First words in the id line of a set with the variance of each line."""
 _BYTE_COUNT = slice(38, 50)
-"""Where the first set of a file, when it is binary, counts its data."""
+"""Position of the number of data bytes in the first set of a file, if it is binary."""
 _CODES = {name: code for code, name in DIRECTIONS.items() if name}
 
 
 def encode(content: FrfToWrite, path: Path, binary: bool | None) -> bytes:
     """Return a universal file: the FRF, then its coherence and its variance as sets of the same points.
 
-    An unknown DOF is written as node 0 without a direction. A DOF whose name does not look like ``5+x`` or
-    ``tool:5+x`` goes into an id line. Where the senses of response and force are opposite, the sign of the values is
-    that along them.
+    An unknown DOF is written as node 0 without a direction. A DOF whose name does not look like ``5+x`` or ``tool:5+x``
+    is written into an id line. If response and force have opposite senses, the values have the sign that belongs to
+    these senses.
 
     Raises
     ------
     MeasurementError
-        One line only, or `binary` false and frequencies that six digits cannot hold.
+        A single line, or `binary` is false and six digits cannot represent the frequencies.
     """
     frf = content.frf
     if frf.frequency.size < 2:
@@ -103,7 +103,7 @@ def _dofs(frf: Frf) -> dict[str, Any]:
 
 
 def _spacing(frequency: NDArray[np.float64]) -> int | None:
-    """Return 1 or 0 where six digits hold the frequencies as even or uneven steps, else None."""
+    """Return 1 or 0 if six digits can represent the frequencies with even or uneven spacing, else None."""
     first, step = (float(f"{value:.5e}") for value in (frequency[0], frequency[1] - frequency[0]))
     if np.allclose(first + step * np.arange(frequency.size), frequency, rtol=1e-12, atol=0.0):
         return 1
@@ -118,7 +118,7 @@ def _id_line(label: str) -> str:
 
 
 def _encode_set(dataset: dict[str, Any]) -> bytes:
-    """Return the bytes of one set: pyuff adds it to an empty file, and the byte count is corrected."""
+    """Return the bytes of one set, which pyuff writes into an empty file, with the byte count corrected."""
     import pyuff
 
     with tempfile.TemporaryDirectory() as folder:

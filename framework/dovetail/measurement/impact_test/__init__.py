@@ -1,1 +1,1 @@
-"""From the time signals of an impact test to an FRF, its coherence and its variance."""
+"""An FRF with its coherence and variance from the time signals of an impact test."""

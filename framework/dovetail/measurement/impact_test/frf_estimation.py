@@ -39,7 +39,7 @@ class EstimatedFrf:
     used : tuple of int
         Numbers of the impacts that were averaged, from 1.
     decay : float
-        1/s, added to the decay of each mode by an exponential window; 0 without a window.
+        Decay [1/s] that an exponential window adds to each mode; 0 without a window.
     """
 
     frf: Frf
@@ -62,43 +62,42 @@ def frf_from_signals(
     label: str = "signals",
     note: str = "",
 ) -> EstimatedFrf:
-    """Estimate an FRF by averaging the spectra of several impacts (H1 or H2, by pyFRF).
+    """Estimate an FRF by averaging the spectra of several impacts (H1 or H2, with pyFRF).
 
     Parameters
     ----------
     force : (n_impacts, n_samples) or (n_samples,) array
         N, a record for each impact.
     response : array of the same shape
-        m/s^2, m/s or m, as `quantity` says.
+        m/s^2, m/s or m, according to `quantity`.
     rate : float
         Samples per second.
     quantity : {"accelerance", "mobility", "receptance"}
-        What the response over the force is.
+        Quantity of the response over the force.
     estimator : {"H1", "H2"}
-        H1 errs with noise on the force, H2 with noise on the response.
+        H1 is biased by noise on the force, H2 by noise on the response.
     force_window : float, optional
-        Seconds from the beginning of the record. The force after that time is set to zero, and its noise with it.
+        Seconds from the beginning of the record, after which the force is set to zero to remove its noise.
     exponential_window : float, optional
         Value at the end of the record, such as 0.01, of a window ``exp(-decay t)`` on both signals, for a response that
-        has not died away. The estimate then is H at ``i omega + decay``: the decay is added to that of every mode.
+        has not decayed. The estimate is then H at ``i omega + decay``: the decay is added to that of every mode.
         `without_window_damping` corrects a damping ratio; the FRF cannot be corrected.
     leave_out_bad : bool
-        Leave out impacts with overload or a second hit.
+        Leave out impacts with an overload or a second hit.
     full_scale : (float, float), optional
-        Range of force and response: a record that reaches it is overloaded, as is one with three equal highest samples.
+        Range of force and response. A record that reaches it is overloaded, as is one with three equal highest samples.
     label, note : str
         Of the FRF.
 
     Returns
     -------
     EstimatedFrf
-        Its lines are 1 / (n_samples / rate) apart, without 0 Hz and half the sampling rate.
+        With a spacing of rate / n_samples, without 0 Hz and half the sampling rate.
 
     Raises
     ------
     MeasurementError
-        Shapes that do not fit, records that are not finite or without a force, a window that cuts the pulse, or no
-        impact left.
+        Shapes that do not match, records that are not finite or zero, a window that cuts the pulse, or no impact left.
     DovetailError
         pyFRF is not installed.
 
@@ -145,7 +144,7 @@ def without_window_damping(ratio: float, natural: float, decay: float) -> tuple[
     Returns
     -------
     ratio, natural : float
-        Of the mode itself. The window moves its pole along the real axis; the damped frequency stays.
+        Of the mode without the window, which moves the pole parallel to the real axis; the damped frequency is kept.
     """
     omega = 2.0 * math.pi * natural
     damped, mode_decay = omega * math.sqrt(1.0 - ratio**2), ratio * omega - decay
@@ -192,7 +191,7 @@ def _apply_windows(
 
 
 def _decay(end: float | None, duration: float) -> float:
-    """1/s of an exponential window with the value `end` at the end of the record."""
+    """Return the decay [1/s] of an exponential window with the value `end` at the end of the record."""
     if end is None:
         return 0.0
     if not 0.0 < end <= 1.0:
@@ -201,7 +200,7 @@ def _decay(end: float | None, duration: float) -> float:
 
 
 def _estimate_frf(force: Array, response: Array, rate: float, quantity: Quantity, estimator: Estimator) -> Frf:
-    """Average the spectra; the windows are applied already, since pyFRF's scale an FRF by their areas."""
+    """Average the spectra; the windows are already applied, since pyFRF's windows scale an FRF by their areas."""
     from pyFRF import FRF
 
     samples = force.shape[1]

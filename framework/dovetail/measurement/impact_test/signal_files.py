@@ -1,4 +1,4 @@
-"""Time records of impact tests in files: arrays, tables and universal files."""
+"""Files with time records of impact tests: arrays, tables and universal files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TABLES = (".csv", ".tsv", ".txt")
 _SUFFIXES = (*_ARCHIVES, *_TABLES, ".lvm", ".uff", ".unv")
 _HEADERS = "time,force,response | time,force 1,response 1,..."
 _EVEN = 0.1
-"""Part of a step by which a time may be off its place: files have few decimals."""
+"""Largest error of a time, relative to the step, since files have few decimals."""
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Signals:
     rate : float
         Samples per second.
     quantity : Quantity
-        What the response over the force is.
+        Quantity of the response over the force.
     """
 
     force: Array
@@ -80,13 +80,13 @@ def read_signals(
         ``.uff``, ``.unv``: time responses (function type 1) in pairs of a force (data type 13) and a motion.
         ``.lvm``: channels whose names begin with one of a force and one of a motion; a segment for each impact.
     force_unit, response_unit : str
-        Units of the numbers; ``"g"`` is the standard gravity. Labels of the file come first.
+        Units of the numbers; ``"g"`` is the standard gravity. Labels in the file take precedence.
     rate : float, optional
-        Samples per second, where the file does not say it.
+        Samples per second, if the file does not state it.
     names : mapping of str to str, optional
-        What an archive calls ``force``, ``response``, ``rate`` and ``time``.
+        Names of ``force``, ``response``, ``rate`` and ``time`` in an archive.
     columns : sequence of str, optional
-        What each column of a table holds, in place of its header: ``("time", "force", "response", "skip")``.
+        The columns of a table, instead of its header: ``("time", "force", "response", "skip")``.
 
     Returns
     -------
@@ -95,9 +95,9 @@ def read_signals(
     Raises
     ------
     FileError
-        The file is missing, empty, no file, larger than 100 MB, or cannot be read.
+        The file is missing, empty, not a file, larger than 100 MB, or cannot be read.
     MeasurementError
-        What it holds is not pairs of records at even steps of time.
+        It does not contain pairs of evenly sampled records.
     DovetailError
         HDF5 and MATLAB 7.3 need h5py, which is not installed.
     """
@@ -176,7 +176,7 @@ def _from_archive(archive: Archive, chosen: Mapping[str, str]) -> tuple[Array, A
 
 
 def _rows(array: Array) -> Array:
-    """Return records as rows; MATLAB keeps a single one, and often all, as columns."""
+    """Return records as rows; in MATLAB, a single record, and often several, are columns."""
     table = np.atleast_2d(array)
     return table.T if table.shape[0] > table.shape[1] else table
 
@@ -206,7 +206,7 @@ def _from_table(path: Path, data: bytes, columns: Sequence[str]) -> tuple[Array,
 
 
 def _from_labview(path: Path, content: bytes) -> tuple[Array, Array, float, tuple[str, str]]:
-    """Return force and response (n_impacts, n_samples), the sampling rate, and the units of the two."""
+    """Return force and response (n_impacts, n_samples), the sampling rate [Hz], and the units of both."""
     segments = lvm.read_segments(path, content)
     first = segments[0]
     if any(s.names != first.names or s.axis.shape != first.axis.shape for s in segments):
@@ -225,7 +225,7 @@ def _from_labview(path: Path, content: bytes) -> tuple[Array, Array, float, tupl
 
 
 def _signal_columns(cells: Sequence[str]) -> dict[str, list[int]]:
-    """Return which columns hold forces, responses and, at most one, the time."""
+    """Return the columns of forces, of responses and, at most one, of the time."""
     names = [plain_name(name) for name in tables.names_and_units(cells)[0]]
     columns = {part: [i for i, name in enumerate(names) if re.match(part, name)] for part in ("force", "response")}
     return columns | {"time": [i for i, name in enumerate(names) if name in _NAMES["time"]][:1]}

@@ -1,4 +1,4 @@
-"""What is wrong with the records of an impact test: overload, a second hit, a response that rings on."""
+"""Faults in the records of an impact test: an overload, a second hit, a response that has not decayed."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Settings:
-    """What counts as a fault of a record.
+    """Limits for faults of a record.
 
     Parameters
     ----------
     clipped_samples : int
-        Samples at the highest level from which a record counts as clipped: two may be equal by chance.
+        Smallest number of samples at the highest level in a clipped record; two may be equal by chance.
     second_hit : float
-        Of the pulse's peak; a smaller second hit does not count.
+        Smallest peak of a second hit that counts, relative to that of the pulse.
     above_noise : float
-        Times the median magnitude of the record; a second pulse must be higher.
+        Smallest peak of a second pulse, relative to the median magnitude of the record.
     ringing : float
-        Of the highest response; a higher vibration in the record's last twentieth is leakage.
+        Amplitude in the last twentieth of the record, relative to the highest response, above which there is leakage.
     fewest_samples : int
-        Of a record in whose spectrum pyFRF can tell two hits from a single one.
+        Smallest number of samples of a record in whose spectrum pyFRF can distinguish two hits from one.
     """
 
     clipped_samples: int = 3
@@ -49,9 +49,9 @@ class SignalFault(NamedTuple):
     impact : int
         From 1.
     is_bad : bool
-        The impact had better be left out: overload or a second hit.
+        Whether the impact should be left out, because of an overload or a second hit.
     problem : str
-        What is wrong, in words.
+        A sentence that describes the fault.
     """
 
     impact: int
@@ -62,10 +62,10 @@ class SignalFault(NamedTuple):
 def check_signals(
     force: Array, response: Array, rate: float, full_scale: tuple[float, float] | None
 ) -> list[SignalFault]:
-    """Return what is wrong with each impact.
+    """Return the faults of each impact.
 
-    pyFRF looks for second hits in the spectrum. A second hit counts if there also is a second pulse in the record,
-    since the spectrum of a long pulse looks to pyFRF like that of two.
+    pyFRF looks for second hits in the spectrum. A second hit counts only if there is also a second pulse in the record,
+    since pyFRF takes the spectrum of a long pulse for that of two.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def check_signals(
     rate : float
         Samples per second.
     full_scale : (float, float) or None
-        Range of the two channels, where it is known.
+        Range of the two channels, if known.
     """
     faults = []
     for number, (pulse, signal) in enumerate(zip(force, response, strict=True), start=1):
@@ -104,7 +104,7 @@ def _is_overloaded(channel: Array, limit: float | None) -> bool:
 
 
 def _spectrum_of_two(pulse: Array) -> bool:
-    """Whether the spectrum has the ripple of two pulses; taken for granted in a short record."""
+    """Return whether the spectrum has the ripple of two pulses; always True for a short record."""
     return pulse.size < _SETTINGS.fewest_samples or not _pyfrf_checker(pulse.size).is_data_ok(
         pulse, pulse, overflow_samples=pulse.size + 1
     )
@@ -117,7 +117,7 @@ def _pyfrf_checker(samples: int):  # type: ignore[no-untyped-def]  # pyFRF has n
 
 
 def _second_hit(pulse: Array, rate: float) -> tuple[float, float] | None:
-    """Return the height of the highest second pulse, over that of the first, and its time; None without one."""
+    """Return the height of the highest second pulse, relative to the first, and its time [s]; None without one."""
     magnitude = np.abs(pulse)
     first = int(magnitude.argmax())
     threshold = _SETTINGS.second_hit * magnitude[first]
