@@ -74,9 +74,9 @@ def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
     Raises
     ------
     MeasurementError
-        The measurement does not cover the grid, the grid is empty or not finite, or the measured lines are so far apart
-        that they do not determine the FRF between them (its impulse response is longer than their spacing allows, and
-        aliased): the interpolation of every other line misses those between by more than 0.6 of their norm.
+        The measurement does not cover the grid, the grid is not finite and increasing, or the measured lines are so far
+        apart that they do not determine the FRF between them (its impulse response is longer than their spacing allows,
+        and aliased): the interpolation of every other line misses those between by more than 0.6 of their norm.
     """
     grid = np.asarray(frequency, dtype=np.float64)
     if grid.ndim != 1 or grid.size == 0 or not np.all(np.isfinite(grid)):

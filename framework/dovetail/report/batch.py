@@ -1,4 +1,4 @@
-"""The report of a batch: one HTML file with a verdict for each measurement, and every parameter over all of them."""
+"""The report of a batch: one HTML file with a verdict on each measurement and all parameters of all measurements."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ __all__ = ["write_batch"]
 
 
 def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str, str]) -> Path:
-    """Write a batch as one self-contained HTML file without scripts, nothing loaded from anywhere.
+    """Write a batch as one self-contained HTML file without scripts, which loads nothing.
 
     Parameters
     ----------
     batch : Batch
     path : str or Path
-        A file that is there is replaced; it is written whole or not at all.
+        An existing file is replaced; the file is written atomically.
     title : str
         Such as the assembly's name.
     reports : mapping of str to str
-        The file of each measurement's own report, beside this one.
+        The file of each measurement's report, in the same folder.
 
     Returns
     -------
@@ -47,6 +47,6 @@ def write_batch(batch: Batch, path: str | Path, title: str, reports: Mapping[str
 
 
 def _parameters(batch: Batch) -> list[tuple[Any, list[tuple[str, Any]]]]:
-    """Return for each parameter its row of the first result, for name and unit, and its row of every measurement."""
+    """Return for each parameter its row in the first result, for name and unit, and its rows in all results."""
     tables = [[(name, row) for row in parameter_rows(result, None)] for name, result in batch.results.items()]
     return [(rows[0][1], list(rows)) for rows in zip(*tables, strict=True)]

@@ -1,4 +1,4 @@
-"""The report of a calibration: one HTML file with how many intervals hold the truth, and the figures that show it."""
+"""The report of a calibration: one HTML file with the coverage of the intervals in tables and figures."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ CALIBRATION_HEADERS = (
 
 
 def write_calibration(calibration: Calibration, path: str | Path, title: str) -> Path:
-    """Write a calibration as one self-contained HTML file without scripts, nothing loaded from anywhere.
+    """Write a calibration as one self-contained HTML file without scripts, which loads nothing.
 
     Parameters
     ----------
     calibration : Calibration
     path : str or Path
-        A file that is there is replaced; it is written whole or not at all.
+        An existing file is replaced; the file is written atomically.
     title : str
         Such as the assembly's name.
 
@@ -71,7 +71,7 @@ _RANK_CAPTION = (
 
 
 def calibration_rows(calibration: Calibration) -> list[list[str]]:
-    """Return a row for each parameter, its coverage beside what chance allows, and one for all."""
+    """Return a row for each parameter, with its coverage and the limits that chance allows, and one for all."""
     rows = [
         [
             parameter.name,
@@ -88,7 +88,7 @@ def calibration_rows(calibration: Calibration) -> list[list[str]]:
 
 
 def calibration_times(calibration: Calibration) -> str:
-    """Say how long the cases took, how many samples are effective, and how many results are not believed."""
+    """Return sentences on the time of the cases, the effective samples, and the results that are not believed."""
     plain = calibration.to_dict()
     seconds, effective, count = plain["seconds"], plain["effective_samples"], plain["not_believed"]
     doubt = f" Results that are not to be believed: {count}; they count like the others." if count else ""
@@ -101,7 +101,7 @@ def calibration_times(calibration: Calibration) -> str:
 
 
 def calibration_verdict(calibration: Calibration) -> tuple[str, str]:
-    """Return a mark and one sentence: whether the intervals hold the truth as often as they say.
+    """Return a mark and a sentence: whether the intervals hold the truth as often as they should.
 
     Returns
     -------

@@ -19,11 +19,11 @@ _COLUMNS = 4
 _CASES_A_BIN, _FEWEST_BINS, _MOST_BINS = 10, 4, 20
 _LEVELS = np.linspace(0.02, 0.98, 49)
 _BANDS = ((0.99, 0.35), (0.9, 0.6))
-"""Confidence and opacity of the bands in which a right posterior stays."""
+"""Confidence and opacity of the bands in which a correct posterior stays."""
 
 
 def rank_figure(calibration: Calibration) -> Figure:
-    """Draw a histogram of the truth's ranks among the samples, a panel a parameter.
+    """Draw a histogram of the truth's ranks among the samples, in a panel for each parameter.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ def rank_figure(calibration: Calibration) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        With the bands in which 90 and 99 % of the bars stay if the posterior is right. A hill: it is less sure than
-        it may be; a valley: it is too sure; a slope: it lies to one side.
+        With the bands in which 90 and 99 % of the bars stay if the posterior is correct. A hill means that it is too
+        wide, a valley that it is too narrow, a slope that it is biased.
     """
     from scipy.stats import binom
 
@@ -53,7 +53,7 @@ def rank_figure(calibration: Calibration) -> Figure:
 
 
 def coverage_figure(calibration: Calibration) -> Figure:
-    """Draw which part of the intervals holds the truth against how many should, a panel a parameter.
+    """Draw the achieved against the nominal coverage of the intervals, in a panel for each parameter.
 
     Parameters
     ----------
@@ -62,8 +62,8 @@ def coverage_figure(calibration: Calibration) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        With the bands in which a right posterior stays with 90 and 99 % confidence at each level by itself. Below the
-        diagonal the posterior is too sure.
+        With the bands in which a correct posterior stays with 90 and 99 % confidence, at each level alone. Below the
+        diagonal the posterior is too narrow.
     """
     figure, panels = _panels(calibration)
     achieved = np.array([calibration.inside(level).mean(axis=0) for level in _LEVELS])

@@ -1,4 +1,4 @@
-"""Data of interactive charts, and the scripts and styles that draw them in a page: uPlot and what is ours."""
+"""Data of interactive charts, and the scripts and styles that draw them in a page: uPlot and our own."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ def chart_data(
     bands: Iterable[tuple[float, float]] = (),
     most: int | None = None,
 ) -> dict[str, Any]:
-    """Return what `DovetailCharts.FrfChart` draws, as plain values.
+    """Return the data for `DovetailCharts.FrfChart` as plain values.
 
     Parameters
     ----------
     title : str
-        What a screen reader says.
+        Text for screen readers.
     curves : mapping of str to (str, Frf)
-        Label and FRF by role: "measured", "model", "before", or "method-0", "method-1" and so on; all of one
+        Label and FRF by role: "measured", "model", "before", or "method-0", "method-1" and so on; all of the same
         quantity and on the same lines.
     coherence : (n_freq,) array or mapping of str to (n_freq,) array, optional
-        Of the measured and the reconstructed FRF; of several ones by role.
+        Of the measured and the reconstructed FRF; by role if there are several.
     natural : iterable of float
-        Hz, marked.
+        Natural frequencies [Hz], which are marked.
     bands : iterable of (float, float)
-        Hz, shaded.
+        Bands [Hz], which are shaded.
     most : int, optional
-        Lines that are kept, about; peaks and dips are among them.
+        Approximate number of lines that are kept, including peaks and dips.
 
     Returns
     -------
@@ -86,23 +86,23 @@ def curve_data(values: NDArray[np.complex128], *, phase: bool = True) -> dict[st
 
 
 def packed(values: ArrayLike) -> str:
-    """Return numbers as base64 of little-endian 32-bit floats."""
+    """Encode numbers as base64 of little-endian 32-bit floats."""
     return base64.b64encode(np.asarray(values).astype("<f4").tobytes()).decode("ascii")
 
 
 def thinned(amplitudes: Sequence[NDArray[np.float64]], most: int) -> NDArray[np.intp]:
-    """Return the numbers of the lines that a screen can show: of each bin the highest and the lowest of each curve.
+    """Return the indices of the lines to draw: the highest and the lowest of each curve in each bin.
 
     Parameters
     ----------
     amplitudes : sequence of (n_freq,) arrays
     most : int
-        Lines that are kept, about.
+        Approximate number of lines that are kept.
 
     Returns
     -------
     (<= most,) array
-        Increasing, the first and the last line among them; all lines if there are no more than `most`.
+        Increasing, including the first and the last line; all lines if there are no more than `most`.
     """
     count = amplitudes[0].size
     if count <= most:
@@ -116,16 +116,16 @@ def thinned(amplitudes: Sequence[NDArray[np.float64]], most: int) -> NDArray[np.
 
 
 def as_data(content: object) -> Any:
-    """Return plain values as JSON that can stand in an element of a page."""
+    """Return plain values as JSON that is safe inside an element of a page."""
     from markupsafe import Markup
 
     return Markup(json.dumps(content, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"))
 
 
 def chart_scripts(*, charts: bool) -> dict[str, Any]:
-    """Return the scripts that draw the charts, their hashes for the page's policy, and the charts' styles.
+    """Return the scripts that draw the charts, their hashes for the page's content security policy, and the styles.
 
-    Without charts there is no script, and the styles are the colours that all pages share.
+    Without charts there are no scripts, and only the styles that all pages share.
     """
     from markupsafe import Markup
 
@@ -139,10 +139,10 @@ def chart_scripts(*, charts: bool) -> dict[str, Any]:
 
 @cache
 def web_text(name: str) -> str:
-    """Return a script or a style that ships with the report, such as ``"charts.js"``."""
+    """Return the text of a bundled script or style, such as ``"charts.js"``."""
     return (_WEB / name).read_text(encoding="utf-8")
 
 
 def script_hash(script: str) -> str:
-    """Return a script as a content security policy names it."""
+    """Return the hash of a script for a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"

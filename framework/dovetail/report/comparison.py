@@ -21,17 +21,17 @@ __all__ = ["coherence_rows", "frequency_rows", "parameter_value_rows", "time_row
 Row = list[Any]
 
 _MOST_LINES = 1600
-"""Of an FRF: a chart has up to eight curves, whose peaks and dips are all kept."""
+"""Largest number of lines in a chart, which has up to eight curves with all their peaks and dips."""
 
 
 def write_comparison(comparison: Comparison, path: str | Path) -> Path:
-    """Write a comparison as one self-contained HTML file: its own scripts, nothing loaded from anywhere.
+    """Write a comparison as one self-contained HTML file, which loads nothing.
 
     Parameters
     ----------
     comparison : Comparison
     path : str or Path
-        A file that is there is replaced; it is written whole or not at all.
+        An existing file is replaced; the file is written atomically.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
 
 
 def _chart(comparison: Comparison, case: Case) -> dict[str, Any]:
-    """Return the data of the chart of one measurement and all reconstructions, with the agreement of each."""
+    """Return the chart data of one measurement and all its reconstructions, with the agreement of each."""
     rows = comparison.of(case)
     roles = {f"method-{index}": method for index, method in enumerate(rows)}
     curves = {"measured": ("measured", next(iter(rows.values())).measured)}
@@ -78,12 +78,12 @@ def _case_caveat(comparison: Comparison, case: Case) -> str:
 
 
 def _not_believed(rows: Iterable[Compared], name: Callable[[Compared], str]) -> str:
-    """Return the names of the results that are not to be believed, with semicolons."""
+    """Return the names of the results that are not to be believed, separated by semicolons."""
     return "; ".join(name(row) for row in rows if not row.believable)
 
 
 def coherence_rows(comparison: Comparison) -> Iterator[Row]:
-    """Yield method, mean coherence of each case (Table 4), and the cases whose result is not to be believed."""
+    """Yield method, mean coherence of each case (Table 4), and the cases with a result that is not to be believed."""
     for method in comparison.methods:
         rows = [comparison.of(case)[method] for case in comparison.cases]
         yield [method, *(f"{row.mean_coherence:.4f}" for row in rows), _not_believed(rows, lambda row: row.case.name)]
@@ -92,7 +92,7 @@ def coherence_rows(comparison: Comparison) -> Iterator[Row]:
 def frequency_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield case, number and frequency of each resonance, and each method's error in per cent (Table 5).
 
-    The last cell names the methods whose result is not to be believed.
+    The last cell names the methods with a result that is not to be believed.
     """
     for case in comparison.cases:
         compared = comparison.of(case)
@@ -120,7 +120,7 @@ def time_rows(comparison: Comparison) -> Iterator[Row]:
 def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
     """Yield case, value of the series, method, parameter, unit, value, estimate, interval, verdict and truth, in SI.
 
-    The last cell says whether the result may be believed.
+    The last cell tells whether the result may be believed.
     """
     for row in comparison.rows:
         if row.identification is None:
@@ -138,7 +138,7 @@ def parameter_value_rows(comparison: Comparison) -> Iterator[Row]:
 
 
 def _verdicts(comparison: Comparison) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
-    """Return for each parameter its unit, and for each case with a posterior its estimate, interval and verdict."""
+    """Return for each parameter its name, its unit, and the results of each case with a posterior."""
     results = [(row.case.name, row.identification) for row in comparison.rows if row.identification is not None]
     known = [(name, result, result.posterior) for name, result in results if result.posterior is not None]
     if not known:

@@ -34,7 +34,7 @@ def _style(methods: Sequence[str], method: str) -> dict[str, Any]:
 
 
 def parameter_comparison(comparison: Comparison) -> Figure:
-    """Draw each parameter over the series, a curve a method, with intervals where a method gives them.
+    """Draw each parameter over the series, with a curve for each method, and its intervals if there are any.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def parameter_comparison(comparison: Comparison) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        The upper and lower edge of each panel are the ends of the range; values beyond are drawn at the edge.
+        The upper and lower edges of each panel are the ends of the range; values beyond are drawn at the edge.
     """
     first = next(row.identification for row in comparison.rows if row.identification is not None)
     names = list(first.parameters)
@@ -61,7 +61,7 @@ def parameter_comparison(comparison: Comparison) -> Figure:
 
 
 def _finish(figure: Figure, panel: Axes, caveat: str) -> None:
-    """Put the legend of a panel above the figure, and the caveat above that if there is one."""
+    """Put the legend of a panel above the figure, and a caveat above the legend."""
     handles, labels = panel.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize=8.5)
     if caveat:
@@ -108,7 +108,7 @@ def _draw_parameter(axes: Axes, comparison: Comparison, name: str) -> None:
 
 
 def _value(result: Any, name: str) -> float:
-    """Return what a method says of one parameter by itself: its estimate where there is one."""
+    """Return a method's value of one parameter: the posterior estimate, or else the best fit."""
     if result.posterior is not None:
         return float(result.posterior.estimate[result.posterior.names.index(name)])
     return float(result.parameters[name].value)

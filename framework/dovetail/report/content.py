@@ -1,4 +1,4 @@
-"""The content of the report as rows of text, which the template sets."""
+"""The content of the report as rows of text for the template."""
 
 from __future__ import annotations
 
@@ -46,15 +46,15 @@ _LABELS = {
     "training_samples": "Training samples",
 }
 _ELSEWHERE = ("description", "evaluation")
-"""Entries of the provenance that have a place of their own in the report."""
+"""Entries of the provenance that have separate sections in the report."""
 
 _SYNTHETIC = "This measurement is synthetic: it was simulated, not taken in a laboratory."
 
 
 _CHANCE = 0.01
-"""Probability below which as many intervals without the truth are more than expected."""
+"""Probability of as many intervals without the truth below which they are more than expected."""
 _PIECES, _AGREES = 20, 0.995
-"""Parts of the band of which the one with the least agreement is named, and the mean above which nothing is said."""
+"""Number of parts of the band, of which the one with the least agreement is named, unless its mean is above this."""
 
 _EXPLAINED = {
     "to the noise": ("good", "The model explains the measurement down to its noise"),
@@ -63,7 +63,7 @@ _EXPLAINED = {
     "does not fit": ("bad", "The model does not explain the measurement: do not believe the numbers."),
     "not judged": ("open", "Whether the model explains the measurement was not judged"),
 }
-"""Mark and words for each word of the adequacy."""
+"""Mark and sentence for each word of the adequacy."""
 
 _KNOWN = {"identified": "well known", "weakly identified": "roughly known", "not identifiable": "not told by it"}
 """Words for the verdicts on parameters."""
@@ -71,10 +71,10 @@ _KNOWN = {"identified": "well known", "weakly identified": "roughly known", "not
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One line of the table of parameters: a `TableRow` as text, with the truth beside it where it is known.
+    """One row of the table of parameters: a `TableRow` as text, with the truth if it is known.
 
-    Places are parts of the range on the parameter's scale, None where nothing is drawn. Of a result that is not to be
-    believed the interval is withheld: it would hold only if the model were right.
+    Places are fractions of the range on the parameter's scale, None if nothing is drawn. The interval of a result that
+    is not to be believed is withheld, since it would be valid only if the model were right.
     """
 
     name: str
@@ -106,10 +106,10 @@ class ParameterRow:
 
 @dataclass(frozen=True)
 class ModeRow:
-    """One line of the table of natural frequencies, in Hz and per cent.
+    """One row of the table of natural frequencies, in Hz and per cent.
 
-    `error` is that of `natural` against `true_natural`, `difference` that of the reconstructed against the measured
-    peak of the FRF.
+    `error` is that of `natural` relative to `true_natural`, `difference` that of the reconstructed peak of the FRF
+    relative to the measured one.
     """
 
     natural: str
@@ -132,7 +132,7 @@ class EvaluationRow:
 
 
 def is_synthetic(result: Identification, truth: Truth | None) -> bool:
-    """Return whether the measurement's name or note, the provenance or the truth says that it was simulated."""
+    """Return whether the measurement was simulated, according to its name or note, the provenance or the truth."""
     if truth is not None and truth.synthetic:
         return True
     said = (result.measured.label, *(result.provenance.get(key, "") for key in ("measurement", "measurement_note")))
@@ -140,7 +140,7 @@ def is_synthetic(result: Identification, truth: Truth | None) -> bool:
 
 
 def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
-    """Return the warnings that a reader must see first."""
+    """Return the warnings, with one of a synthetic measurement first."""
     warnings = [readable(warning) for warning in result.warnings]
     if is_synthetic(result, truth) and not any("synthetic" in warning.lower() for warning in warnings):
         warnings.insert(0, _SYNTHETIC)
@@ -148,7 +148,7 @@ def warnings_of(result: Identification, truth: Truth | None) -> list[str]:
 
 
 def verdict(result: Identification) -> tuple[str, str]:
-    """Return the verdict on a result: a mark, and whether the model explains the measurement and what is known.
+    """Return the verdict on a result: how well the model explains the measurement, and what is known.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def verdict(result: Identification) -> tuple[str, str]:
 
 
 def adequacy_sentences(result: Identification | ModalIdentification) -> list[str]:
-    """Return how well the model explains the measurement, what that means, and what would explain the rest."""
+    """Return sentences on how well the model explains the measurement, what that means, and possible causes."""
     adequacy = result.adequacy
     if adequacy is None:
         return []
@@ -196,12 +196,12 @@ def parameter_rows(result: Identification | ModalIdentification, truth: Truth | 
 
 
 def known_rows(result: Identification) -> list[tuple[str, str]]:
-    """Return the parameters that the description fixes, in SI."""
+    """Return the known parameters of the description, in SI."""
     return [(name, readable(format_quantity(value, "1", 6))) for name, value in result.known.items()]
 
 
 def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
-    """Return the table of natural frequencies: those identified, and those of the truth that none of them is near."""
+    """Return the table of natural frequencies: the identified ones, and true ones without a counterpart."""
     low, high = result.frf.frequency[[0, -1]] if result.band is None else result.band
     inside = [f for f in (truth.natural_frequencies if truth is not None else ()) if low <= f <= high]
     identified = [mode.natural_frequency for mode in result.modes]
@@ -213,7 +213,7 @@ def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
 
 
 def evaluation_rows(result: Identification) -> list[EvaluationRow]:
-    """Return how the network does on the test part, if the provenance says it."""
+    """Return the network's accuracy on the test part, if the provenance contains it."""
     evaluation = result.provenance.get("evaluation")
     evaluated = evaluation.get("parameters", {}) if isinstance(evaluation, Mapping) else {}
     rows = []
@@ -236,7 +236,7 @@ def evaluation_rows(result: Identification) -> list[EvaluationRow]:
 
 
 def columns_sentence(result: Identification | ModalIdentification) -> str:
-    """Say what the columns of the table are."""
+    """Return sentences that explain the columns of the table."""
     sentences = []
     if any(row.best_fit is not None for row in result.table):
         sentences.append(
@@ -249,7 +249,7 @@ def columns_sentence(result: Identification | ModalIdentification) -> str:
 
 
 def truth_sentence(rows: Sequence[ParameterRow]) -> str:
-    """Say which intervals hold the truth; empty if there are no intervals or no truth."""
+    """Return a sentence on which intervals hold the truth; empty without intervals or truth."""
     known = [row for row in rows if row.within is not None]
     missed = [row.name for row in known if not row.within]
     if not known:
@@ -263,7 +263,7 @@ def truth_sentence(rows: Sequence[ParameterRow]) -> str:
 
 
 def misfit_sentence(result: Identification) -> str:
-    """Say in which part of the band measured and reconstructed FRF agree least; empty where they agree everywhere."""
+    """Return a sentence on where in the band measured and reconstructed FRFs agree least; empty if all agree."""
     worst = []
     for response in result.responses:
         pieces = np.array_split(np.arange(response.frf.frequency.size), min(_PIECES, response.frf.frequency.size))
@@ -278,7 +278,7 @@ def misfit_sentence(result: Identification) -> str:
 
 
 def posterior_sentence(posterior: Posterior) -> str:
-    """Say how the posterior was computed, and whether there are samples enough."""
+    """Return a sentence on how the posterior was computed, and how many samples it has."""
     name, apart = max(posterior.split_half_difference.items(), key=lambda entry: entry[1])
     halves = f"two halves of them differ in an interval by at most {apart:.0%} of its width ({name})"
     samples, seconds = f"{len(posterior.weight)} samples", number(posterior.seconds, 2, padded=False)
@@ -293,7 +293,7 @@ def posterior_sentence(posterior: Posterior) -> str:
 
 
 def fit_sentence(fit: Fit) -> str:
-    """Say how good a fit is and what it took."""
+    """Return a sentence on how good a fit is, and on its cost."""
     source = "as the measurement tells it" if fit.variance_known else "told from the scatter from line to line"
     if fit.variance_assumed:
         source = "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it"
@@ -304,7 +304,7 @@ def fit_sentence(fit: Fit) -> str:
 
 
 def provenance_rows(provenance: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
-    """Return labels and lines of everything in the provenance that no other section shows."""
+    """Return labels and lines of all entries of the provenance that no other section shows."""
     rows = []
     for key, value in provenance.items():
         if key in _ELSEWHERE or value is None:
@@ -350,13 +350,13 @@ def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> Paramet
 
 
 def _place(row: TableRow, value: float | None) -> float | None:
-    """Return where a value lies on its range, or None where it has no place."""
+    """Return the place of a value on its range, or None if it has none."""
     place = math.nan if value is None else place_on_range(value, row.range_low, row.range_high, row.scale)
     return None if math.isnan(place) else place
 
 
 def _counterpart(frequency: float, among: Sequence[float], others: Sequence[float]) -> float | None:
-    """Return the one of `others` that is nearest to `frequency`, if `frequency` is the nearest to it in turn."""
+    """Return the nearest of `others` to `frequency`, if `frequency` is also the nearest of `among` to it, else None."""
     if not others or not np.isfinite(frequency):
         return None
     candidate = min(others, key=lambda other: abs(other - frequency))
@@ -378,7 +378,7 @@ def _mode_row(mode: Mode, true: float | None) -> ModeRow:
 
 
 def _difference(value: float | None, reference: float | None) -> str:
-    """Write by how many per cent a value lies above or below a reference."""
+    """Write the difference of a value from a reference in per cent."""
     if value is None or not reference or not np.isfinite([value, reference]).all():
         return ABSENT
     per_cent = 100.0 * (value - reference) / abs(reference)

@@ -1,4 +1,4 @@
-"""A drawing of an assembly: parts to scale as a section along their axis, nodes, joints, forces and motions."""
+"""A drawing of an assembly: a section of its parts along their axis, with nodes, joints, forces and motions."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 __all__ = ["assembly_figure", "drawing_text", "mode_shapes"]
 
 _ALONG, _LEAST, _MOST = WIDTH - 1.0, 0.9, 3.5
-"""Inches along the axis, and across it over all rows: what is thinner is stretched, what is thicker made smaller."""
+"""Size in inches along the axis, and limits across it for all rows: thinner drawings are stretched, thicker reduced."""
 _STRETCHES = (1, 2, 3, 4, 5, 10, 20, 30, 50, 100)
 _SYMBOL, _GAP, _ARROW, _BESIDE, _LINE, _CHARACTER = 0.13, 0.5, 0.32, 0.07, 0.22, 0.085
-"""Inches: half a box, between rows, an arrow, force beside motion, a line of text, and one of its characters."""
+"""Inches: half a box, gap between rows, arrow, distance of force and motion, line of text, width of a character."""
 _CLOSE = 1.05
-"""A part may be so much thicker than the bore around it and still be inside: tapers are drawn in steps."""
+"""Largest ratio of a part's diameter to the bore around it; above 1, since tapers are drawn in steps."""
 _PARTS, _JOINT, _FORCE = (LINES[0], LINES[2], "#8a6d00", LINES[4], LINES[6]), LINES[1], LINES[3]
 
 
 @dataclass
 class _Part:
-    """A part on the page [mm]: its origin is at `start` along the axis of all; `y` is its axis, in one of the rows."""
+    """A part on the page [mm], with its origin at `start` along the common axis and its axis at `y`, in a row."""
 
     model: SubstructureModel
     colour: str
@@ -46,28 +46,28 @@ class _Part:
     y: float = 0.0
 
     def at(self, nodes: Iterable[int] | None = None) -> list[float]:
-        """Return where some nodes are along the axis, or all."""
+        """Return the positions of some or all nodes along the axis."""
         chosen = range(len(self.model.nodes)) if nodes is None else nodes
         return [self.start + 1e3 * self.model.nodes[node].position for node in chosen]
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Where the part begins and ends along the axis."""
+        """Start and end of the part along the axis."""
         along = [*self.at(), *(end for piece in self.pieces for end in piece[:2])]
         return min(along), max(along)
 
     def radii(self, along: float) -> tuple[float, float]:
-        """Return the outer and the inner radius at a position; 0 where nothing is known."""
+        """Return the outer and the inner radius at a position; 0 if unknown."""
         near = [piece for piece in self.pieces if piece[0] - 1e-6 <= along <= piece[1] + 1e-6]
         return max((p[2] / 2 for p in near), default=0.0), max((p[3] / 2 for p in near), default=0.0)
 
     def node(self, along: float) -> float:
-        """Return where a node is drawn across the page: in the wall of a tube, on the axis of anything else."""
+        """Return the position of a node across the axis: in the wall of a tube, else on the axis."""
         outer, inner = self.radii(along)
         return self.y + ((outer + inner) / 2 if inner else 0.0)
 
     def fits(self, other: _Part, room: float) -> bool:
-        """Return whether two parts can share a row: one after the other, or one entirely inside the other."""
+        """Return whether two parts can share a row, one after the other or one entirely inside the other."""
         (start, end), (first, last) = self.ends, other.ends
         apart = (0.0 if self.pieces and other.pieces else room) - 1e-6
         if start >= last + apart or first >= end + apart:
@@ -87,12 +87,12 @@ class _Label:
 
     @property
     def width(self) -> float:
-        """Inches that the text takes, and some room."""
+        """Width of the text in inches, with some margin."""
         return _CHARACTER * (len(self.text) + 1)
 
 
 def drawing_text(assembly: Assembly) -> str:
-    """Return in words what a drawing shows, for those who cannot see it."""
+    """Return a description of a drawing in words, for screen readers."""
     description = assembly.description
     described = listing(f"{name} ({part.name})" for name, part in description.substructures.items())
     joints = [
@@ -104,7 +104,7 @@ def drawing_text(assembly: Assembly) -> str:
 
 
 def assembly_figure(assembly: Assembly) -> Figure:
-    """Draw an assembly, as `dovetail.plot_assembly` says."""
+    """Draw an assembly as described in `dovetail.plot_assembly`."""
     description = assembly.description
     drawn = _parts(description)
     low, high = min(part.ends[0] for part in drawn.values()), max(part.ends[1] for part in drawn.values())
@@ -129,7 +129,7 @@ def assembly_figure(assembly: Assembly) -> Figure:
 
 
 def _parts(description: Description) -> dict[str, _Part]:
-    """Return the parts, moved along the axis so that each joint connects what is at one place."""
+    """Return the parts, moved along the axis so that each joint connects nodes at the same position."""
     substructures, starts = description.substructures, dict[str, float]()
     ports = [
         {
@@ -158,7 +158,7 @@ def _parts(description: Description) -> dict[str, _Part]:
 
 
 def _rows(drawn: Mapping[str, _Part], room: float) -> list[list[_Part]]:
-    """Put each part into the first row where it fits, those with an outline first, ground last."""
+    """Put each part into the first row where it fits, first those with an outline, last the ground."""
     rows: list[list[_Part]] = []
     for part in sorted(drawn.values(), key=lambda part: (not part.pieces, part.model.grounded)):
         part.row = next((n for n, row in enumerate(rows) if all(part.fits(other, room) for other in row)), len(rows))
@@ -189,8 +189,8 @@ def mode_shapes(assembly: Assembly, theta: ArrayLike, count: int) -> list[dict[s
     Returns
     -------
     list of dict
-        ``frequency`` [Hz], and for each part that moves its ``name``, the nodes' places ``along`` the axis of all [mm]
-        and their motion ``across`` it, of which the largest is 1. Empty where the assembly has no dense matrices.
+        ``frequency`` [Hz], and for each part that moves its ``name``, the nodes' positions ``along`` the common axis
+        [mm] and their motion ``across`` it, of which the largest is 1. Empty if the assembly has no dense matrices.
     """
     try:
         matrices = matrices_without_window(assembly.graph, assembly.by_joint(theta))
@@ -214,7 +214,7 @@ def mode_shapes(assembly: Assembly, theta: ArrayLike, count: int) -> list[dict[s
 
 @dataclass
 class _Page:
-    """Axes that grow downwards row by row, in millimetres; `along` and `across` are inches to a millimetre."""
+    """Axes in millimetres, which grow downwards row by row; `along` and `across` are inches per millimetre."""
 
     along: float
     across: float
@@ -227,14 +227,14 @@ class _Page:
         self.axes: Axes = self.figure.subplots()
 
     def add_row(self, row: Sequence[_Part], radius: float) -> None:
-        """Give the parts of a row their axis, below all rows so far."""
+        """Place the axis of the parts of a row below all previous rows."""
         half = max(radius, _SYMBOL / self.across)
         for part in row:
             part.y = self.floor - half - (_GAP / self.across if part.row else 0.0)
         self.floor = row[0].y - half
 
     def draw_part(self, name: str, part: _Part, *, up: bool) -> None:
-        """Draw a part as a section, or as a box around its nodes, and its name."""
+        """Draw a part as a section, or as a box around its nodes, with its name."""
         style: dict[str, Any] = {
             "fill": True,
             "facecolor": f"{part.colour}38",
@@ -260,7 +260,7 @@ class _Page:
         self.labels.append(_Label(middle, part.node(middle), name, part.colour, up))
 
     def draw_joint(self, name: str, drawn: Mapping[str, _Part], ends: Sequence[Attachment]) -> None:
-        """Draw a line between the nodes that a joint connects, and a diamond in its middle."""
+        """Draw lines between the nodes that a joint connects, with a diamond in the middle."""
         rows = [drawn[end.substructure].row for end in ends]
         ports = [
             [self._facing(drawn[end.substructure], at, rows) for at in drawn[end.substructure].at(end.nodes)]
@@ -277,14 +277,14 @@ class _Page:
         self.labels.append(_Label(float(x), float(y), name, _JOINT))
 
     def _facing(self, part: _Part, along: float, rows: Sequence[int]) -> tuple[float, float]:
-        """Return a node, or the place on the surface before it that faces the joint's parts in other rows."""
+        """Return the position of a node, or of the surface there that faces the joint's parts in other rows."""
         if min(rows) == max(rows):
             return along, part.node(along)
         outer = part.radii(along)[0] if part.pieces else _SYMBOL / self.across
         return along, part.y + (outer if part.row > min(rows) else -outer)
 
     def draw_arrow(self, drawn: Mapping[str, _Part], place: Place, text: str, colour: str, aside: float) -> None:
-        """Draw a force or a motion that begins at the surface before a node, and what it is."""
+        """Draw an arrow for a force or a motion, from the surface at a node, with its label."""
         part = drawn[place.substructure]
         (at,) = part.at([place.node])
         x, y = at + aside / self.along, part.y + (part.radii(at)[0] if part.pieces else _SYMBOL / self.across)
@@ -300,7 +300,7 @@ class _Page:
         self.labels.append(_Label(x, y + _ARROW / self.across, f"{text}, {place.direction}", colour))
 
     def finish(self, low: float, high: float, name: str) -> None:
-        """Write the labels above and below, and give the page its size."""
+        """Write the labels above and below the parts, and set the size of the page."""
         middle, half = (low + high) / 2, (WIDTH / 2 - 0.3) / self.along
         ends = []
         for up in (True, False):
@@ -324,7 +324,7 @@ class _Page:
             self.axes.spines[side].set_visible(False)
 
     def _write(self, labels: Sequence[_Label], y: float, first: float, last: float) -> None:
-        """Write labels in one line, moved apart until none covers another, with a leader from each to what it names."""
+        """Write labels in one line, moved apart so that none covers another, each with a leader to its object."""
         widths = np.array([label.width / self.along for label in labels])
         x = np.array([label.along for label in labels])
         for _ in range(200):

@@ -1,4 +1,4 @@
-"""What the explorer shows: an assembly's FRFs for chosen parameters over measured ones, a fit from there, files."""
+"""The content of the explorer: FRFs for chosen parameters over measured ones, fits that start there, and files."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from dovetail.report.wording import display_unit
 __all__ = ["SAVED", "Explorer"]
 
 SAVED = {"json": "application/json", "yaml": "application/yaml", "html": "text/html"}
-"""What can be saved, by suffix, and its media type."""
+"""Media types of the files that can be saved, by suffix."""
 
 _MODES = 6
-"""Natural frequencies that are marked, within the band."""
+"""Largest number of natural frequencies that are marked within the band."""
 _CAUSE_SECONDS = 5.0
-"""Time for causes of a misfit: somebody waits."""
+"""Time [s] for causes of a misfit, short because the user is waiting."""
 _BY_HAND = "by hand"
 
 
 class Explorer:
-    """An assembly and, if there are any, its measured FRFs.
+    """An assembly, with its measured FRFs if there are any.
 
     Parameters
     ----------
     assembly : Assembly
         With parameters to choose.
     measured : sequence of Frf
-        None, or one for each response. The assembly's FRFs are then computed on the measured lines within its band.
+        Empty, or one for each response; the assembly's FRFs are then computed on the measured lines within its band.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class Explorer:
         return self._assembly.name
 
     def start(self) -> dict[str, Any]:
-        """Return what the page needs once: parameters with their units and ranges, and the charts of the responses."""
+        """Return the data for a new page: parameters with units and ranges, and the charts of the responses."""
         middle = self._assembly.vector(None)
         parameters = []
         for parameter, value in zip(self._assembly.parameters, middle.tolist(), strict=True):
@@ -109,7 +109,7 @@ class Explorer:
         return chart_data(f"FRF at {label}", {**curves, "model": ("model", simulated)}, natural=self._natural(theta))
 
     def frfs(self, values: Sequence[Any], response: int) -> dict[str, Any]:
-        """Return the FRF at a response for parameter values [SI], and how far it is from the measured one.
+        """Return the FRF of a response for parameter values [SI], and its difference from the measured one.
 
         Raises
         ------
@@ -130,7 +130,7 @@ class Explorer:
         return answer
 
     def modes(self, values: Sequence[Any]) -> dict[str, Any]:
-        """Return natural frequencies and mode shapes for parameter values [SI], which take longer than an FRF."""
+        """Return natural frequencies and mode shapes for parameter values [SI]; this takes longer than an FRF."""
         theta = self._theta(values)
         low, high = self._assembly.frequency[[0, -1]]
         shapes = [mode for mode in mode_shapes(self._assembly, theta, _MODES) if low <= mode["frequency"] <= high]
@@ -147,7 +147,7 @@ class Explorer:
         return [round(frequency, 2) for frequency in natural.tolist()]
 
     def fit(self, values: Sequence[Any], locked: Sequence[str], progress: Progress = silent) -> dict[str, Any]:
-        """Fit to the measured FRFs from parameter values [SI] on, by refined with a Gaussian for the intervals.
+        """Fit to the measured FRFs, starting from parameter values [SI], with a Gaussian for the intervals.
 
         Parameters
         ----------
@@ -200,12 +200,12 @@ class Explorer:
         values : sequence of float
             SI.
         fitted : bool
-            Whether they are those of the latest fit.
+            Whether the values are those of the latest fit.
 
         Raises
         ------
         DovetailError
-            There is no report, since nothing was measured.
+            There is no report, since there are no measured FRFs.
         """
         theta = self._theta(values)
         makers: dict[str, Callable[[], bytes]] = {
@@ -232,7 +232,7 @@ class Explorer:
         return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
     def _yaml(self, theta: NDArray[np.float64]) -> bytes:
-        """Return the whole description with these values as known ones, its files by their full paths."""
+        """Return the whole description with these values as known ones, and with full paths of its files."""
         description = self._assembly.description
         pairs = zip(description.identified_parameters, theta.tolist(), strict=True)
         whole = json.loads(description.with_known(dict(pairs)).text)
@@ -262,7 +262,7 @@ class Explorer:
 
 
 def _decibels(model: NDArray[np.float64], measured: NDArray[np.float64]) -> float | None:
-    """Return the root mean square of the difference of two amplitudes in dB, where both are above zero."""
+    """Return the root mean square of the difference of two amplitudes in dB, where both are positive."""
     both = (model > 0) & (measured > 0)
     if not both.any():
         return None

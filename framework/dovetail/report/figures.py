@@ -1,4 +1,4 @@
-"""Figures, one function each: matplotlib's object-oriented interface, colours that print and that colour-blind see."""
+"""Figures, each drawn by one function, with colours for print and for colour-blind readers."""
 
 from __future__ import annotations
 
@@ -48,26 +48,26 @@ __all__ = [
 ]
 
 WIDTH = 9.0
-"""Inches: 900 pixels at the usual 100 to the inch."""
+"""Width of figures in inches: 900 pixels at the usual 100 per inch."""
 
 INK, MUTED, GRID = "#1c2430", "#56616d", "#e6eaee"
 MEASURED, RECONSTRUCTED, AGREEMENT = "#9aa4ae", "#0b5fa5", "#9a4a00"
 LINES = ("#6373c4", "#963f02", "#175a3a", "#813c71", "#12a3bb", "#aa8d13", INK)
-"""Told apart also without red, green or blue. All these are the colours of `web/charts.css` on light paper."""
+"""Distinguishable also without red, green or blue. All these are the colours of `web/charts.css` for light pages."""
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 PHASE_CENTRE = {"receptance": -90.0, "mobility": 0.0, "accelerance": 90.0}
-"""Degrees; the phase of a passive drive point stays within 90 of it, so that is where it is not cut."""
+"""Middle of the phase axis [deg]; the phase of a passive drive point stays within 90 of it and is not wrapped."""
 
 _WORST_R2, _WORST_RMSE = -0.6, 0.45
-"""Where the figures of robustness end; a guess of the middle of the range has 0 and 0.29."""
+"""Limits of the axes in figures of robustness; guessing the middle of the range gives 0 and 0.29."""
 
 _TITLE_WIDTH = 110
-"""Characters that fit into the width of a figure."""
+"""Number of characters that fit into the width of a figure."""
 
 _LABEL_WIDTH = 0.07
-"""Part of the frequency axis that the label of a natural frequency takes."""
+"""Width of the label of a natural frequency, relative to the frequency axis."""
 
 
 def frf_figure(
@@ -77,18 +77,18 @@ def frf_figure(
     natural_frequencies: Iterable[float] = (),
     title: str = "",
 ) -> Figure:
-    """Draw a measured FRF, the reconstructed one over it, and the coherence of the two beneath.
+    """Draw a measured FRF with the reconstructed one over it, and the coherence of both below.
 
     Parameters
     ----------
     measured, reconstructed : Frf
-        Of the same quantity. Without a measured phase only the amplitudes are drawn.
+        Of the same quantity. Without a measured phase, only the amplitudes are drawn.
     coherence : (n_freq,) array, optional
         On the frequencies of `reconstructed`.
     natural_frequencies : iterable of float
         Hz, marked in all panels; values that are not finite or beyond the axis are left out.
     title : str
-        Stands above, in several lines if it is long.
+        Above the figure, broken into lines if it is long.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def frf_figure(
 
 
 def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Figure:
-    """Draw amplitude and phase of one FRF, its label and its note above.
+    """Draw amplitude and phase of one FRF, with its label and its note above.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Fig
 
 
 def measured_figure(frfs: Sequence[Frf]) -> Figure:
-    """Draw measured FRFs over each other: amplitude, and phase and coherence where one of them has it.
+    """Draw measured FRFs in common axes: amplitude, and phase and coherence if any of them has it.
 
     Parameters
     ----------
@@ -183,17 +183,17 @@ def measured_figure(frfs: Sequence[Frf]) -> Figure:
 
 
 def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw R2 and RMSE against the noise level, one line a model.
+    """Draw R2 and RMSE over the noise level, with one line for each model.
 
     Parameters
     ----------
     table : sequence of mappings
-        Each with ``model``, ``level``, ``r2`` and ``rmse`` (a part of the range); None or NaN leaves a gap.
+        Each with ``model``, ``level``, ``r2`` and ``rmse`` (relative to the range); None or NaN leaves a gap.
 
     Returns
     -------
     matplotlib.figure.Figure
-        What is far worse than a guess of the middle of the range leaves the figure.
+        Values far worse than guessing the middle of the range are outside the axes.
     """
     figure = new_figure(3.6)
     r2_axes, rmse_axes = figure.subplots(1, 2)
@@ -224,15 +224,15 @@ def robustness_figure(table: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def save_png(figure: Figure, path: str | Path, *, dpi: int = 200) -> Path:
-    """Write a figure as PNG with its title in the metadata, whole or not at all.
+    """Write a figure as PNG with its title in the metadata, atomically.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
     path : str or Path
-        A file that is there is replaced.
+        An existing file is replaced.
     dpi : int
-        Pixels to the inch; 200 makes 1800 pixels of the width.
+        Pixels per inch; with 200 the width is 1800 pixels.
 
     Returns
     -------
@@ -255,7 +255,7 @@ def png_bytes(figure: Figure, title: str, *, dpi: int = 200) -> bytes:
 
 
 def _stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
-    """Return panels one above the other that share the frequency axis."""
+    """Return a figure and its panels, which are stacked and share the frequency axis."""
     figure = new_figure(1.0 + sum(heights))
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
     panels = list(grid[:, 0])
@@ -273,9 +273,9 @@ def new_figure(height: float) -> Figure:
 
 
 def load_matplotlib() -> None:
-    """Load matplotlib with its own settings, unless the caller has loaded it already.
+    """Load matplotlib with its default settings, unless the caller has already loaded it.
 
-    It would read the file `matplotlibrc` of the current folder, which may make it run LaTeX.
+    Otherwise it would read the file `matplotlibrc` in the current folder, which may make it run LaTeX.
     """
     if "matplotlib" in sys.modules:
         return
@@ -286,13 +286,13 @@ def load_matplotlib() -> None:
 
 
 def set_title(figure: Figure, *lines: str) -> None:
-    """Put lines of text above a figure, the empty ones left out and the long ones broken."""
+    """Put lines of text above a figure; empty ones are left out, long ones broken."""
     text = "\n".join(textwrap.fill(terminal_text(line), _TITLE_WIDTH) for line in lines if line)
     figure.suptitle(text, fontsize=11, color=INK, parse_math=False)
 
 
 def style_axes(axes: Axes) -> None:
-    """Give a panel the look of all figures: a light grid, no box, muted ticks."""
+    """Apply the common style to a panel: a light grid, no box, muted ticks."""
     axes.set_axisbelow(True)
     axes.grid(color=GRID, linewidth=0.8)
     axes.tick_params(colors=MUTED, labelcolor=INK, labelsize=9, length=3)
@@ -312,7 +312,7 @@ def draw_amplitude(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
 
 
 def draw_phase(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
-    """Draw the phase of an FRF in degrees, cut where a passive drive point never is."""
+    """Draw the phase of an FRF in degrees, wrapped where that of a passive drive point never is."""
     centre = PHASE_CENTRE[frf.quantity]
     phase = (np.rad2deg(frf.phase) - centre + 180.0) % 360.0 - 180.0 + centre
     axes.plot(*_broken_at_jumps(frf.frequency, phase), **style)
@@ -327,7 +327,7 @@ def draw_phase(axes: Axes, frf: Frf, style: Mapping[str, Any]) -> None:
 def _broken_at_jumps(
     frequency: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Put a gap where the phase [deg] leaves the window on one side and enters on the other."""
+    """Insert a gap where the phase [deg] is wrapped."""
     jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
     return np.insert(frequency, jumps, frequency[jumps]), np.insert(phase, jumps, np.nan)
 
@@ -350,7 +350,7 @@ def _finish_frequency_axis(panels: Sequence[Axes], frequency: NDArray[np.float64
 
 
 def _mark_frequencies(panels: Sequence[Axes], frequencies: Iterable[float]) -> None:
-    """Draw a dotted line at each frequency, its value above; values too close to each other go into further rows."""
+    """Draw a dotted line at each frequency, with its value above; values that would overlap go into further rows."""
     low, high = panels[0].get_xlim()
     room = _LABEL_WIDTH * (high - low)
     rows: list[float] = []

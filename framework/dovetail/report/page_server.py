@@ -1,4 +1,4 @@
-"""The server of the explorer's page: on this machine only, behind a token, until its page is closed."""
+"""The server of the explorer's page, which only this machine can reach, with a token, until the page is closed."""
 
 from __future__ import annotations
 
@@ -38,27 +38,27 @@ _HEADERS = {
     "Cache-Control": "no-store",
 }
 _LONGEST_BODY = 64 * 1024
-"""Bytes of a request."""
+"""Largest size of a request in bytes."""
 _BEAT = 0.5
-"""Seconds between two signs of life to an open page."""
+"""Seconds between two messages to an open page, which keep the connection alive."""
 _PATIENCE = 3.0
-"""Seconds without any page, after there was one, at which the server ends: a page loaded anew is back sooner."""
+"""Seconds after the last page was closed at which the server ends; reloading a page takes less."""
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves one explorer at `address`, to a browser on this machine that knows the token in it.
+    """Serves one explorer at `address` to browsers on this machine that know the token in it.
 
     Parameters
     ----------
     explorer : Explorer
     port : int
-        Of the loopback interface; 0 for any that is free.
+        Of the loopback interface; 0 for any free one.
 
     Notes
     -----
-    A request is answered only if its Host is this server (which stops DNS rebinding), its path begins with the token,
-    and its Origin, if it states one, is this server; those that compute must state it. The page may load nothing
-    but this server's scripts and styles, and none that stands in the page itself.
+    A request is answered only if its Host is this server (which prevents DNS rebinding), its path begins with the
+    token, and its Origin, if stated, is this server; requests that compute must state it. The page may load only this
+    server's scripts and styles, and no inline ones.
     """
 
     daemon_threads = True
@@ -76,17 +76,17 @@ class PageServer(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return f"http://{self.hosts[0]}/{self.token}/"
 
     def count_page(self, change: int) -> None:
-        """Note that a page was opened (1) or closed (-1)."""
+        """Record that a page was opened (1) or closed (-1)."""
         with self._counting:
             self._pages += change
             self._left = float("inf") if self._pages else time.monotonic()
 
     def service_actions(self) -> None:
-        """End when the last page has been closed for a while."""
+        """End the server some time after the last page was closed."""
         with self._counting:
             ends = time.monotonic() - self._left > _PATIENCE
         if ends:
@@ -94,11 +94,11 @@ class PageServer(ThreadingHTTPServer):
             threading.Thread(target=self.shutdown, daemon=True).start()
 
     def report_progress(self, stage: str, done: int, total: int, note: str = "") -> None:
-        """Keep how far a fit is, for the page."""
+        """Store the progress of a fit for the page."""
         self.progress = f"{stage} {done} of {total} {note}".rstrip() if total > 1 else stage
 
     def handle_error(self, request: Any, client_address: Any) -> None:  # a browser that went away is no error
-        """Say nothing."""
+        """Print nothing."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -112,10 +112,10 @@ class _Handler(BaseHTTPRequestHandler):
     wbufsize = -1  # headers and body in one packet
 
     def log_message(self, *arguments: Any) -> None:
-        """Say nothing: the terminal is the user's."""
+        """Print nothing, since the terminal belongs to the user."""
 
     def do_GET(self) -> None:
-        """Answer with the page, a script, a style, or signs of life."""
+        """Answer with the page, a script, a style, or the messages to an open page."""
         path = self._allowed(stating_origin=False)
         if path is None:
             return
@@ -135,7 +135,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND)
 
     def do_POST(self) -> None:
-        """Compute."""
+        """Answer with a computed FRF, modes, a fit or a file."""
         path = self._allowed(stating_origin=True)
         if path is None:
             return
@@ -179,7 +179,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(content, f"{SAVED[kind]}; charset=utf-8")
 
     def _allowed(self, *, stating_origin: bool) -> str | None:
-        """Return the path behind the token, or refuse the request and return None."""
+        """Return the path after the token, or refuse the request and return None."""
         host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
         site = self.headers.get("Sec-Fetch-Site", "same-origin")
         foreign = host not in self.server.hosts or site not in ("same-origin", "none")
@@ -209,7 +209,7 @@ class _Handler(BaseHTTPRequestHandler):
         return content
 
     def _stay(self) -> None:
-        """Keep a line open to the page until it is closed, and tell it how far a fit is."""
+        """Keep the connection to the page open until it is closed, and send the progress of a fit."""
         self.server.count_page(1)
         self.close_connection = True
         try:

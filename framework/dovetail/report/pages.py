@@ -1,4 +1,4 @@
-"""Self-contained HTML pages from the templates: their own styles and scripts, nothing loaded from anywhere."""
+"""Self-contained HTML pages from the templates, with their styles and scripts; they load nothing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["environment", "write_page"]
 
 
 def environment() -> Environment:
-    """Return where the templates are, escaping whatever is set in them."""
+    """Return the environment of the templates, which escapes all inserted values."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     return Environment(
@@ -32,17 +32,17 @@ def environment() -> Environment:
 
 
 def write_page(path: str | Path, template: str, content: dict[str, Any], *, charts: bool = True) -> Path:
-    """Write a page, whole or not at all; a file that is there is replaced.
+    """Write a page atomically; an existing file is replaced.
 
     Parameters
     ----------
     path : str or Path
     template : str
-        Which extends `page.html.jinja`.
+        A template that extends `page.html.jinja`.
     content : dict
-        What the template asks for.
+        Variables of the template.
     charts : bool
-        Whether interactive charts stand in it; without them the page has no script.
+        Whether it has interactive charts; without them the page has no scripts.
 
     Returns
     -------

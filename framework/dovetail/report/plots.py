@@ -1,4 +1,4 @@
-"""Figures of results, for a notebook or a page of one's own; matplotlib is loaded with this module."""
+"""Figures of results for notebooks and other pages; matplotlib is loaded with this module."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ __all__ = ["plot_assembly", "plot_frf"]
 
 
 def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
-    """Draw an FRF; of an identification the measured and the reconstructed one, with their coherence beneath.
+    """Draw an FRF, or the measured and the reconstructed one of an identification with their coherence below.
 
     Parameters
     ----------
     result : Identification or Frf
     response : int
-        Which response of an identification, from 0.
+        Index of the response of an identification.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Its ``savefig`` writes it, its ``axes`` can be changed; the natural frequencies of an identification are marked,
-        and its caveat, if it has one, is the title.
+        Its ``savefig`` writes it, its ``axes`` can be changed. The natural frequencies of an identification are marked,
+        and its caveat, if there is one, is the title.
 
     Raises
     ------
@@ -44,16 +44,16 @@ def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
 
 
 def plot_assembly(assembly: AssemblySource) -> Figure:
-    """Draw an assembly: parts, nodes, joints, and where force and response are.
+    """Draw an assembly: parts, nodes, joints, forces and responses.
 
-    Parts that give their outline are drawn as a section along the axis, to scale, a part inside the bore of another
-    where it belongs. Others are boxes around their nodes. What would overlap is drawn side by side. What is stretched
-    across the axis is said in the title.
+    Parts with an outline are drawn as a section along the axis, to scale, if necessary inside the bore of another part.
+    Others are boxes around their nodes. Parts that would overlap are drawn side by side. The title tells if the drawing
+    is stretched across the axis.
 
     Parameters
     ----------
     assembly : Assembly, str or Path
-        Or its description's file.
+        An assembly, or the file of its description.
 
     Returns
     -------

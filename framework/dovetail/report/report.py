@@ -1,4 +1,4 @@
-"""The report of an identification: one HTML file that needs nothing else."""
+"""The report of an identification: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ __all__ = ["write_report"]
 
 _MOST_SHAPES = 10
 _MOST_LINES = 3000
-"""Of an FRF, which a screen can show; peaks and dips are among them."""
+"""Largest number of lines of an FRF in a chart, including peaks and dips."""
 
 _MOST_TRADING, _SAMPLES, _SIZE, _GAP, _MARGIN = 6, 150, 92, 8, 86
-"""Of the pair plot: parameters and samples that are drawn; pixels of a panel, between panels, and for names."""
+"""Parameters and samples in the pair plot; pixels of a panel, between panels, and for names."""
 _LEAST_CORRELATION = 0.3
-"""Below which two parameters do not trade."""
+"""Correlation from which two parameters are shown in the pair plot."""
 
 
 def write_report(
     result: Identification, path: str | Path, *, truth: Truth | None = None, assembly: Assembly | None = None
 ) -> Path:
-    """Write an identification as one self-contained HTML file, with its own scripts and nothing loaded from anywhere.
+    """Write an identification as one self-contained HTML file, which loads nothing.
 
     Parameters
     ----------
     result : Identification
-        If its ``provenance`` holds ``evaluation`` (`Evaluation.to_dict`) and ``description`` (the description's
-        text), the report shows them in sections of their own; all else it lists as it is.
+        If its ``provenance`` contains ``evaluation`` (`Evaluation.to_dict`) and ``description`` (the description's
+        text), the report shows them in separate sections; all other entries are listed.
     path : str or Path
-        A file that is there is replaced; it is written whole or not at all.
+        An existing file is replaced; the file is written atomically.
     truth : Truth, optional
-        Shown beside what was identified, with the errors.
+        Shown beside the identified values, with the errors.
     assembly : Assembly, optional
-        Of which the parameters were identified; it is drawn.
+        The identified assembly, which is then drawn.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def write_report(
     Raises
     ------
     DovetailError
-        The file cannot be written, or the result is one from modal parameters.
+        The file cannot be written, or the result was identified from modal parameters.
     """
     if not isinstance(result, Identification):
         problem = "a result from modal parameters has no FRF, and no report."
@@ -123,7 +123,7 @@ def _mean_coherence(result: Identification) -> str:
 
 
 def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
-    """Return of each response the name of its chart, its point (empty if there is one only), its data and its phase."""
+    """Return for each response the chart's name, the point (empty for a single one), data, and if there is a phase."""
     natural = [mode.natural_frequency for mode in result.modes]
     bands = result.adequacy.bands if result.adequacy is not None and not result.believable else ()
     figures = []
@@ -137,9 +137,9 @@ def _figures(result: Identification) -> list[tuple[str, str, Any, bool]]:
 
 
 def _pair_plot(result: Identification) -> dict[str, Any] | None:
-    """Return panels of samples of the parameters that trade most, two a panel, as plain numbers.
+    """Return panels with samples of pairs of the most correlated parameters, as plain numbers.
 
-    None without samples, where no parameters trade, and of a result that is not to be believed.
+    None without samples or correlated parameters, and for a result that is not to be believed.
     """
     posterior = result.posterior
     if posterior is None or not result.believable or len(result.parameters) < 2:
@@ -175,7 +175,7 @@ def _pair_plot(result: Identification) -> dict[str, Any] | None:
 
 
 def _again(result: Identification) -> str:
-    """Return the lines of Python that make a result again, and the command; empty where the program did not make it."""
+    """Return Python code and a command that reproduce a result; empty if the program did not compute it."""
     origin, options = result.provenance, ""
     if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:
         return ""
@@ -202,14 +202,14 @@ def _again(result: Identification) -> str:
 
 
 def _drawing(assembly: Assembly) -> Any:
-    """Return the drawing of an assembly as markup, its text for those who cannot see it."""
+    """Return the drawing of an assembly as markup, with a text for screen readers."""
     from markupsafe import Markup
 
     return Markup(inline_svg(assembly_figure(assembly), "assembly", drawing_text(assembly), themed=True))
 
 
 def _shapes(result: Identification, assembly: Assembly) -> Any:
-    """Return the shapes of the modes that are listed, as data of the page; None without any."""
+    """Return the shapes of the listed modes as data of the page, or None if there are none."""
     if [parameter.name for parameter in assembly.parameters] != list(result.parameters):
         return None
     listed = [mode.natural_frequency for mode in result.modes]
@@ -219,7 +219,7 @@ def _shapes(result: Identification, assembly: Assembly) -> Any:
 
 
 def _pretty(description: object) -> str | None:
-    """Return a description's text, laid out for reading if it is JSON on one line."""
+    """Return a description's text, indented if it is JSON."""
     if not isinstance(description, str):
         return None
     try:

@@ -1,4 +1,4 @@
-"""A study of settings as tables and figures: the errors over each option, with times, and what was chosen."""
+"""Tables and figures of a study of settings: errors over each option, times, and the chosen values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _COLUMNS = 2
 
 
 def trial_rows(study: Study) -> list[list[str]]:
-    """Return a row for each trial: what was tried, validation error, R2, and the times of reducer and regressor."""
+    """Return a row for each trial: settings, validation error, R2, and the times of reducer and regressor."""
     return [_trial_row(trial) for trial in study.trials if trial.kind != "test"]
 
 
@@ -37,7 +37,7 @@ def _trial_row(trial: Trial) -> list[str]:
 
 
 def option_rows(study: Study) -> list[list[str]]:
-    """Return a row for each option: which values were tried, which gave the least error, which is chosen."""
+    """Return a row for each option: the values that were tried, the one with the least error, and the chosen one."""
     rows = []
     for sweep in study.sweeps:
         done = [(error, value) for value, error in zip(sweep.values, _errors(study, sweep), strict=True) if error]
@@ -57,7 +57,7 @@ def chosen(study: Study, option: str) -> str:
 
 
 def study_markdown(study: Study) -> str:
-    """Return the tables of a study for a page: the options, every trial, and the errors on the test part."""
+    """Return the tables of a study as Markdown: the options, all trials, and the errors on the test part."""
     answer = study.test.answer or {}
     tested = [
         [name, f"{100 * errors['mae']:.2f}", "" if errors["r2"] is None else f"{errors['r2']:.3f}"]
@@ -73,7 +73,7 @@ def study_markdown(study: Study) -> str:
 
 
 def test_sentence(study: Study) -> str:
-    """Return what the best settings reach on the test part."""
+    """Return a sentence on the errors of the best settings on the test part."""
     answer, best = study.test.answer or {}, study.best.answer or {}
     r2 = "" if answer["r2"] is None else f", R2 {answer['r2']:.3f}"
     return (
@@ -102,12 +102,12 @@ def sweeps_figure(study: Study) -> Figure:
     Parameters
     ----------
     study : Study
-        With one sweep at least.
+        With at least one sweep.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A panel an option; the error on the left axis, the times as bars on the right one.
+        A panel for each option, with the error on the left axis and the times as bars on the right one.
     """
     rows = -(-len(study.sweeps) // _COLUMNS)
     figure = new_figure(0.8 + 2.2 * rows)
@@ -151,7 +151,7 @@ def _draw_sweep(axes: Axes, study: Study, sweep: Sweep) -> None:
 
 
 def search_figure(study: Study) -> Figure:
-    """Draw the validation error of each trial of a search, those given up early apart, and the least so far."""
+    """Draw the validation error of each trial of a search, pruned ones with another marker, and the least so far."""
     figure = new_figure(3.4)
     axes = figure.subplots()
     style_axes(axes)

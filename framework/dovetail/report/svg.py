@@ -1,4 +1,4 @@
-"""A figure as SVG that stands inside an HTML page."""
+"""Figures as SVG inside an HTML page."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -
     ----------
     figure : matplotlib.figure.Figure
     name : str
-        Put before every id, so that several figures can stand in one page.
+        Prefix of every id, so that a page can have several figures.
     title : str
-        What a screen reader says.
+        Text for screen readers.
     themed : bool
-        Take ink from the page, which may be dark, and leave out the white paper.
+        Use the text colour of the page, which may be dark, and no white background.
 
     Returns
     -------
     str
-        Text as paths, paths to a hundredth of a point, no metadata, no reference to anything outside.
+        With text as paths, coordinates to a hundredth of a point, no metadata and no external references.
     """
     import matplotlib
 
@@ -60,7 +60,7 @@ def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -
 
 
 def figure_bytes(figure: Figure, suffix: str, title: str) -> bytes:
-    """Return the file of a figure in one of `FIGURE_SUFFIXES`; a page holds it as a drawing, with no script."""
+    """Return a figure as a file in the format of one of `FIGURE_SUFFIXES`; the HTML page contains SVG and no script."""
     title = title or figure.get_suptitle() or "FRF"
     if suffix == ".png":
         return png_bytes(figure, title)

@@ -36,13 +36,13 @@ class Truth:
     Parameters
     ----------
     parameters : mapping of str to float
-        SI values by name; not every parameter need be known.
+        SI values by name; some parameters may be missing.
     natural_frequencies : tuple of float
         Hz.
     synthetic : bool
         Whether the measurement was simulated.
     note : str
-        Where the truth comes from, for the reader.
+        Source of the truth, for the reader.
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -64,7 +64,7 @@ def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
         JSON: ``{"synthetic": true, "note": "...", "parameters": {"Dc": "34.6 mm", ...}, "natural_frequencies_Hz":
         [1319.0, ...]}``. Each key may be missing; a value without a unit is SI.
     parameters : iterable
-        Everything that may be named, each with ``name`` and ``unit``: ``assembly.parameters``, for example.
+        All parameters that the file may contain, with ``name`` and ``unit``, such as ``assembly.parameters``.
 
     Returns
     -------
@@ -73,8 +73,8 @@ def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:
     Raises
     ------
     DovetailError
-        The file cannot be read; it names a parameter or a key that there is not, or gives one in a wrong dimension.
-        All such faults at once.
+        The file cannot be read, or contains an unknown parameter or key, or a value of a wrong dimension; all such
+        faults are reported together.
     """
     file = Path(path)
     content = _object(file)

@@ -1,4 +1,4 @@
-"""The report of a validation: one HTML file with each measurement and its prediction, and the table of resonances."""
+"""The report of a validation: one HTML file with all measurements and predictions, and tables of resonances."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from dovetail.report.wording import ABSENT, fixed, hertz
 __all__ = ["write_validation"]
 
 _MOST_LINES = 2400
-"""Of an FRF; peaks and dips are among them."""
+"""Largest number of lines of an FRF in a chart, including peaks and dips."""
 
 
 def write_validation(validation: Validation, path: str | Path) -> Path:
-    """Write a validation as one self-contained HTML file: its own scripts, nothing loaded from anywhere.
+    """Write a validation as one self-contained HTML file, which loads nothing.
 
     Parameters
     ----------
     validation : Validation
     path : str or Path
-        A file that is there is replaced; it is written whole or not at all.
+        An existing file is replaced; the file is written atomically.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def _rows(case: ValidatedCase) -> Iterator[list[str]]:
 
 
 def _verdict(validation: Validation) -> str:
-    """Say how far predictions are off, and how many resonances have no counterpart."""
+    """Return a sentence on the errors of the predictions and the number of resonances without a counterpart."""
     peaks = [row for case in validation.cases for row in case.peaks]
     errors = [abs(row.error) for row in peaks if row.error is not None]
     alone = len(peaks) - len(errors)

@@ -42,7 +42,7 @@ def validation_figure(validation: Validation) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Compensated and predicted peaks are marked; what has no counterpart by a cross.
+        Compensated and predicted peaks are marked, those without a counterpart with a cross.
     """
     count = len(validation.cases)
     figure = new_figure(0.7 + _PANEL_HEIGHT * count)
@@ -85,7 +85,7 @@ def _mark(axes: Axes, case: ValidatedCase, row: PeakRow) -> None:
 
 
 def series_figure(validation: Validation) -> Figure:
-    """Draw measured, compensated and predicted resonances over what the cases' values are.
+    """Draw measured, compensated and predicted resonances over the values of the cases.
 
     Parameters
     ----------
@@ -95,7 +95,8 @@ def series_figure(validation: Validation) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        One panel for each resonance, the lowest below; with the models' natural frequencies where there are as many.
+        One panel for each resonance, the lowest at the bottom; with the model's natural frequencies if there are as
+        many.
     """
     cases = sorted(validation.cases, key=lambda case: case.case.value or 0.0)
     most = max(len(_compensated(case)) for case in cases)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 __all__ = ["ABSENT", "DisplayUnit", "display_unit", "fixed", "hertz", "number", "readable", "unit_text"]
 
 ABSENT = "\N{EN DASH}"
-"""Stands where there is no number."""
+"""Text for a missing number."""
 
 _MINUS, _TIMES = "\N{MINUS SIGN}", "\N{MULTIPLICATION SIGN}"
 
@@ -22,14 +22,14 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @dataclass(frozen=True)
 class DisplayUnit:
-    """A unit to show values in: an SI value times `factor` is in `text`."""
+    """A unit for display: an SI value times `factor` is in the unit `text`."""
 
     factor: float
     text: str
 
 
 def unit_text(unit: str) -> str:
-    """Set a unit in pint's spelling: ``"m/(N s^2)"`` becomes ``"m/(N·s²)"``; a pure number has no unit."""
+    """Format a unit in pint's spelling: ``"m/(N s^2)"`` becomes ``"m/(N·s²)"``; a pure number has no unit."""
     if unit == "1":
         return ""
     raised = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPT), unit)
@@ -37,7 +37,7 @@ def unit_text(unit: str) -> str:
 
 
 _SHORT = 1e-2
-"""Seconds below which a time is a delay."""
+"""Time [s] below which microseconds are used."""
 
 
 def display_unit(unit: str, lower: float, upper: float) -> DisplayUnit:
@@ -53,8 +53,8 @@ def display_unit(unit: str, lower: float, upper: float) -> DisplayUnit:
     Returns
     -------
     DisplayUnit
-        Millimetres for lengths, grams for small masses, microseconds for delays, kilo to giga for forces and what is
-        built on them; for all else the SI unit itself.
+        Millimetres for lengths, grams for small masses, microseconds for short times, prefixes from kilo to giga for
+        forces and units that begin with a force, pressure, energy, power or frequency; otherwise the SI unit.
     """
     size = math.sqrt(lower * upper) if lower > 0 and upper > 0 else max(abs(lower), abs(upper))
     if unit == "m":
@@ -79,7 +79,7 @@ def number(value: float | None, digits: int = 4, *, padded: bool = True) -> str:
     digits : int
         Significant digits.
     padded : bool
-        Keep the zeros at the end, so that a column of numbers lines up.
+        Keep trailing zeros, so that the numbers in a column line up.
 
     Returns
     -------
@@ -95,19 +95,19 @@ def number(value: float | None, digits: int = 4, *, padded: bool = True) -> str:
 
 
 def fixed(value: float | None, decimals: int, *, signed: bool = False) -> str:
-    """Write a number with so many decimals, with its sign also if it is positive; a dash for None and NaN."""
+    """Write a number with a given number of decimals, if `signed` with its sign; a dash for None and NaN."""
     if value is None or not math.isfinite(value):
         return ABSENT
     return f"{value:{'+' if signed else ''}.{decimals}f}".replace("-", _MINUS)
 
 
 def hertz(frequency: float | None) -> str:
-    """Write a frequency [Hz] with a decimal, and low ones with four digits; a dash for None and NaN."""
+    """Write a frequency [Hz] with one decimal, or more below 100 Hz; a dash for None and NaN."""
     return fixed(frequency, 1 if frequency is None or frequency >= 100.0 else 2 if frequency >= 10.0 else 3)
 
 
 def readable(text: str) -> str:
-    """Set the powers of ten in a sentence: ``"1.5e+08 N/m"`` becomes ``"1.5 x 10⁸ N/m"``, with a real cross."""
+    """Format the powers of ten in a sentence: ``"1.5e+08 N/m"`` becomes ``"1.5 x 10⁸ N/m"``, with a real cross."""
     return re.sub(r"(?<=\d)e([+-]\d\d+)\b", lambda match: _power_of_ten(match[1]), text)
 
 
