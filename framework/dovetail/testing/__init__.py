@@ -1,7 +1,7 @@
-"""The conformance kit: run it over a component of your own, in a test, in Python or by ``dovetail check-plugin``.
+"""The conformance kit, which checks your component in a test, in Python or with ``dovetail check-plugin``.
 
-The public names stand in ``__init__.pyi`` beside this file. Each is loaded when it is first used: a fresh process, in
-which a component answers, needs few of these modules.
+The public names are listed in ``__init__.pyi`` in this folder. Each is loaded when it is first used, since a fresh
+process that evaluates a component needs few of these modules.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""What a joint or a substructure answers in a process of its own, and what it leaves behind there."""
+"""The results of a joint or a substructure in a separate process, and the changes that it leaves there."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ __all__ = ["Report", "main", "report_of_another_process", "written"]
 
 _LIMIT = 120
 _ENVIRONMENT = dict(os.environ)
-"""Before a component was asked, which may change it."""
+"""Environment before any component was called, which may change it."""
 _ANSWERS, _REPORT = "answers{}.npz", "report.json"
 _THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "2")
-"""More than one, so that a component is seen to limit them."""
+"""More than one thread, so that it shows if a component limits them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What another process said.
+    """The report of another process.
 
     Parameters
     ----------
     answers, declarations : mapping
-        Of each component, by its config written as JSON.
+        Of each component, by its config as JSON.
     changed : list of str
-        What it left otherwise than it was.
+        Global state that was changed.
     imported : list of str
-        Packages with a state of their own that were imported meanwhile.
+        Packages with global state that were imported meanwhile.
     """
 
     answers: Mapping[str, Mapping[str, NDArray[Any]]]
@@ -58,12 +58,12 @@ def written(config: Any) -> str:
 
 
 def report_of_another_process(specimen: Specimen) -> Report:
-    """Ask for the answers of all examples, and of varied options, where hashes and the working directory are others.
+    """Evaluate all examples, and varied options, in a process with another hash seed and working directory.
 
     Raises
     ------
     Nonconformity
-        A component cannot be made there, or fails.
+        A component cannot be constructed there, or fails.
     Reservation
         The class is not at the top of a module, so that no other process can import it.
     """
@@ -101,7 +101,7 @@ def _asked(model: type[Component], options: tuple[str, ...], imports: tuple[str,
 
 
 def main() -> None:
-    """Answer the request in the folder that the command line names."""
+    """Process the request in the folder given on the command line."""
     folder, request = read_request()
     for name in request["imports"]:
         __import__(name)

@@ -1,4 +1,4 @@
-"""What a joint or a substructure says of itself, and what it answers: the same questions in any process."""
+"""The declarations and the computed results of a joint or a substructure, for comparison between processes."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _SUBSTRUCTURE = ("nodes", "held", "grounded", "condensation_tolerance", "config"
 
 
 def answers(component: Any, question: int = 0) -> dict[str, Any]:
-    """Ask a joint or a substructure for all that it computes.
+    """Return everything that a joint or a substructure computes.
 
     Parameters
     ----------
     component : JointModel or SubstructureModel
     question : int
-        Another number asks for other parameter vectors, or lines, in arrays of the same shapes.
+        Selects the parameter vectors, or the lines; the shapes of the arrays are always the same.
 
     Returns
     -------
     dict of str to array
-        The very arrays that it returned.
+        The arrays that it returned, not copies.
     """
     lines = _LINES * (1.0 + 0.1 * question)
     if isinstance(component, JointModel):
@@ -40,7 +40,7 @@ def answers(component: Any, question: int = 0) -> dict[str, Any]:
 
 
 def declarations(component: Any) -> dict[str, str]:
-    """Return what a component declares, in words that can be compared."""
+    """Return the declarations of a component as texts that can be compared."""
     if isinstance(component, JointModel):
         said = {name: _read(component, name) for name in _JOINT}
         ends = ({each.name: getattr(each, end) for each in component.parameters} for end in ("lower", "upper"))
@@ -53,18 +53,18 @@ def declarations(component: Any) -> dict[str, str]:
 
 
 def copied(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return arrays that nobody else holds."""
+    """Return copies of arrays."""
     return {name: np.array(array) for name, array in arrays.items()}
 
 
 def difference(some: Mapping[str, NDArray[Any]], others: Mapping[str, NDArray[Any]], limit: float = 0.0) -> str:
-    """Return what the first of two sets of arrays is that differ, an empty text where none does.
+    """Return the name of the first array that differs between two sets, or an empty text.
 
     Parameters
     ----------
     some, others : mapping of str to array
     limit : float
-        Difference that is allowed, relative to the greatest entry.
+        Allowed difference, relative to the largest entry.
     """
     for name in [*some, *others]:
         if name not in some or name not in others or some[name].shape != others[name].shape:
@@ -77,7 +77,7 @@ def difference(some: Mapping[str, NDArray[Any]], others: Mapping[str, NDArray[An
 
 
 def varied(component: Any) -> Any:
-    """Return a component of the same class with each number among its options a tenth larger, None where none is."""
+    """Return a component of the same class with all float options a tenth larger, or None if that is impossible."""
     options = component.config.model_dump(mode="json", by_alias=True)
     larger = _larger(options)
     if larger == options:
@@ -128,7 +128,7 @@ def _of_substructure(substructure: SubstructureModel, lines: NDArray[np.float64]
 
 
 def _empty(matrices: Any, count: int) -> list[int]:
-    """Return the DOFs of the nodes that no matrix has an entry for."""
+    """Return the DOFs of the nodes for which no matrix has an entry."""
     if matrices is None:
         return []
     filled = sum(np.asarray(abs(getattr(matrices, part)).sum(axis=0)).ravel() for part in PARTS)

@@ -1,4 +1,4 @@
-"""Checks of what any component's class says of itself."""
+"""Checks of the declarations of any component's class."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ __all__: list[str] = []
 _LONGEST_SUMMARY = 150
 _CONTRACTS = "dovetail.interfaces."
 _NEARLY = 0.85
-"""Similarity (difflib) from which on a name is taken for a misspelling: a letter or two in ten."""
+"""Similarity (difflib) from which a name is taken for a misspelling: one or two letters in ten."""
 
 
 def check_name_summary_and_references_are_texts(model: type[Component]) -> None:
-    """A model is listed by its name and one line."""
+    """A model is listed with its name and one line of summary."""
     name, summary, references = (getattr(model, key, None) for key in ("name", "summary", "references"))
     if not isinstance(name, str) or not name.isidentifier():
         raise Nonconformity(f"the name is {name!r}.", "Give it letters, digits and '_', not beginning with a digit.")
@@ -34,7 +34,7 @@ def check_name_summary_and_references_are_texts(model: type[Component]) -> None:
 
 
 def check_public_code_is_documented(model: type[Component]) -> None:
-    """A class, its Config, and every public method and property has a docstring of its own."""
+    """The class, its Config, and every public method and property has a docstring."""
     bare = [] if _own_docstring(model) else [model.__qualname__]
     if "Config" in vars(model) and not _own_docstring(model.Config):
         bare.append(model.Config.__qualname__)
@@ -49,7 +49,7 @@ def check_public_code_is_documented(model: type[Component]) -> None:
 
 
 def check_options_are_described_with_their_units(model: type[Component]) -> None:
-    """Whoever writes a description is told what every option is, and an option with a unit may be written with it."""
+    """Every option has a description for users, and a unit in this description is the one in which it is read."""
     schema = option_schema(model.Config)
     for section in (schema, *schema.get("$defs", {}).values()):
         for name, entry in section.get("properties", {}).items():
@@ -65,7 +65,7 @@ def check_options_are_described_with_their_units(model: type[Component]) -> None
 
 
 def check_overrides_are_spelt_as_in_the_contract(model: type[Component]) -> None:
-    """No method or attribute nearly has the name of one that may be overridden, and that is not."""
+    """No method or attribute has nearly the name of one that may be overridden and is not."""
     contract = next(base for base in model.__mro__ if base.__module__.startswith(_CONTRACTS))
     own = {name for base in model.__mro__[: model.__mro__.index(contract)] for name in vars(base)}
     missing = {_plain(name): name for name in dir(contract) if not name.startswith("_") and name not in own}
@@ -78,12 +78,12 @@ def check_overrides_are_spelt_as_in_the_contract(model: type[Component]) -> None
 
 
 def check_options_have_a_schema(model: type[Component]) -> None:
-    """Options can be written as JSON Schema, for ``dovetail describe`` and ``dovetail schema``."""
+    """Options can be converted to JSON Schema, for ``dovetail describe`` and ``dovetail schema``."""
     json.dumps(option_schema(model.Config), allow_nan=False)
 
 
 def check_config_is_frozen_and_refuses_unknown_keys(model: type[Component]) -> None:
-    """Options do not change after they were checked, and a misspelt key is an error."""
+    """Options cannot change after validation, and a misspelt key is an error."""
     if not issubclass(model.Config, ComponentConfig):
         raise Nonconformity("its Config does not derive from dovetail.ComponentConfig.")
     for config in _sections(model.Config):
@@ -119,7 +119,7 @@ def _units(entry: Any) -> Iterator[str]:
 
 
 def _check_unit(name: str, text: str, units: set[str]) -> None:
-    """Hold a unit in brackets, such as "[m]", against the one in which the option is read."""
+    """Compare a unit in brackets, such as "[m]", with the one in which the option is read."""
     for said in re.findall(r"\[([^\[\]]+)\]", text):
         if not is_unit(said):
             continue
@@ -137,7 +137,7 @@ def _same_dimension(one: str, other: str) -> bool:
 
 
 def _sections(config: type[ComponentConfig]) -> Iterator[type[ComponentConfig]]:
-    """Yield a Config and those nested in it that are component options too."""
+    """Yield a Config and all component options nested in it."""
     seen: set[type] = set()
     waiting: list[Any] = [config]
     while waiting:

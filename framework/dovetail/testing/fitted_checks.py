@@ -1,4 +1,4 @@
-"""Checks that reducers and regressors share: what fitting gives, and on what answers may depend."""
+"""Checks of reducers and regressors: the result of fitting, and the independence of predictions from anything else."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ __all__: list[str] = []
 
 _FEW = 12
 _BATCH = 500
-"""More than any block of 256 rows, and no multiple of one."""
+"""Larger than a block of 256 rows, and not a multiple of it."""
 _GREATEST_SEED = 2**32 - 1
-"""That a description takes."""
+"""Largest seed in a description."""
 
 
 def check_fit_returns_what_the_contract_says(specimen: FittedSpecimen) -> None:
-    """`fit` returns a new fitted object, and leaves the recipe a recipe."""
+    """`fit` returns a new fitted object, and stores nothing in the component."""
     contract = FittedReducer if isinstance(specimen, ReducerSpecimen) else FittedRegressor
     if not isinstance(specimen.fitted, contract):
         problem = f"fit returned {type(specimen.fitted).__name__}."
@@ -40,7 +40,7 @@ def check_fit_returns_what_the_contract_says(specimen: FittedSpecimen) -> None:
 
 
 def check_answers_have_a_row_for_each_sample(specimen: FittedSpecimen) -> None:
-    """Any number of rows gives as many, always of the same width, in single or double precision."""
+    """The output has a row for each input row, always of the same width, in single or double precision."""
     features = specimen.training.features
     whole = specimen.answer(specimen.fitted, features.copy())
     width = whole.shape[1] if isinstance(whole, np.ndarray) and whole.ndim == 2 else 0
@@ -61,14 +61,14 @@ def check_answers_have_a_row_for_each_sample(specimen: FittedSpecimen) -> None:
 
 
 def check_answers_are_finite(specimen: FittedSpecimen) -> None:
-    """Finite features give finite answers, also those of samples that it has not seen."""
+    """Finite features give finite output, also for samples that were not used for fitting."""
     for samples in (specimen.training, specimen.unseen):
         if not np.isfinite(specimen.ask(specimen.fitted, samples.features)).all():
             raise Nonconformity("it returned values that are not finite.", "Guard divisions, and what may overflow.")
 
 
 def check_the_same_seed_gives_the_same_fit(specimen: FittedSpecimen) -> str:
-    """Fitted twice with one seed, it answers alike to the last bit, whatever the global random numbers are."""
+    """Two fits with the same seed give the same output bit for bit, whatever the global random numbers are."""
     features = specimen.unseen.features
     start = time.perf_counter()
     again = with_other_random_numbers(specimen.fit)
@@ -79,7 +79,7 @@ def check_the_same_seed_gives_the_same_fit(specimen: FittedSpecimen) -> str:
 
 
 def check_every_seed_is_accepted(specimen: FittedSpecimen) -> None:
-    """A description's seed is 0 to 2^32 - 1; 0 is one like any other."""
+    """Every seed from 0 to 2^32 - 1 is accepted, and 0 is a seed like any other."""
     first, again = (specimen.fit(seed=0) for _ in range(2))
     features = specimen.unseen.features[:_FEW]
     if not np.array_equal(specimen.ask(first, features), specimen.ask(again, features)):
@@ -92,7 +92,7 @@ def check_every_seed_is_accepted(specimen: FittedSpecimen) -> None:
 
 
 def check_global_random_numbers_are_left_alone(specimen: FittedSpecimen) -> None:
-    """Neither fitting nor answering draws from global generators (NumPy, random, torch), or seeds them."""
+    """Neither fitting nor predicting draws from global generators (NumPy, random, torch) or seeds them."""
     if specimen.observed.observation.generators:
         drawn = ", ".join(specimen.observed.observation.generators)
         remedy = "Use numpy.random.default_rng(seed), or put the generator back (torch.random.fork_rng)."
@@ -100,20 +100,20 @@ def check_global_random_numbers_are_left_alone(specimen: FittedSpecimen) -> None
 
 
 def check_global_settings_are_left_alone(specimen: FittedSpecimen) -> None:
-    """NumPy's error handling, torch's threads and dtype, the environment and the like are as before the call."""
+    """NumPy's error handling, torch's threads and dtype, the environment and so on are the same after a call."""
     if specimen.observed.observation.settings:
         changed = ", ".join(specimen.observed.observation.settings)
         raise Nonconformity(f"it changes {changed}.", "Put settings back in a `finally`, or use a context manager.")
 
 
 def check_nothing_is_printed(specimen: FittedSpecimen) -> None:
-    """The standard output belongs to the caller, who may write a table or JSON to it."""
+    """Nothing is written to the standard output, where the caller may write a table or JSON."""
     if text := specimen.observed.observation.printed.strip():
         raise Nonconformity(f"it prints {text.splitlines()[0]!r:.60}.", "Report by `progress`, or use logging.")
 
 
 def check_one_alone_is_as_in_a_batch(specimen: FittedSpecimen) -> str:
-    """One FRF gives the same answer by itself, in pairs, and among 500: a measurement comes alone."""
+    """An FRF has the same output alone, in a pair and among 500, since a measurement comes alone."""
     features = specimen.samples(_BATCH, seed=3).features
     start = time.perf_counter()
     batch = specimen.ask(specimen.fitted, features)
@@ -129,7 +129,7 @@ def check_one_alone_is_as_in_a_batch(specimen: FittedSpecimen) -> str:
 
 
 def check_the_order_of_rows_does_not_matter(specimen: FittedSpecimen) -> None:
-    """Rows in another order give the same answers in that order."""
+    """Rows in another order have the same output in that order."""
     features = specimen.training.features
     turned = specimen.ask(specimen.fitted, features[::-1])[::-1]
     batch = specimen.ask(specimen.fitted, features)
@@ -137,7 +137,7 @@ def check_the_order_of_rows_does_not_matter(specimen: FittedSpecimen) -> None:
 
 
 def check_asking_changes_nothing(specimen: FittedSpecimen) -> None:
-    """The same question gets the same answer, whatever was asked between, and the state stays as it is."""
+    """The same input gives the same output, whatever was computed in between, and the state does not change."""
     features = specimen.training.features
     state = specimen.fitted.state()
     first = specimen.ask(specimen.fitted, features[:_FEW])
@@ -151,7 +151,7 @@ def check_asking_changes_nothing(specimen: FittedSpecimen) -> None:
 
 
 def check_answers_are_fresh(specimen: FittedSpecimen) -> None:
-    """An answer stays as it is, and may be written into, since features are standardised in place."""
+    """A returned array is never changed later, and may be overwritten, since features are standardised in place."""
     features = specimen.training.features[:_FEW]
     asked = features.copy()
     first = specimen.answer(specimen.fitted, asked)
@@ -168,7 +168,7 @@ def check_answers_are_fresh(specimen: FittedSpecimen) -> None:
 
 
 def check_inputs_are_left_unchanged(specimen: FittedSpecimen) -> None:
-    """Arrays given to `fit`, `transform` and `predict` belong to the caller."""
+    """Arrays given to `fit`, `transform` and `predict` are not changed."""
     changed = [name for name in specimen.observed.changed if name == "features"]
     asked = specimen.training.features.copy()
     specimen.answer(specimen.fitted, asked)
@@ -177,7 +177,7 @@ def check_inputs_are_left_unchanged(specimen: FittedSpecimen) -> None:
 
 
 def check_read_only_arrays_are_accepted(specimen: FittedSpecimen) -> None:
-    """The caller may have made the arrays read-only, such as those of a memory map."""
+    """Read-only arrays, such as those of a memory map, are accepted."""
     samples = specimen.training.copy()
     for array in vars(samples).values():
         array.flags.writeable = False
@@ -189,14 +189,14 @@ def check_read_only_arrays_are_accepted(specimen: FittedSpecimen) -> None:
 
 
 def check_its_samples_may_be_overwritten(specimen: FittedSpecimen) -> None:
-    """After `fit` the caller may write into what it was fitted to."""
+    """After `fit`, the caller may overwrite the training samples."""
     if not np.array_equal(specimen.observed.answers, specimen.observed.overwritten):
         problem = "writing into the training samples after fit changes its answers."
         raise Nonconformity(problem, "Copy what is kept of them.")
 
 
 def check_layout_and_precision_do_not_matter(specimen: FittedSpecimen) -> None:
-    """The same numbers give the same fit and answers, in Fortran's order, strided, or in double precision."""
+    """The same numbers give the same fit and output, in Fortran order, strided, or in double precision."""
     remedy = "Begin with numpy.ascontiguousarray(features, dtype=...)."
     features = specimen.unseen.features
     wanted = specimen.ask(specimen.fitted, features)
@@ -216,7 +216,7 @@ def check_layout_and_precision_do_not_matter(specimen: FittedSpecimen) -> None:
 
 
 def check_other_fits_leave_no_trace(specimen: FittedSpecimen) -> None:
-    """What was fitted before, by this instance or another, with other options or not, changes nothing."""
+    """Earlier fits, by this or another instance, with the same or other options, have no influence."""
     features = specimen.unseen.features
     before = specimen.ask(specimen.fitted, features)
     remedy = "Keep nothing in the class, the module or the component."
@@ -226,7 +226,7 @@ def check_other_fits_leave_no_trace(specimen: FittedSpecimen) -> None:
 
 
 def check_values_that_are_not_finite_are_refused(specimen: FittedSpecimen) -> None:
-    """A NaN or an infinite number among the features is an error that names it, not an answer."""
+    """A NaN or an infinite number among the features raises an error."""
     for value in (np.nan, np.inf):
         samples = specimen.training.copy()
         samples.features[3, -1] = value
@@ -243,7 +243,7 @@ def check_values_that_are_not_finite_are_refused(specimen: FittedSpecimen) -> No
 
 
 def check_another_width_is_refused(specimen: FittedSpecimen) -> None:
-    """Features of another number of columns than it was fitted to are an error."""
+    """Features with another number of columns than the training features raise an error."""
     features = specimen.training.features[:_FEW]
     for other in (features[:, :-1], np.repeat(features, 2, axis=1)):
         try:

@@ -19,28 +19,28 @@ _FEW = 30
 _LINES = 5000
 """More than the 4451 of the published measurements."""
 _ENOUGH = 120
-"""Samples of so many lines: for methods that want more samples than their usual hundred components."""
+"""Number of samples with these lines: methods may need more samples than their usual hundred components."""
 SMALL, _LARGE = 1e-9, 1e6
-"""FRFs of a heavy machine in m/(N s^2), of which log10(A + 1) is about A / 2.3, and features that nobody scaled."""
+"""Factors of features: FRFs of a heavy machine in m/(N s^2), with log10(A + 1) near A / 2.3, and unscaled features."""
 
 
 def check_thirty_samples_are_enough_or_refused(specimen: FittedSpecimen) -> None:
-    """A small training set gives sound answers, or an error that says how many are wanted."""
+    """Thirty training samples give valid output, or an error that says how many are needed."""
     _require_sound(specimen, specimen.samples(_FEW, seed=31), f"{_FEW} samples")
 
 
 def check_one_feature_is_enough_or_refused(specimen: FittedSpecimen) -> None:
-    """So does a single feature."""
+    """A single feature gives valid output, or an error."""
     _require_sound(specimen, specimen.samples(_ENOUGH, columns=1, seed=32), "one feature")
 
 
 def check_five_thousand_features_are_accepted_or_refused(specimen: FittedSpecimen) -> None:
-    """So do as many lines as a fine measurement has."""
+    """Five thousand features, as many lines as a fine measurement has, give valid output, or an error."""
     _require_sound(specimen, specimen.samples(_ENOUGH, columns=_LINES, seed=33), f"{_LINES} features")
 
 
 def check_features_that_do_not_vary_are_no_trouble(specimen: FittedSpecimen) -> None:
-    """A constant line, a line of zeros, repeated samples, a flat FRF and one of zeros give finite answers."""
+    """A constant line, a line of zeros, repeated samples, a flat FRF and one of zeros give finite output."""
     samples = specimen.training.copy()
     samples.features[:, 0] = samples.features[0, 0]
     samples.features[:, 1] = 0.0
@@ -57,7 +57,7 @@ def check_features_that_do_not_vary_are_no_trouble(specimen: FittedSpecimen) -> 
 
 
 def check_the_size_of_features_is_no_trouble(specimen: FittedSpecimen) -> None:
-    """Features of 1e-9 and of 1e6 times the size give finite answers, also where it was fitted to usual ones."""
+    """Features times 1e-9 or 1e6 give finite output, also after fitting to features of the usual size."""
     for scale in SMALL, _LARGE:
         what = f"features of {scale:g} times the size"
         samples = specimen.training.scaled(scale)
@@ -71,7 +71,7 @@ def check_the_size_of_features_is_no_trouble(specimen: FittedSpecimen) -> None:
 
 
 def _require_sound(specimen: FittedSpecimen, samples: TrainingSet, what: str) -> None:
-    """Fit to samples, which may be refused; answers are finite, and the same when restored."""
+    """Fit to samples, which may be refused; the output is finite, and the same after restoring the state."""
     fitted, answers = _finite(specimen, samples, what)
     restored = specimen.ask(specimen.component.restore(fitted.state()), samples.features)
     problem = f"for {what} it answers otherwise when restored from its state"

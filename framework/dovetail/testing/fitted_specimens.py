@@ -1,4 +1,4 @@
-"""Reducers and regressors to look at: samples of the kit's, and what was fitted to them."""
+"""Reducers and regressors under test, with training samples and the results of fits to them."""
 
 from __future__ import annotations
 
@@ -24,43 +24,43 @@ __all__ = ["FittedSpecimen", "ReducerSpecimen", "RegressorSpecimen", "with_other
 
 _SAMPLES = 160
 _LINES, _FEATURES = 120, 6
-"""Of a reducer and of a regressor: fewer than the seven targets of a model with many parameters."""
+"""Features of a reducer and of a regressor; the latter are fewer than seven targets."""
 _OTHER_SEED = SEED + 1
 _EPOCH_SEED = 1000
-"""Of the first epoch."""
+"""Seed of the first epoch."""
 
 
 @dataclass(frozen=True, eq=False)
 class FittedSpecimen(Specimen, ABC):
-    """A reducer or regressor with what it fits; fits that several checks look at are made once.
+    """A reducer or regressor with its fits; those that several checks need are computed once.
 
     Parameters
     ----------
     model : type[Component]
     options : mapping
-        As a description has them.
+        As in a description.
     component : Reducer or Regressor
     """
 
     @abstractmethod
     def samples(self, count: int, *, columns: int = 0, targets: int = 2, seed: int = SEED) -> TrainingSet:
-        """Return samples of this kind; `columns` features, or as many as it usually gets."""
+        """Return samples for this kind of component, with `columns` features or the usual number."""
 
     def fit(self, samples: TrainingSet | None = None, *, component: Any = None, seed: int = SEED) -> Any:
-        """Fit this component or another to a copy of the training samples, or to other samples themselves."""
+        """Fit this or another component to a copy of the training samples, or to other samples, not copied."""
         return fit(component or self.component, samples or self.training.copy(), seed)
 
     @abstractmethod
     def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
-        """Return what something fitted makes of features."""
+        """Return the output of a fitted object for features."""
 
     def ask(self, fitted: Any, features: NDArray[Any]) -> NDArray[Any]:
-        """Return a copy of what something fitted makes of a copy of features."""
+        """Return a copy of the output of a fitted object for a copy of features."""
         return np.array(self.answer(fitted, np.array(features, order="C")))
 
     @cached_property
     def training(self) -> TrainingSet:
-        """What it is fitted to."""
+        """The training samples."""
         return self.samples(_SAMPLES)
 
     @cached_property
@@ -79,12 +79,12 @@ class FittedSpecimen(Specimen, ABC):
 
     @property
     def fitted(self) -> Any:
-        """What the first fit gave."""
+        """The result of the first fit."""
         return self._first_fit[1]
 
     @cached_property
     def observed(self) -> ObservedFit:
-        """A second fit to the same samples, of which everything is noted."""
+        """A second fit to the same samples, with all its side effects."""
         samples = self.training.copy()
 
         def fit_and_answer() -> Any:
@@ -102,7 +102,7 @@ class FittedSpecimen(Specimen, ABC):
 
     @cached_property
     def elsewhere(self) -> ElsewhereFit:
-        """Fits to other samples, by an instance of other options and by a new one, which then fits the first again."""
+        """Fits to other samples, with other options and with a new instance, which then fits the training samples."""
         new = self.model(self.component.config)
         other = with_other_options(self.component)
         with suppress(DovetailError):  # other options may not suit the samples
@@ -114,21 +114,21 @@ class FittedSpecimen(Specimen, ABC):
 
     @cached_property
     def fresh(self) -> FreshAnswers:
-        """What a fresh process answers for the unseen samples."""
+        """The results of a fresh process for the unseen samples."""
         return ask_a_fresh_process(self.component, self.fitted.state(), self.unseen, _OTHER_SEED)
 
 
 @dataclass(frozen=True, eq=False)
 class ObservedFit:
-    """A fit of which everything was noted.
+    """A fit with its side effects.
 
     Parameters
     ----------
     observation : Observation
     changed : list of str
-        Which of the arrays that it was fitted to it wrote into.
+        Names of the training arrays that it changed.
     answers, overwritten : arrays
-        To samples that it was not fitted to, before and after the caller wrote into what it was fitted to.
+        Output for unseen samples, before and after the caller overwrote the training samples.
     """
 
     observation: Observation
@@ -139,16 +139,16 @@ class ObservedFit:
 
 @dataclass(frozen=True, eq=False)
 class ElsewhereFit:
-    """Fits of a new instance: answers after fitting to other samples, and after fitting to the usual ones then.
+    """The output for unseen samples after fits of a new instance to these and then to the training samples.
 
     Parameters
     ----------
     answers : array
-        To the unseen samples, fitted to them.
+        Of the fit to the unseen samples.
     meanwhile : array
-        To the unseen samples by the first fit, which was to the training samples.
+        Of the first instance's fit to the training samples, computed after that.
     again : array
-        To the unseen samples, fitted to the training samples.
+        Of the new instance's fit to the training samples.
     """
 
     answers: NDArray[Any]
@@ -164,11 +164,11 @@ class EpochFit:
     ----------
     fitted : FittedRegressor
     numbers : list
-        Of the epochs that it asked for.
+        Of the epochs that it requested.
     changed : bool
-        Whether it wrote into an epoch's arrays.
+        Whether it changed an epoch's arrays.
     progress : list of tuple
-        What it reported: stage, steps done, their total, note.
+        Its progress reports: stage, steps done, their total, note.
     """
 
     fitted: Any
@@ -184,7 +184,7 @@ class ReducerSpecimen(FittedSpecimen):
     component: Reducer
 
     def samples(self, count: int, *, columns: int = 0, targets: int = 2, seed: int = SEED) -> TrainingSet:  # noqa: ARG002
-        """Return FRFs of so many lines."""
+        """Return FRFs with `columns` lines or the usual number."""
         return frf_samples(count, lines=columns or _LINES, seed=seed)
 
     def answer(self, fitted: Any, features: NDArray[Any]) -> Any:
@@ -207,12 +207,12 @@ class RegressorSpecimen(FittedSpecimen):
         return fitted.predict(features)
 
     def skill(self, fitted: Any, samples: TrainingSet) -> NDArray[np.float64]:
-        """Return R2 of each target: 1 where the predictions are exact, 0 where they are as good as the mean."""
+        """Return R2 of each target: 1 for exact predictions, 0 for predictions as good as the mean."""
         error = np.square(self.ask(fitted, samples.features) - samples.targets).mean(axis=0)
         return np.asarray(1.0 - error / samples.targets.var(axis=0), dtype=np.float64)
 
     def fit_epochs(self, *, repeated: bool = False) -> EpochFit:
-        """Fit to epochs of samples drawn anew, or to the first one again and again."""
+        """Fit to epochs of new samples, or to the first epoch repeatedly."""
         numbers: list[Any] = []
         handed_out: list[tuple[TrainingSet, TrainingSet]] = []
 
@@ -233,7 +233,7 @@ class RegressorSpecimen(FittedSpecimen):
 
     @cached_property
     def epochs(self) -> EpochFit:
-        """A fit to epochs of samples drawn anew."""
+        """A fit to epochs of new samples."""
         return self.fit_epochs()
 
 
@@ -242,7 +242,7 @@ def _differences(samples: TrainingSet, others: TrainingSet) -> list[str]:
 
 
 def with_other_options(component: Component) -> Component:
-    """Return a component of the same class in which as many options as possible have other values."""
+    """Return a component of the same class with other values of as many options as possible."""
     config = component.config
     for name, value in config:
         for other in _others(value):

@@ -1,4 +1,4 @@
-"""Checks of what a file keeps of something fitted, and of what a fresh process makes of it."""
+"""Checks of the stored state of a fitted object, and of its use in a fresh process."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from dovetail.testing.outcomes import Nonconformity, Reservation
 __all__: list[str] = []
 
 _GROWTH = 1.5
-"""A state of four times the samples that is larger than this holds something of each; one with a part that is bounded
-by the number of samples grows less."""
+"""Growth of the state with four times as many samples above which it contains something of each sample; a state whose
+size is only limited by the number of samples grows less."""
 _MANY = 40_000
-"""Training FRFs of the collet assembly, for which a warning says how large a state would be."""
+"""Number of training FRFs of the collet assembly, for which a warning tells the size of the state."""
 
 
 def check_state_is_arrays_and_plain_values(specimen: FittedSpecimen) -> None:
-    """A model's folder holds safetensors and JSON, nothing that could be code."""
+    """The state has only arrays of numbers and plain values, stored as safetensors and JSON, and no code."""
     for name, value in specimen.fitted.state().items():
         numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
         if not isinstance(name, str) or not (numbers or isinstance(value, (bool, int, float, str))):
@@ -31,7 +31,7 @@ def check_state_is_arrays_and_plain_values(specimen: FittedSpecimen) -> None:
 
 
 def check_state_survives_files(specimen: FittedSpecimen) -> None:
-    """Each array and value of a state comes back from safetensors and JSON as it was written."""
+    """Each array and value of a state is unchanged after writing and reading safetensors and JSON."""
     from safetensors.numpy import load, save
 
     for name, value in specimen.fitted.state().items():
@@ -48,7 +48,7 @@ def check_state_survives_files(specimen: FittedSpecimen) -> None:
 
 
 def check_state_is_a_copy(specimen: FittedSpecimen) -> None:
-    """Who writes into the state that was returned does not change later answers."""
+    """Writing into a returned state does not change later output."""
     features = specimen.unseen.features
     fitted = specimen.component.restore(specimen.fitted.state())
     before = specimen.ask(fitted, features)
@@ -60,7 +60,7 @@ def check_state_is_a_copy(specimen: FittedSpecimen) -> None:
 
 
 def check_restoring_brings_back_the_answers(specimen: FittedSpecimen) -> None:
-    """`restore` of `state` answers as the original does."""
+    """An object restored from its state gives the same output as the original."""
     features = specimen.unseen.features
     answers = specimen.ask(specimen.component.restore(specimen.fitted.state()), features)
     problem = "restored from its state it answers otherwise"
@@ -68,7 +68,7 @@ def check_restoring_brings_back_the_answers(specimen: FittedSpecimen) -> None:
 
 
 def check_storing_twice_changes_nothing(specimen: FittedSpecimen) -> None:
-    """A model that is loaded and stored again has the same state, to the last bit."""
+    """A state that is restored and stored again is the same bit for bit."""
     first = specimen.component.restore(specimen.fitted.state()).state()
     again = specimen.component.restore(first).state()
     if not _identical(first, again):
@@ -77,7 +77,7 @@ def check_storing_twice_changes_nothing(specimen: FittedSpecimen) -> None:
 
 
 def check_state_does_not_grow_with_the_samples(specimen: FittedSpecimen) -> str | None:
-    """A state that holds the training set makes a model's folder as large as the dataset."""
+    """The state does not contain the training set, which would make a model's folder as large as the dataset."""
     small, large = specimen.training.copy(), specimen.samples(4 * len(specimen.training.features), seed=11)
     few, many = (_bytes(specimen.fit(samples).state()) for samples in (small, large))
     if many > _GROWTH * few:
@@ -91,7 +91,7 @@ def check_state_does_not_grow_with_the_samples(specimen: FittedSpecimen) -> str 
 
 
 def check_a_fresh_process_gives_the_same_answers(specimen: FittedSpecimen) -> None:
-    """Stored in files and restored in a fresh process, without unpickling anything, it answers as before."""
+    """Restored from files in a fresh process, without unpickling, it gives the same output."""
     wanted = specimen.ask(specimen.fitted, specimen.unseen.features)
     problem = "in a fresh process it answers otherwise"
     answers = specimen.fresh.get("restored")
@@ -99,14 +99,14 @@ def check_a_fresh_process_gives_the_same_answers(specimen: FittedSpecimen) -> No
 
 
 def check_a_fresh_process_fits_the_same(specimen: FittedSpecimen) -> None:
-    """Fitted in a fresh process, where nothing was fitted before and texts have other hashes, it answers the same."""
+    """Fitted in a fresh process, without earlier fits and with another hash seed, it gives the same output."""
     problem = "fitted in a fresh process it answers otherwise"
     remedy = "Let fit depend on its samples, the seed and the Config alone: no cache, and no order of a set."
     require_alike(specimen.fresh.get("fitted"), specimen.elsewhere.answers, problem, remedy)
 
 
 def check_no_files_are_left(specimen: FittedSpecimen) -> None:
-    """Fitting, answering and restoring write nothing into the working folder."""
+    """Fitting, predicting and restoring leave no files in the working folder."""
     if written := specimen.fresh.files:
         raise Nonconformity(f"it wrote '{written[0]}' into the working folder.", "Keep files out, or in tempfile's.")
 
@@ -116,7 +116,7 @@ def _bytes(state: State) -> int:
 
 
 def _identical(state: State, other: State) -> bool:
-    """Whether two states are the same to the last bit, NaN and -0 included."""
+    """Return whether two states are the same bit for bit, including NaN and -0."""
     return state.keys() == other.keys() and all(
         np.asarray(state[name]).tobytes() == np.asarray(other[name]).tobytes()
         and np.asarray(state[name]).dtype == np.asarray(other[name]).dtype

@@ -1,4 +1,4 @@
-"""What a component answers in a process of its own: restored from files alone, and fitted where nothing was before."""
+"""The results of a component in a separate process: restored from files, and fitted without earlier fits."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ __all__ = [
 
 _LIMIT = 300
 WORK = "work"
-"""Folder in which a fresh process works; empty at first."""
+"""Working folder of a fresh process, initially empty."""
 _REQUEST, _ARRAYS, _SAMPLES = "request.json", "state.safetensors", "samples.npz"
 _REMEDY = "Put the class at the top of a module, and let restore need nothing but the state and the Config."
 
 
 @dataclass(frozen=True, eq=False)
 class FreshAnswers:
-    """What a fresh process answered.
+    """The results of a fresh process.
 
     Parameters
     ----------
     answers : mapping of str to array
-        'restored': of what was restored from the state; 'fitted': of what was fitted in that process.
+        'restored': output of the object restored from the state; 'fitted': of the one fitted in that process.
     failures : mapping of str to str
-        Why there is no such answer.
+        Reasons for missing results.
     files : tuple of str
-        What lay in the working folder afterwards, which was empty before.
+        Files in the working folder afterwards, which was empty before.
     """
 
     answers: Mapping[str, NDArray[Any]]
@@ -57,12 +57,12 @@ class FreshAnswers:
     files: tuple[str, ...]
 
     def get(self, name: str) -> NDArray[Any]:
-        """Return an answer.
+        """Return a result.
 
         Raises
         ------
         Nonconformity
-            There is none.
+            It is missing.
         """
         if name in self.failures:
             raise Nonconformity(f"in a fresh process it cannot be {name}: {self.failures[name]}", _REMEDY)
@@ -70,16 +70,16 @@ class FreshAnswers:
 
 
 def ask_a_fresh_process(component: Component, state: State, samples: TrainingSet, seed: int) -> FreshAnswers:
-    """Store a state as a model's folder does, and ask a fresh process, with other hashes of texts.
+    """Store a state as in a model's folder, and restore and fit in a fresh process with another hash seed.
 
     Parameters
     ----------
     component : Component
         A reducer or a regressor.
     state : mapping
-        Of what was fitted; it is restored and asked for the features of `samples`.
+        Of a fitted object; it is restored and evaluated for the features of `samples`.
     samples : TrainingSet
-        To which the fresh process fits a component of its own.
+        To which the fresh process also fits a new component.
     seed : int
     """
     from safetensors.numpy import save_file
@@ -109,17 +109,17 @@ def run_in_fresh_process(
     environment: Mapping[str, str],
     limit: float,
 ) -> str:
-    """Run the function `main` of a module in a fresh process, with other hashes of texts and in an empty folder.
+    """Run the function `main` of a module in a fresh process, with another hash seed and in an empty folder.
 
     Parameters
     ----------
     entry : str
-        The module; its `main` reads the request by `read_request`.
+        The module; its `main` reads the request with `read_request`.
     model : component class
     request : mapping
         Plain values.
     folder : Path
-        For the request and the answers; the process works in its empty folder `WORK`.
+        For the request and the results; the process works in its empty folder `WORK`.
     environment : mapping of str to str
     limit : float
         Seconds.
@@ -127,7 +127,7 @@ def run_in_fresh_process(
     Returns
     -------
     str
-        Why it failed; an empty text if it did not.
+        The reason if it failed, else an empty text.
     """
     module = sys.modules[model.__module__]
     path = [str(Path(place or os.curdir).resolve()) for place in sys.path]
@@ -148,13 +148,13 @@ def run_in_fresh_process(
 
 
 def read_request() -> tuple[Path, dict[str, Any]]:
-    """Return the folder that the command line names, and the request in it."""
+    """Return the folder given on the command line, and the request in it."""
     folder = Path(sys.argv[1])
     return folder, json.loads((folder / _REQUEST).read_text(encoding="utf-8"))
 
 
 def requested_class(request: Mapping[str, Any]) -> Any:
-    """Import the component class that a request is about."""
+    """Import the component class named in a request."""
     model: Any = _load_module(request["module"], request["file"])
     for part in request["name"].split("."):
         model = getattr(model, part)
@@ -162,7 +162,7 @@ def requested_class(request: Mapping[str, Any]) -> Any:
 
 
 def main() -> None:
-    """Answer a request in the folder that the command line names; what is restored unpickles nothing."""
+    """Process the request in the folder given on the command line; unpickling while restoring is refused."""
     from safetensors.numpy import load_file
 
     folder, request = read_request()
@@ -184,7 +184,7 @@ def _answer(component: Any, fitted: Any, samples: TrainingSet) -> Any:
 
 
 def _note(file: Path, call: Callable[[], Any]) -> None:
-    """Write what a call gives, or why it gives nothing."""
+    """Write the result of a call, or its error."""
     try:
         np.save(file.with_suffix(".npy"), call())
     except Exception as error:  # a plugin may raise anything
@@ -192,7 +192,7 @@ def _note(file: Path, call: Callable[[], Any]) -> None:
 
 
 def _load_module(name: str, file: str) -> Any:
-    """Import the component's module by its name, or, for a plugin file, from the file."""
+    """Import the component's module by its name or, for a plugin file, from the file."""
     if name != "__main__" and importlib.util.find_spec(name.partition(".")[0]) is not None:
         return importlib.import_module(name)
     spec = importlib.util.spec_from_file_location(name, file)

@@ -1,4 +1,4 @@
-"""Checks of any component, made from its examples."""
+"""Checks of any component constructed from its examples."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__: list[str] = []
 
 
 def check_config_survives_json(specimen: Specimen) -> None:
-    """Options written to a model's folder and read again make the same component."""
+    """Options that are written to a model's folder as JSON and read again are the same."""
     config = specimen.component.config
     written = json.dumps(config.model_dump(mode="json", by_alias=True), allow_nan=False)
     again = type(config).model_validate(json.loads(written))
@@ -22,7 +22,7 @@ def check_config_survives_json(specimen: Specimen) -> None:
 
 
 def check_a_component_keeps_its_config(specimen: Specimen) -> None:
-    """`config` of a component is the Config that it was given."""
+    """`config` of a component is the Config with which it was constructed."""
     given = specimen.model.Config.model_validate(dict(specimen.options))
     if specimen.model(given).config != given or specimen.component.config != given:
         raise Nonconformity(

@@ -1,4 +1,4 @@
-"""Checks that a joint's and a substructure's answers depend on nothing but the question, and change nothing."""
+"""Checks that results of joints and substructures depend only on the input, and have no side effects."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from dovetail.testing.specimens import JointSpecimen, Specimen, SubstructureSpec
 __all__: list[str] = []
 
 _ROUNDING = 1e-9
-"""Difference, relative to the greatest entry, that two processes may make by the order of their sums."""
+"""Difference between two processes, relative to the largest entry, that the order of sums may cause."""
 
 
 def check_an_earlier_answer_survives(specimen: Specimen) -> None:
-    """An answer stays what it was when the component is asked again: nobody may write into it."""
+    """A returned array is not changed by later calls."""
     component = _anew(specimen).component
     first = answers(component)
     kept = copied(first)
@@ -29,7 +29,7 @@ def check_an_earlier_answer_survives(specimen: Specimen) -> None:
 
 
 def check_asking_changes_nothing(specimen: Specimen) -> None:
-    """The same question gets the same answer, to the last bit, whatever was asked in between."""
+    """The same input gives the same output bit for bit, whatever was computed in between."""
     anew = _anew(specimen)
     before = copied(answers(anew.component))
     _ask_much(anew)
@@ -39,7 +39,7 @@ def check_asking_changes_nothing(specimen: Specimen) -> None:
 
 
 def check_declarations_do_not_change(specimen: Specimen) -> None:
-    """What a component declares, and its options, are the same each time, and after any question."""
+    """The declarations of a component, and its options, are always the same, also after any computation."""
     anew = _anew(specimen)
     before = declarations(anew.component)
     repeated = declarations(anew.component)
@@ -53,7 +53,7 @@ def check_declarations_do_not_change(specimen: Specimen) -> None:
 
 
 def check_other_instances_change_nothing(specimen: Specimen) -> None:
-    """Equal options give equal answers, and components with other options do not change them."""
+    """Components with the same options give the same output, whatever other components exist."""
     component = _anew(specimen).component
     before = copied(answers(component))
     if changed := difference(copied(answers(_anew(specimen).component)), before):
@@ -69,7 +69,7 @@ _IN_THE_INSTANCE = "Keep what belongs to the options in the instance (self), not
 
 
 def check_a_fresh_process_gives_the_same_answers(specimen: Specimen) -> None:
-    """Another process, with another hash seed, in another folder, asked for other options first, answers alike."""
+    """Another process, with another hash seed and folder, gives the same output, also after other options."""
     report = report_of_another_process(specimen)
     for component in _one_by_one(specimen):
         options = written(component.config)
@@ -83,26 +83,26 @@ def check_a_fresh_process_gives_the_same_answers(specimen: Specimen) -> None:
 
 
 def check_surroundings_are_left_as_they_are(specimen: Specimen) -> None:
-    """What all code of a process shares is not changed: random numbers, NumPy's and torch's settings, the folder."""
+    """Global state is not changed: random numbers, settings of NumPy and torch, the working folder and its files."""
     for name in report_of_another_process(specimen).changed:
         remedy = "Use what has its own state, such as numpy.random.default_rng(seed) or 'with numpy.errstate(...)'."
         raise Nonconformity(f"it changes {name} for all other code.", remedy)
 
 
 def _anew(specimen: Specimen) -> Specimen:
-    """Make the component again, as nobody has asked it anything yet."""
+    """Construct the component again, without any previous calls."""
     return specimen_of(specimen.model, specimen.options)
 
 
 def _one_by_one(specimen: Specimen) -> Iterator[Any]:
-    """Yield the component made again, and then one with other options, made after the first was asked."""
+    """Yield a newly constructed component, and then one with other options, constructed after use of the first."""
     yield _anew(specimen).component
     if (other := varied(specimen.component)) is not None:
         yield other
 
 
 def _ask_much(specimen: Specimen) -> None:
-    """Ask for much else: a large batch, other lines."""
+    """Compute other results: a large batch, other lines."""
     if isinstance(specimen, JointSpecimen):
         specimen.component.matrices(specimen.theta.copy())
         specimen.component.dynamic_stiffness(specimen.lines.copy(), specimen.some(3).copy())

@@ -1,4 +1,4 @@
-"""Checks of joints: what they declare, and what their matrices are over the whole ranges of the parameters."""
+"""Checks of joints: their declarations, and their matrices over the whole ranges of the parameters."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from dovetail.units import dimension
 __all__: list[str] = []
 
 _ROUNDING = 1e-9
-"""Of the greatest entry: sums in another order differ by some 1e-15 for each of a thousand terms at most."""
+"""Relative to the largest entry: sums in another order differ by about 1e-15 for each of up to a thousand terms."""
 _SINGLE = 1e-3
-"""Of the greatest entry, for parameters in single precision: 6e-8, with room for high powers and differences."""
+"""Relative to the largest entry, for parameters in single precision: 6e-8, with a margin for powers and differences."""
 _LEAST_EFFORT = 1e-7
-"""Of the effort of each DOF alone: stiffnesses of one joint differ by some 1e8, so that rounding leaves 1e-8 of it."""
+"""Relative to the effort of each DOF alone: a joint's stiffnesses differ by up to 1e8, so that rounding leaves 1e-8."""
 _AT_REST = 1e-3
-"""Frequency [Hz] at which a law of its own is nearly at rest, so that inertia costs nothing."""
+"""Frequency [Hz] at which inertia is negligible in a frequency-dependent dynamic stiffness."""
 _LOOSE = 1e-12
-"""Least singular value of scaled matrices below which a motion is taken to be free."""
+"""Smallest singular value of scaled matrices below which a motion is taken to be free."""
 _BATCHES = 24
-"""Batches of each size, from all over the vectors."""
+"""Number of batches of each size, spread over the vectors."""
 
 
 def check_ports_parameters_and_dofs_are_declared(specimen: JointSpecimen) -> None:
-    """Ports, parameters and DOFs belong together; nothing else can be asked before that holds."""
+    """Ports, parameters and DOFs are declared and consistent, which all other checks require."""
     for fault in joint_faults(specimen.component):
         raise Nonconformity(f"the joint {fault.problem}", fault.accepted and f"Give {fault.accepted}.")
     if not specimen.component.ports:
@@ -55,7 +55,7 @@ def check_matrices_have_the_shape_of_the_dofs(specimen: JointSpecimen) -> None:
 
 
 def check_matrices_are_finite(specimen: JointSpecimen) -> None:
-    """No parameter vector of the ranges gives an infinite or undefined matrix."""
+    """All matrices are finite for all parameter vectors within the ranges."""
     for part, noun in PARTS.items():
         finite = np.isfinite(getattr(specimen.matrices, part)).all(axis=(1, 2))
         if not finite.all():
@@ -80,14 +80,14 @@ def check_dynamic_stiffness_has_its_shape(specimen: JointSpecimen) -> None:
 
 
 def check_parameters_are_described(specimen: JointSpecimen) -> None:
-    """Each parameter has a description, for who gives its range in a description."""
+    """Each parameter has a description, for users who state its range."""
     bare = [parameter.name for parameter in specimen.component.parameters if not parameter.description.strip()]
     if bare:
         raise Nonconformity(f"without a description: {', '.join(bare)}.", "Give Parameter its sixth argument.")
 
 
 def check_parameters_are_in_si_units(specimen: JointSpecimen) -> None:
-    """Each parameter is in a unit of SI without a prefix, as descriptions, results and figures take it."""
+    """Each parameter has an SI unit without a prefix, as descriptions, results and figures require."""
     for parameter in specimen.component.parameters:
         if dimension(parameter.unit)[0] != 1.0:
             problem = f"'{parameter.name}' is in {parameter.unit}."
@@ -95,14 +95,14 @@ def check_parameters_are_in_si_units(specimen: JointSpecimen) -> None:
 
 
 def check_matrices_are_symmetric(specimen: JointSpecimen) -> None:
-    """Forces obey Newton's third law and Maxwell's reciprocity."""
+    """All matrices are symmetric: Newton's third law and Maxwell's reciprocity."""
     for part, noun in PARTS.items():
         if asymmetry(getattr(specimen.matrices, part)) > _ROUNDING:
             raise Nonconformity(f"the {noun} matrix is not symmetric.", "Fill [row, column] and [column, row] alike.")
 
 
 def check_stiffness_is_positive_semidefinite(specimen: JointSpecimen) -> None:
-    """No motion gives energy back."""
+    """No motion has negative strain energy."""
     _check_semidefinite(specimen, "K")
 
 
@@ -112,13 +112,13 @@ def check_mass_is_positive_semidefinite(specimen: JointSpecimen) -> None:
 
 
 def check_damping_is_positive_semidefinite(specimen: JointSpecimen) -> None:
-    """No motion is fed with energy."""
+    """No motion gains energy from damping."""
     _check_semidefinite(specimen, "C")
     _check_semidefinite(specimen, "D")
 
 
 def check_each_vector_of_a_batch_is_treated_alone(specimen: JointSpecimen) -> str:
-    """Batches of 1, 2 and 500, and of as many as there are parameters or DOFs, give what one large one gives."""
+    """Batches of 1, 2, 3 and 500, and of as many vectors as parameters or DOFs, give the same as one large batch."""
     component, many = specimen.component, len(specimen.theta)
     for count in sorted({1, 2, 3, len(component.parameters), component.size, 500}):
         first = np.linspace(0, max(0, many - count), _BATCHES).astype(int)
@@ -137,7 +137,7 @@ def check_each_vector_of_a_batch_is_treated_alone(specimen: JointSpecimen) -> st
 
 
 def check_theta_may_be_any_array(specimen: JointSpecimen) -> None:
-    """Parameters are numbers: their type, their place in memory and whether they may be written do not matter."""
+    """Parameters may be in any array: its type, its memory layout and a read-only flag do not matter."""
     parameters = specimen.component.parameters
     theta = specimen.vectors(np.random.default_rng(0).uniform(0.1, 0.9, (9, len(parameters))))
     read_only = theta.copy()
@@ -163,7 +163,7 @@ def check_theta_may_be_any_array(specimen: JointSpecimen) -> None:
 
 
 def check_every_port_and_dof_is_used(specimen: JointSpecimen) -> None:
-    """Each port, and each DOF of the joint's own, has an entry in a matrix; none of its own moves without any force."""
+    """Each port and each internal DOF has an entry in a matrix, and no internal DOF moves without a force."""
     component, first = specimen.component, 0
     Z = specimen.stiffness(specimen.lines, specimen.some(64))
     filled = (Z != 0).any(axis=(0, 1, 2))
@@ -181,17 +181,17 @@ def check_every_port_and_dof_is_used(specimen: JointSpecimen) -> None:
 
 
 def check_translation_costs_nothing(specimen: JointSpecimen) -> None:
-    """All parts moved alike feel no force: a joint acts between them, not against the ground."""
+    """A common translation of all parts needs no force: a joint acts between them, not against the ground."""
     _check_costs_nothing(specimen, 0, "moving")
 
 
 def check_rotation_costs_nothing(specimen: JointSpecimen) -> None:
-    """All parts turned alike feel no moment, for some displacements of their nodes: those of a rigid body."""
+    """A common rotation of all parts, with the displacements of a rigid body, needs no moment."""
     _check_costs_nothing(specimen, 1, "turning")
 
 
 def check_contact_dofs_are_pairs(specimen: JointSpecimen) -> None:
-    """`contact_dofs` says which DOFs meet, for ``assembly.rigid()``: a displacement meets a displacement."""
+    """`contact_dofs`, for ``assembly.rigid()``, are pairs of displacements or pairs of rotations."""
     size = specimen.component.size
     try:
         pairs = specimen.component.contact_dofs
@@ -208,7 +208,7 @@ def check_contact_dofs_are_pairs(specimen: JointSpecimen) -> None:
 
 
 def check_merged_dofs_have_one_direction(specimen: JointSpecimen) -> None:
-    """A displacement is merged with a displacement, a rotation with a rotation."""
+    """Merged DOFs are pairs of displacements or pairs of rotations."""
     if not specimen.component.merged_dofs:
         raise NotApplicable("the joint merges no DOFs.")
     for pair in specimen.component.merged_dofs:
@@ -216,7 +216,7 @@ def check_merged_dofs_have_one_direction(specimen: JointSpecimen) -> None:
 
 
 def check_inputs_are_left_unchanged(specimen: JointSpecimen) -> None:
-    """`theta` and `frequency` belong to the caller."""
+    """The caller's arrays `theta` and `frequency` are not changed."""
     asked = specimen.some(16)
     theta, frequency = asked.copy(), FREQUENCY.copy()
     specimen.component.matrices(theta)
@@ -229,7 +229,7 @@ def check_inputs_are_left_unchanged(specimen: JointSpecimen) -> None:
 
 
 def check_answers_are_fresh(specimen: JointSpecimen) -> None:
-    """Who writes into matrices that were returned does not change the next answer."""
+    """Writing into returned matrices does not change later ones."""
     first = specimen.component.matrices(specimen.theta.copy())
     kept = {part: getattr(first, part).copy() for part in PARTS}
     for part in PARTS:
@@ -241,7 +241,7 @@ def check_answers_are_fresh(specimen: JointSpecimen) -> None:
 
 
 def _check_direction(specimen: JointSpecimen, pair: tuple[int, int], said: str) -> None:
-    """Compare the directions of two DOFs of ports; those of DOFs of the joint's own are not known."""
+    """Compare the directions of two DOFs of ports; those of internal DOFs are unknown."""
     on_ports = specimen.component.size - specimen.component.internal_dofs
     first, second = pair
     if max(pair) < on_ports and (first - second) % len(DIRECTIONS):
@@ -259,10 +259,10 @@ def _check_semidefinite(specimen: JointSpecimen, part: str) -> None:
 
 
 def _check_costs_nothing(specimen: JointSpecimen, axis: int, verb: str) -> None:
-    """Find the motion with the least effort in which all port nodes share one of their DOFs, and demand none.
+    """Find the motion with the least effort in which one DOF is the same for all port nodes; it must be zero.
 
     In a translation the rotations of the nodes are zero; in a rotation their displacements are free, since a joint
-    does not know where its nodes are. DOFs of the joint's own are always free.
+    does not know where its nodes are. Internal DOFs are always free.
     """
     component = specimen.component
     if len(component.ports) < 2:
@@ -285,6 +285,6 @@ def _check_costs_nothing(specimen: JointSpecimen, axis: int, verb: str) -> None:
 
 
 def _normalised(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the symmetric parts of (n, d, d) matrices over their greatest entries."""
+    """Return the symmetric parts of (n, d, d) matrices over their largest entries."""
     greatest = np.abs(matrices).max(axis=(1, 2), keepdims=True, initial=0.0)
     return np.asarray(0.5 * (matrices + np.swapaxes(matrices, 1, 2)) / np.where(greatest > 0, greatest, 1.0))

@@ -1,4 +1,4 @@
-"""Checks of joints: derivatives by the parameters, and whether each parameter can be told from the others."""
+"""Checks of joints: derivatives by the parameters, and whether each parameter can be distinguished from the others."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ __all__: list[str] = []
 
 @dataclass(frozen=True)
 class Settings:
-    """How derivatives are held against differences.
+    """How derivatives are compared with differences.
 
     Attributes
     ----------
     vectors, vectors_of_laws : int
-        Parameter vectors, half of them corners, for matrices and for a law of the joint's own, which has many lines.
+        Number of parameter vectors, half of them corners, for matrices and for a frequency-dependent dynamic stiffness,
+        which has many lines.
     steps : tuple of float
-        Steps relative to the parameter. The differences are of second order, so that the shorter one is wrong by some
-        1e-8 of the derivative, and the longer one by 1e-6; rounding leaves 1e-12.
+        Steps relative to the parameter. The differences are of second order, with errors of about 1e-8 of the
+        derivative for the shorter step and 1e-6 for the longer one; rounding leaves 1e-12.
     disagreement : float
-        Of differences with both steps and on both sides, relative to the derivative: more is a kink, such as a stop
-        that comes to bear, where there is no derivative to compare with.
+        Largest relative difference between the two steps and between both sides; above it there is a kink, such as a
+        stop, where no derivative exists.
     wrong : float
-        Error of a derivative that is too much.
+        Smallest relative error of a wrong derivative.
     rounding : float
-        Of the scale of an entry, left in one value.
+        Rounding error of one value, relative to the scale of the entry.
     small : float
-        A step, relative to the parameter, that rounding of double precision still resolves and single precision does
-        not (6e-8).
+        Step relative to the parameter that double precision resolves and single precision (6e-8) does not.
     shown : float
-        Factor within which the change by a small step must be that by the longer of `steps`, in proportion.
+        Largest factor between the change by a small step and the proportional part of that by the longer of `steps`.
     alone : float
-        Difference between a vector alone and among others, relative to the greatest entry of a derivative.
+        Difference between a vector alone and in a batch, relative to the largest entry of a derivative.
     secant : float
-        Steps by which parameters are told from each other, of their ranges.
+        Steps with which parameters are distinguished, relative to their ranges.
     dependent : float
-        Least eigenvalue of the Gram matrix of normalised changes below which they depend on each other: an angle of
-        1e-5, which no measurement resolves.
+        Smallest eigenvalue of the Gram matrix of normalised changes below which they are dependent: an angle of 1e-5,
+        which no measurement resolves.
     """
 
     vectors: int = 96
@@ -69,7 +69,7 @@ _Function = Callable[[NDArray[np.float64]], NDArray[np.complex128] | NDArray[np.
 
 
 def check_every_parameter_acts(specimen: JointSpecimen) -> None:
-    """A parameter that changes nothing anywhere in its range cannot be identified."""
+    """Every parameter changes the dynamic stiffness; otherwise it cannot be identified."""
     _only_with_parameters(specimen)
     theta = specimen.some(SETTINGS.vectors)
     before = specimen.stiffness(FREQUENCY, theta)
@@ -81,7 +81,7 @@ def check_every_parameter_acts(specimen: JointSpecimen) -> None:
 
 
 def check_small_steps_show(specimen: JointSpecimen) -> None:
-    """A parameter changed by 1e-8 of itself changes the matrices in proportion: no rounding, no table, no steps."""
+    """A relative change of 1e-8 of a parameter changes the matrices in proportion: no rounding, table or steps."""
     _only_with_parameters(specimen)
     law = depends_on_frequency(specimen.component)
     theta = specimen.some(SETTINGS.vectors_of_laws if law else SETTINGS.vectors)
@@ -111,7 +111,7 @@ def check_small_steps_show(specimen: JointSpecimen) -> None:
 
 
 def check_parameters_act_apart(specimen: JointSpecimen) -> None:
-    """No parameter has the effect of others at the ports, at all lines: those can be identified only together."""
+    """At the ports, no parameter has the same effect as others at all lines; otherwise only a combination is known."""
     parameters = specimen.component.parameters
     if len(parameters) < 2:
         raise NotApplicable("the joint has fewer than two parameters.")
@@ -139,7 +139,7 @@ def check_parameters_act_apart(specimen: JointSpecimen) -> None:
 
 
 def check_jacobian_meets_differences(specimen: JointSpecimen) -> None:
-    """`matrices_jacobian` is the derivative of `matrices`, in the corners too, held against differences."""
+    """`matrices_jacobian` agrees with differences of `matrices`, also in the corners of the ranges."""
     _only_with_parameters(specimen)
     theta = specimen.some(SETTINGS.vectors)
     jacobian = specimen.component.matrices_jacobian(theta.copy())
@@ -151,7 +151,7 @@ def check_jacobian_meets_differences(specimen: JointSpecimen) -> None:
 
 
 def check_jacobian_treats_each_vector_alone(specimen: JointSpecimen) -> None:
-    """Derivatives of a vector alone are those that it has in a large batch."""
+    """Derivatives of a single vector are the same as in a large batch."""
     _only_with_parameters(specimen)
     theta = specimen.some(300)
     many = [_copied(each) for each in specimen.component.matrices_jacobian(theta.copy())]
@@ -165,7 +165,7 @@ def check_jacobian_treats_each_vector_alone(specimen: JointSpecimen) -> None:
 
 
 def check_dynamic_stiffness_jacobian_meets_differences(specimen: JointSpecimen) -> None:
-    """`dynamic_stiffness_jacobian` is the derivative of `dynamic_stiffness`, from 1 Hz to 20 kHz."""
+    """`dynamic_stiffness_jacobian` agrees with differences of `dynamic_stiffness`, from 1 Hz to 20 kHz."""
     _only_with_parameters(specimen)
     overridden = specimen.model.dynamic_stiffness_jacobian is not JointModel.dynamic_stiffness_jacobian  # type: ignore[attr-defined]
     if not specimen.own_law and not overridden:
@@ -187,7 +187,7 @@ def _check_derivatives(
     derivatives: Iterable[NDArray[np.complex128] | NDArray[np.float64]],
     noun: str,
 ) -> None:
-    """Hold derivatives (n, ..., d, d) against differences, entry by entry, where these agree among themselves."""
+    """Compare derivatives (n, ..., d, d) with differences, entry by entry, where the differences agree."""
     here = function(theta)
     diagonal = np.sqrt(np.abs(np.diagonal(here, axis1=-2, axis2=-1)))
     scale = diagonal[..., :, None] * diagonal[..., None, :] + np.abs(here)
@@ -213,7 +213,7 @@ def _differences(
     here: NDArray[np.complex128] | NDArray[np.float64],
     scale: NDArray[np.float64],
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return one-sided differences within the range, what rounding leaves of them, and where they can be trusted."""
+    """Return one-sided differences within the range, their rounding errors, and where they can be trusted."""
     parameter = specimen.component.parameters[column]
     at, width = theta[:, column], parameter.upper - parameter.lower
     size = np.minimum(np.maximum(np.abs(at), 1e-2 * width), 100.0 * width)
@@ -247,13 +247,13 @@ def _broad(values: NDArray[np.float64], like: NDArray[np.complex128] | NDArray[n
 
 
 def _stacked(specimen: JointSpecimen, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return M, K, C and D, (n, 4, d, d), in an array that nobody else holds."""
+    """Return copies of M, K, C and D, (n, 4, d, d)."""
     matrices = specimen.component.matrices(theta.copy())
     return np.stack([getattr(matrices, part) for part in PARTS], axis=1)
 
 
 def _told(specimen: JointSpecimen, theta: NDArray[np.float64]) -> NDArray[Any]:
-    """Return what FRFs come from: the matrices, or the law of a joint that has one of its own."""
+    """Return what determines FRFs: the matrices, or the dynamic stiffness of a joint that depends on frequency."""
     if depends_on_frequency(specimen.component):
         return specimen.stiffness(FREQUENCY, theta)
     return _stacked(specimen, theta)

@@ -1,4 +1,4 @@
-"""Checks of joints: the dynamic stiffness over frequency, above all of those that give it themselves."""
+"""Checks of joints: the dynamic stiffness over frequency, mostly of joints that define it themselves."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from dovetail.testing.specimens import FREQUENCY, JointSpecimen
 __all__: list[str] = []
 
 _ROUNDING = 1e-9
-"""Of the greatest entry."""
+"""Relative to the largest entry."""
 _VECTORS = 64
-"""Parameter vectors at which a law is asked for all lines, half of them corners."""
+"""Number of parameter vectors at which all lines are computed, half of them corners."""
 _FEW = 4
 _TOWARDS_REST = np.array([1e-1, 1e-4, 1e-7, 1e-10])
-"""Frequencies [Hz] that fall by the same factor, on the way to rest."""
+"""Frequencies [Hz] that decrease by a constant factor."""
 _SETTLING = 0.98
-"""Change over the last of these factors over that of the first: 0.98 for f^0.0015, a slower law is taken for log f."""
+"""Ratio of the last change over such a factor to the first: 0.98 for f^0.0015; slower convergence counts as log f."""
 
 
 def check_dynamic_stiffness_is_symmetric_and_passive(specimen: JointSpecimen) -> None:
-    """A law of its own is reciprocal too, and gives back no energy at any frequency, in no corner of the ranges."""
+    """A dynamic stiffness of its own is symmetric, and gives no energy to the motion, anywhere in the ranges."""
     _only_with_own_law(specimen)
     theta = specimen.some(_VECTORS)
     Z = specimen.stiffness(specimen.lines, theta)
@@ -40,7 +40,7 @@ def check_dynamic_stiffness_is_symmetric_and_passive(specimen: JointSpecimen) ->
 
 
 def check_the_law_has_a_limit_at_rest(specimen: JointSpecimen) -> None:
-    """A law of its own settles as the frequency falls: an infinite or endlessly changing stiffness is no model."""
+    """A dynamic stiffness of its own converges to a finite limit as the frequency approaches zero."""
     _only_with_own_law(specimen)
     Z = specimen.stiffness(_TOWARDS_REST, specimen.some(_VECTORS))
     if not np.isfinite(Z).all():
@@ -56,7 +56,7 @@ _LIMIT = "Give the law a limit at rest; a power f^alpha has one, 1 / f and log f
 
 
 def check_dynamic_stiffness_treats_lines_and_vectors_alone(specimen: JointSpecimen) -> None:
-    """One line and one vector alone give what they give among others: unsorted, repeated, or very many."""
+    """Each line and vector gives the same result alone and among others: unsorted, repeated, or very many."""
     theta = specimen.some(_FEW)
     Z = specimen.stiffness(FREQUENCY, theta)
     for line in range(len(FREQUENCY)):
@@ -71,7 +71,7 @@ def check_dynamic_stiffness_treats_lines_and_vectors_alone(specimen: JointSpecim
 
 
 def check_frequency_may_be_any_array(specimen: JointSpecimen) -> None:
-    """Whole numbers, single precision and arrays that may not be written are frequencies too."""
+    """Frequencies may be integers, in single precision, or in read-only arrays."""
     _only_with_own_law(specimen)
     theta, whole = specimen.some(_FEW), np.array([1500, 20, 333])
     read_only = whole.astype(np.float64)
@@ -90,7 +90,7 @@ def check_frequency_may_be_any_array(specimen: JointSpecimen) -> None:
 
 
 _SINGLE = 1e-5
-"""Of the greatest entry, for frequencies in single precision."""
+"""Relative to the largest entry, for frequencies in single precision."""
 
 
 def _compare(answer: NDArray[np.complex128], wanted: NDArray[np.complex128], where: str) -> None:

@@ -1,4 +1,4 @@
-"""Checks of joints: what they say of ranges, and of a finer mesh."""
+"""Checks of joints: objections to ranges, and finer meshes."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _PARTS_OF_RANGES = 40
 _ROUNDING = 1e-9
 _FACTORS = (2, 4)
 _STIFFNESS = 0.5
-"""Of the stiffness at rest, by which a mesh four times as fine may change it: more, and the mesh says nothing."""
+"""Largest relative change of the static stiffness with a mesh four times as fine, above which the mesh is useless."""
 _LENGTHS = "Check how the matrices depend on the length of an element."
 _MASS = 0.01
-"""Of the joint's mass, by which a finer mesh of a joint may change it: a curved or tapered body of few elements."""
+"""Largest relative change of the mass with a finer mesh, for a curved or tapered body of few elements."""
 
 
 def check_own_ranges_are_accepted(specimen: JointSpecimen) -> None:
-    """`range_objections` has nothing against the joint's own ranges."""
+    """`range_objections` has no objection to the joint's default ranges."""
     parameters = specimen.component.parameters
     ends = (np.array([[getattr(each, end) for each in parameters]], dtype=float) for end in ("lower", "upper"))
     for name, objection in _objections(specimen, *ends).items():
@@ -34,7 +34,7 @@ def check_own_ranges_are_accepted(specimen: JointSpecimen) -> None:
 
 
 def check_parts_of_its_ranges_are_accepted(specimen: JointSpecimen) -> None:
-    """Nor has it anything against a part of them, or a known value: a description may narrow any range."""
+    """`range_objections` has no objection to a part of these ranges, or a known value within them."""
     ends = np.sort(np.random.default_rng(SEED).random((2, _PARTS_OF_RANGES, _count(specimen))), axis=0)
     ends[1, ::3] = ends[0, ::3]  # known values
     ends[:, 1::3, ::2] = np.array([0.0, 1.0])[:, None, None]  # some parameters over the whole range
@@ -46,7 +46,7 @@ def check_parts_of_its_ranges_are_accepted(specimen: JointSpecimen) -> None:
 
 
 def check_nonsense_is_objected_to(specimen: JointSpecimen) -> None:
-    """A range below zero, where matrices are not those of a joint, meets an objection to a parameter, in words."""
+    """`range_objections` returns a sentence for a negative range if the matrices there are not those of a joint."""
     names = [parameter.name for parameter in specimen.component.parameters]
     middle = specimen.theta[:1]
     for column, parameter in enumerate(specimen.component.parameters):
@@ -67,7 +67,7 @@ def check_nonsense_is_objected_to(specimen: JointSpecimen) -> None:
 
 
 def check_a_finer_mesh_is_the_same_joint(specimen: JointSpecimen) -> None:
-    """`refined` keeps parameters, ports and mass, and its stiffness at rest converges."""
+    """`refined` keeps parameters, ports and mass, and the static stiffness converges."""
     finer = [specimen.component.refined(factor) for factor in _FACTORS]
     if None in finer:
         raise NotApplicable("the joint has no mesh to refine.")
@@ -93,7 +93,7 @@ def check_a_finer_mesh_is_the_same_joint(specimen: JointSpecimen) -> None:
 
 
 def _at_rest(matrices: StructuralMatrices, on_ports: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the stiffness (n, d, d) at the ports, all else free of forces, and the mass (n,) in translation."""
+    """Return the static stiffness (n, d, d) at the ports, with other DOFs free, and the mass (n,) in translation."""
     K, size = matrices.K, matrices.K.shape[-1]
     follow = -np.linalg.pinv(K[:, on_ports:, on_ports:], hermitian=True) @ K[:, on_ports:, :on_ports]
     motion = np.concatenate([np.broadcast_to(np.eye(on_ports), (len(K), on_ports, on_ports)), follow], axis=1)
@@ -114,7 +114,7 @@ def _is_a_joint(specimen: JointSpecimen, theta: NDArray[np.float64]) -> bool:
 
 
 def _objections(specimen: JointSpecimen, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Mapping[str, str]:
-    """Ask about ranges from one parameter vector (1, n_params) to another."""
+    """Return the objections to ranges from one parameter vector (1, n_params) to another."""
     names = [parameter.name for parameter in specimen.component.parameters]
     ends = (dict(zip(names, vector[0].tolist(), strict=True)) for vector in (lower, upper))
     objections = specimen.component.range_objections(*ends)

@@ -41,7 +41,7 @@ from dovetail.testing.specimens import Specimen, specimen_of
 __all__ = ["check_component", "check_names", "components_named", "each_check"]
 
 _Check = Callable[[Any], str | None]
-"""Raises where something is wrong; may return what it measured."""
+"""A check raises an exception if something is wrong, and may return a text with what it measured."""
 
 _MODULES: Mapping[Kind, tuple[ModuleType, ...]] = {
     "substructure": (substructure_checks, history_checks, unit_checks, general_checks),
@@ -88,7 +88,7 @@ _PREREQUISITES = frozenset(
         "the_estimate_is_within_the_ranges",
     }
 )
-"""Checks without which those behind them mean nothing."""
+"""Checks that must pass for the following ones to be meaningful."""
 
 
 def check_component(
@@ -102,21 +102,21 @@ def check_component(
     Parameters
     ----------
     component : component class or str
-        A class, or the name of a model; a name that models of several kinds bear checks them all.
+        A class, or the name of a model; if models of several kinds have this name, all of them are checked.
     registry : Registry, optional
-        Where the name is looked up; by default among what is installed.
+        In which the name is looked up; by default that of the installed components.
     progress : bool or callable, optional
-        True shows bars in a terminal or a notebook; a function is called as `Progress` says.
+        True shows bars in a terminal or a notebook; a function is called as a `Progress`.
 
     Returns
     -------
     tuple of CheckResult
-        One for each check of the component's kind, always all of them, in their order.
+        One for each check of the component's kind, in order, whatever their outcomes.
 
     Raises
     ------
     PluginError
-        There is no such model, or this is no component class.
+        There is no such model, or this is not a component class.
     """
     models = components_named(component, registry) if isinstance(component, str) else (component,)
     results: list[CheckResult] = []
@@ -135,7 +135,7 @@ def check_names(kind: Kind) -> tuple[str, ...]:
 
 
 def check_descriptions(kind: Kind) -> dict[str, str]:
-    """Return what each check of a kind demands, in the order in which they are run."""
+    """Return the requirement of each check of a kind, in the order in which they are run."""
     modules = (declared_checks, *_MODULES[kind])
     checks = {name: check for module in modules for name, check in _named(module).items()}
     docstrings = {name: inspect.getdoc(check) or "" for name, check in checks.items()}
@@ -144,12 +144,12 @@ def check_descriptions(kind: Kind) -> dict[str, str]:
 
 
 def components_named(name: str, registry: Registry | None = None) -> tuple[type[Component], ...]:
-    """Return the component classes of this name, of whatever kind.
+    """Return the component classes of this name, of any kind.
 
     Raises
     ------
     PluginError
-        There are none, or it is offered more than once.
+        There are none, or several of the same kind.
     """
     registry = registry or installed_components()
     for kind, conflicting in registry.conflicts:
@@ -173,18 +173,18 @@ def _named(module: ModuleType) -> dict[str, _Check]:
 
 
 def each_check(model: type[Component], names: Collection[str] | None = None) -> Iterator[CheckResult]:
-    """Run the checks of a component class one after the other.
+    """Run the checks of a component class one after another.
 
     Parameters
     ----------
     model : component class
     names : collection of str, optional
-        Of the checks that are run, with those on which all others build; by default all.
+        Of the checks that are run, in addition to prerequisites; by default all.
 
     Raises
     ------
     PluginError
-        This is no component class.
+        This is not a component class.
     """
     if not isinstance(model, type) or not issubclass(model, Component) or getattr(model, "kind", None) not in KINDS:
         raise PluginError(f"{model!r} is not a component class.")
@@ -214,7 +214,7 @@ def each_check(model: type[Component], names: Collection[str] | None = None) -> 
 
 
 def _specimens(model: type[Component], folder: Path) -> list[Specimen]:
-    """`examples` gives sets of options, and a component can be made of each: `{}`, unless it is overridden."""
+    """`examples` returns sets of options, by default one without options, and each constructs a component."""
     examples = model.examples(folder)
     remedy = "Override the class method `examples`: it returns sets of options as a description has them."
     if isinstance(examples, (str, Mapping)) or not isinstance(examples, Sequence) or not examples:
@@ -234,12 +234,12 @@ def _specimens(model: type[Component], folder: Path) -> list[Specimen]:
 
 
 def _example_label(specimen: Specimen, specimens: list[Specimen]) -> str:
-    """Say which example a fault is of, where there are several."""
+    """Return words that say which of several examples has a fault."""
     return f"with {dict(specimen.options)!r:.120}: " if len(specimens) > 1 else ""
 
 
 def _outcome(label: str, name: str, check: _Check, subjects: Sequence[tuple[Any, Any, str]]) -> CheckResult:
-    """Run one check over all subjects: (what it is given, whose code it runs, which example this is)."""
+    """Run one check over all subjects: (its argument, the component whose code it runs, words for the example)."""
     reasons: list[str] = []
     remarks: list[str] = []
     doubts: list[CheckResult] = []

@@ -1,4 +1,4 @@
-"""What checks of joints and substructures ask of matrices."""
+"""Properties of matrices for the checks of joints and substructures."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 __all__ = ["asymmetry", "condensed", "least_effort", "least_eigenvalue", "loosest", "relative_difference", "unit_free"]
 
 _SINGULAR = 1e-12
-"""Eigenvalue of a scaled matrix below which a motion takes no effort."""
+"""Eigenvalue of a scaled matrix below which a motion needs no effort."""
 
 
 def least_eigenvalue(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the least eigenvalue of each of (..., d, d) matrices, scaled to a unit diagonal as DOFs differ in units.
+    """Return the smallest eigenvalue of (..., d, d) matrices, scaled to a unit diagonal since the DOFs' units differ.
 
-    -1 where a row is filled and its diagonal entry is not positive; 0 at most.
+    It is at most 0, and -1 if a row is filled and its diagonal entry is not positive.
     """
     symmetric = 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
     diagonal = np.diagonal(symmetric, axis1=-2, axis2=-1)
@@ -30,14 +30,14 @@ def least_eigenvalue(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 def least_effort(
     matrices: NDArray[np.float64], held: NDArray[np.intp], motion: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the least effort of a motion of some DOFs, the others free, over the sum of what each would take alone.
+    """Return the least effort of a motion of some DOFs, with others free, over the sum of the efforts of each alone.
 
     Parameters
     ----------
     matrices : (..., d, d) array
         Symmetric and positive semi-definite.
     held : (n,) int array
-        DOFs whose motion is given.
+        DOFs with prescribed motion.
     motion : (n,) array
 
     Returns
@@ -58,7 +58,7 @@ def least_effort(
 
 
 def condensed(Z: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
-    """Return the dynamic stiffness (..., count, count) of the first DOFs, the others free of forces."""
+    """Return the dynamic stiffness (..., count, count) of the first DOFs, with no forces on the others."""
     if count == Z.shape[-1]:
         return Z
     outer, inner = Z[..., :count, count:], Z[..., count:, count:]
@@ -66,19 +66,19 @@ def condensed(Z: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
 
 
 def loosest(Z: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the least singular value of each of (..., d, d) matrices, rows and columns scaled; 1 for d = 0."""
+    """Return the smallest singular value of (..., d, d) matrices with scaled rows and columns; 1 for d = 0."""
     scaled = unit_free(Z, np.abs(Z).max(axis=-1, initial=0.0))
     return np.asarray(np.linalg.svd(scaled, compute_uv=False).min(axis=-1, initial=1.0))
 
 
 def unit_free(matrices: NDArray[Any], scale: NDArray[np.float64]) -> NDArray[Any]:
-    """Return (..., d, d) matrices over the square roots of a positive (..., d) scale of their rows and columns."""
+    """Divide rows and columns of (..., d, d) matrices by the square roots of a positive scale (..., d)."""
     root = 1.0 / np.sqrt(np.where(scale > 0, scale, 1.0))
     return np.asarray(root[..., :, None] * matrices * root[..., None, :])
 
 
 def asymmetry(matrices: NDArray[np.complex128] | NDArray[np.float64]) -> float:
-    """Return the greatest difference of (..., d, d) matrices from their transposes, over the greatest entry."""
+    """Return the largest difference of (..., d, d) matrices from their transposes, over the largest entry."""
     greatest = np.abs(matrices).max(initial=0.0)
     if not greatest:
         return 0.0
@@ -86,7 +86,7 @@ def asymmetry(matrices: NDArray[np.complex128] | NDArray[np.float64]) -> float:
 
 
 def relative_difference(values: NDArray[Any], reference: NDArray[Any]) -> float:
-    """Return the greatest difference of two arrays over the greatest entry of the reference."""
+    """Return the largest difference of two arrays over the largest entry of the reference."""
     if values.size == 0:
         return 0.0
     greatest = float(np.abs(reference).max()) or 1.0

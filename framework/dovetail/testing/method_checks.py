@@ -1,4 +1,4 @@
-"""Checks of methods of identification, on an oscillator whose FRF is known in closed form."""
+"""Checks of methods of identification, with an oscillator whose FRF is known in closed form."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _PARAMETERS = (
     Parameter("c", "N s/m", 20.0, 200.0, "linear", "damping"),
 )
 _NOISE = 0.01
-"""Standard deviation of real and imaginary part, over the magnitude."""
+"""Standard deviation of real and imaginary part, relative to the magnitude."""
 _CLOSE = 0.05
-"""Relative error of the FRF that an estimate may leave."""
+"""Largest relative error of an estimate's FRF."""
 
 
 def _oscillator(theta: NDArray[np.float64], lines: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -64,7 +64,7 @@ class MethodSpecimen(Specimen):
         return IdentificationProblem(_PARAMETERS, tuple(measured), np.concatenate(variance), frf, frf_jacobian)
 
     def estimate(self, problem: IdentificationProblem | None = None, seed: int = SEED) -> Estimate:
-        """Return what the method finds, which has the form that its contract says."""
+        """Return the method's estimate, after a check of its type."""
         found = self.component.identify(problem or self.problem(), seed=seed, progress=silent)
         if not isinstance(found, Estimate):
             raise Nonconformity(f"identify returned {type(found).__name__}.", "Return a dovetail.Estimate.")
@@ -72,7 +72,7 @@ class MethodSpecimen(Specimen):
 
     @cached_property
     def first(self) -> Estimate:
-        """Of the usual problem."""
+        """The estimate for the standard problem."""
         return self.estimate()
 
 
@@ -91,7 +91,7 @@ def check_the_estimate_is_within_the_ranges(specimen: MethodSpecimen) -> None:
 
 
 def check_an_oscillator_is_identified(specimen: MethodSpecimen) -> str:
-    """From a measurement with 1 % noise the FRF of an oscillator with two unknowns comes back within 5 %."""
+    """From a measurement with 1 % noise, the FRF of an oscillator with two unknowns is estimated within 5 %."""
     error = _misfit(specimen.problem(noise=0.0), specimen.first)
     if error > _CLOSE:
         raise Nonconformity(f"the FRF of its estimate is off by {100 * error:.2g} %.", "Search longer.")
@@ -99,7 +99,7 @@ def check_an_oscillator_is_identified(specimen: MethodSpecimen) -> str:
 
 
 def check_several_measurements_are_used(specimen: MethodSpecimen) -> None:
-    """Measurements of two responses on axes of their own are identified too."""
+    """Measurements of two responses with different lines are identified too."""
     problem = specimen.problem(2)
     error = _misfit(specimen.problem(2, noise=0.0), specimen.estimate(problem))
     if error > _CLOSE:
@@ -107,14 +107,14 @@ def check_several_measurements_are_used(specimen: MethodSpecimen) -> None:
 
 
 def check_the_same_seed_gives_the_same_estimate(specimen: MethodSpecimen) -> None:
-    """The same problem and seed give the same numbers to the last bit."""
+    """The same problem and seed give the same estimate bit for bit."""
     again = specimen.estimate()
     if not np.array_equal(again.theta, specimen.first.theta):
         raise Nonconformity("two runs with the same seed differ.", "Draw all random numbers from default_rng(seed).")
 
 
 def check_samples_agree_with_the_estimate(specimen: MethodSpecimen) -> None:
-    """Where there are samples, the truth is not far outside of them."""
+    """If there are samples, the truth is not far outside of them."""
     if specimen.first.samples is None:
         raise NotApplicable("it gives no samples.")
     samples = np.asarray(specimen.first.samples)
@@ -126,7 +126,7 @@ def check_samples_agree_with_the_estimate(specimen: MethodSpecimen) -> None:
 
 
 def check_inputs_are_left_unchanged(specimen: MethodSpecimen) -> None:
-    """Arrays of the problem belong to the caller."""
+    """The arrays of the problem are not changed."""
     problem = specimen.problem()
     kept = problem.values.copy(), problem.variance.copy()
     specimen.estimate(problem)
@@ -135,7 +135,7 @@ def check_inputs_are_left_unchanged(specimen: MethodSpecimen) -> None:
 
 
 def check_nothing_is_printed_or_changed(specimen: MethodSpecimen) -> None:
-    """Identifying prints nothing, and leaves global settings and random numbers alone."""
+    """Identification prints nothing, and changes no global settings or random numbers."""
     seen = observe(lambda: specimen.estimate())
     changed = [*seen.generators, *seen.settings, *(["the standard output"] if seen.printed.strip() else [])]
     if changed:

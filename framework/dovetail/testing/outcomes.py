@@ -11,14 +11,14 @@ Outcome = Literal["passed", "warning", "failed", "not run", "not applicable"]
 
 
 class Nonconformity(Exception):  # noqa: N818  not an error of the kit
-    """A check found that a component does not do what its contract says.
+    """A check found that a component does not fulfil its contract.
 
     Parameters
     ----------
     problem : str
         One sentence.
     remedy : str
-        What its author should do, as a sentence.
+        A sentence on what its author should do.
     """
 
     def __init__(self, problem: str, remedy: str = "") -> None:
@@ -28,11 +28,11 @@ class Nonconformity(Exception):  # noqa: N818  not an error of the kit
 
 
 class Reservation(Nonconformity):
-    """A check met something that may be meant as it is: a warning, which does not count against the component."""
+    """A check found something that may be intended: a warning, which does not count against the component."""
 
 
 class NotApplicable(Exception):  # noqa: N818
-    """A check has nothing to look at in this component; the text says why, and is printed."""
+    """A check does not apply to this component; the text gives the reason, and is printed."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,12 @@ class CheckResult:
     name : str
         Of the check.
     outcome : 'passed', 'warning', 'failed', 'not run' or 'not applicable'
-        A check is not run where an earlier one, on which it builds, has failed. A warning is about something that may
-        be meant as it is.
+        A check is not run if a prerequisite has failed. A warning is about something that may be intended.
     problem : str
-        What is wrong, as a sentence; the reason where the check was not run or does not apply; what was measured,
-        such as the time of a call, where it passed.
+        A sentence on what is wrong; the reason if the check was not run or does not apply; what was measured, such as
+        the time of a call, if it passed.
     remedy : str
-        What to do about it.
+        A sentence on what to do about it.
     """
 
     component: str
@@ -63,12 +62,12 @@ class CheckResult:
 
     @property
     def passed(self) -> bool:
-        """Whether the check was run and nothing was wrong."""
+        """Whether the check was run and found nothing wrong."""
         return self.outcome == "passed"
 
     @property
     def ok(self) -> bool:
-        """Whether nothing stands against the component here: passed, perhaps with a warning, or not applicable."""
+        """Whether the component is accepted: passed, perhaps with a warning, or not applicable."""
         return self.outcome in ("passed", "warning", "not applicable")
 
     def __str__(self) -> str:

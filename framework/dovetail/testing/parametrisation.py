@@ -1,4 +1,4 @@
-"""The kit as tests of pytest: one for each check."""
+"""The kit as pytest tests, one for each check."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["ConformanceCheck", "conformance"]
 
 @dataclass(frozen=True)
 class ConformanceCheck:
-    """One check of one component; call it to have it asserted.
+    """One check of one component, which is run by calling it.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class ConformanceCheck:
         Raises
         ------
         AssertionError
-            The component does not pass; the text says what was found and what to do.
+            The component does not pass; the text tells what is wrong and what to do.
         """
         result = _results(self.model)[self.name]
         if not result.ok:

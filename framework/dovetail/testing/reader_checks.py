@@ -1,4 +1,4 @@
-"""Checks of file readers, with the files that they write as samples, whole and damaged."""
+"""Checks of file readers with their sample files, intact and damaged."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ class ReaderSpecimen(Specimen):
             return tuple((Path(file.name), file.read_bytes()) for file in files)
 
     def frf(self, name: Path, content: bytes, index: int | None = None) -> Frf:
-        """Return an FRF of a file as `dovetail.read_frf` does; an accelerance where the file is silent."""
+        """Return an FRF of a file as `dovetail.read_frf` does; an accelerance if the file states no quantity."""
         recording = decode(name, content, self.component, ReadOptions(index, None, None, {}, ()))
         return recording.to_frf(None if recording.is_stated else "accelerance")
 
 
 def check_sample_files_have_a_suffix_of_it(specimen: ReaderSpecimen) -> None:
-    """`samples` writes a file or more, with which the reader is tested."""
+    """`samples` writes at least one file with one of the reader's suffixes."""
     if not specimen.files:
         raise Nonconformity("samples wrote no file.", "Override `samples`: it writes small files of the format.")
     for name, _ in specimen.files:
@@ -62,7 +62,7 @@ def check_sample_files_have_a_suffix_of_it(specimen: ReaderSpecimen) -> None:
 
 
 def check_sample_files_are_read(specimen: ReaderSpecimen) -> str:
-    """Each sample is taken, and each of its FRFs passes Dovetail's own checks."""
+    """`sniff` accepts each sample, and each of its FRFs passes Dovetail's checks."""
     count = 0
     for name, content in specimen.files:
         if not specimen.component.sniff(content[:_HEAD]):
@@ -77,14 +77,14 @@ def check_sample_files_are_read(specimen: ReaderSpecimen) -> str:
 
 
 def check_other_files_are_not_taken(specimen: ReaderSpecimen) -> None:
-    """`sniff` refuses an empty file, zeros, a table, a UFF set and random bytes; it looks at bytes, not at luck."""
+    """`sniff` refuses an empty file, zeros, a table, a UFF set and random bytes."""
     for content in _STRANGERS:
         if specimen.component.sniff(content):
             raise Nonconformity(f"sniff takes a file that begins with {content[:20]!r}.", "Look for a signature.")
 
 
 def check_reading_twice_gives_the_same(specimen: ReaderSpecimen) -> None:
-    """The same bytes give the same FRFs, whatever was read between."""
+    """The same bytes give the same FRFs, whatever was read in between."""
     first = [specimen.frf(name, content, 1) for name, content in specimen.files]
     again = [specimen.frf(name, content, 1) for name, content in reversed(specimen.files)][::-1]
     for one, other in zip(first, again, strict=True):
@@ -93,7 +93,7 @@ def check_reading_twice_gives_the_same(specimen: ReaderSpecimen) -> None:
 
 
 def check_damaged_files_are_refused_or_read(specimen: ReaderSpecimen) -> str:
-    """A file that is cut or has wrong bytes is read, or refused by a ValueError that says why."""
+    """A truncated or damaged file is read, or refused with a ValueError that gives the reason."""
     refused = 0
     for name, content in specimen.files:
         for damage in _damaged(content):
@@ -110,7 +110,7 @@ def check_damaged_files_are_refused_or_read(specimen: ReaderSpecimen) -> str:
 
 
 def check_nothing_is_printed_or_changed(specimen: ReaderSpecimen) -> None:
-    """Reading prints nothing, and leaves global settings and random numbers alone."""
+    """Reading prints nothing, and changes no global settings or random numbers."""
     name, content = specimen.files[0]
     seen = observe(lambda: specimen.component.read(name, content))
     changed = [*seen.generators, *seen.settings, *(["the standard output"] if seen.printed.strip() else [])]
@@ -119,7 +119,7 @@ def check_nothing_is_printed_or_changed(specimen: ReaderSpecimen) -> None:
 
 
 def _damaged(content: bytes) -> Iterator[bytes]:
-    """Yield a file cut somewhere, with a few bytes changed, or with a piece twice."""
+    """Yield copies of a file that are truncated, have a few bytes changed, or lack a piece."""
     random = np.random.default_rng(SEED)
     for number in range(_DAMAGES):
         cut, other = sorted(int(place) for place in random.integers(0, len(content) + 1, 2))

@@ -1,4 +1,4 @@
-"""Checks of reducers beyond those that they share with regressors."""
+"""Checks of reducers in addition to those that they share with regressors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__: list[str] = []
 
 
 def check_features_are_not_multiplied(specimen: ReducerSpecimen) -> None:
-    """A reducer gives no more features than it was given."""
+    """A reducer returns no more features than it gets."""
     reduced = specimen.ask(specimen.fitted, specimen.training.features[:3])
     if reduced.shape[1] > specimen.training.features.shape[1]:
         problem = f"of {specimen.training.features.shape[1]} features it makes {reduced.shape[1]}."
@@ -21,7 +21,7 @@ def check_features_are_not_multiplied(specimen: ReducerSpecimen) -> None:
 
 
 def check_unlike_samples_stay_unlike(specimen: ReducerSpecimen) -> None:
-    """FRFs that differ have reduced features that differ, or nothing can be identified from them."""
+    """Different FRFs have different reduced features; otherwise nothing can be identified from them."""
     for samples in (specimen.training, specimen.unseen):
         reduced = specimen.ask(specimen.fitted, samples.features)
         if len(np.unique(reduced, axis=0)) < len(reduced) // 2:
@@ -29,7 +29,7 @@ def check_unlike_samples_stay_unlike(specimen: ReducerSpecimen) -> None:
 
 
 def check_small_features_stay_unlike(specimen: ReducerSpecimen) -> None:
-    """So do FRFs of a billionth of the size: those of a heavy machine are small in m/(N s^2)."""
+    """FRFs of a billionth of the size, as of a heavy machine in m/(N s^2), have different reduced features too."""
     samples = specimen.training.scaled(SMALL)
     try:
         reduced = specimen.ask(specimen.fit(samples.copy()), samples.features)

@@ -18,38 +18,38 @@ __all__: list[str] = []
 _FEWEST_DRAWS = 50
 
 _SKILL = 0.6
-"""Least R2 of a target on samples that a regressor has not seen: the mean of two targets in place of both reaches 0.5,
-and what learns from samples of which four in five have the targets of others 0.36; linear regression reaches 0.9999."""
+"""Smallest R2 of a target on unseen samples. Predicting the mean of two targets for both gives 0.5, training with four
+in five targets exchanged 0.36, and linear regression 0.9999."""
 _SKILL_OF_SEVEN = 0.5
-"""Where there are fewer features than targets, no more than 6/7 can be reached, and a support vector regression, with
-the options of its example, reaches 0.61."""
+"""The same with fewer features than targets, when at most 6/7 can be reached; a support vector regression, with the
+options of its example, reaches 0.61."""
 
 
 def check_every_target_is_learnt(specimen: RegressorSpecimen) -> str:
-    """On samples that it has not seen, of a smooth function, each target is better than its mean."""
+    """On unseen samples of a smooth function, each target is predicted much better than by its mean."""
     skill = specimen.skill(specimen.fitted, specimen.unseen)
     require_skill(skill)
     return f"R2 {skill.min():.3f}"
 
 
 def check_one_target_is_learnt(specimen: RegressorSpecimen) -> None:
-    """A model with a single parameter is learnt too, and predicted as a column."""
+    """A single target is learnt too, and predicted as a column."""
     _require_targets(specimen, 1)
 
 
 def check_seven_targets_are_learnt(specimen: RegressorSpecimen) -> None:
-    """So are seven targets, more than there are features."""
+    """Seven targets, more than there are features, are learnt too."""
     _require_targets(specimen, 7)
 
 
 def check_targets_are_left_unchanged(specimen: RegressorSpecimen) -> None:
-    """The targets belong to the caller."""
+    """The caller's targets are not changed."""
     if "targets" in specimen.observed.changed:
         raise Nonconformity("fit changed the targets that it was given.", "Compute with copies.")
 
 
 def check_targets_that_do_not_fit_are_refused(specimen: RegressorSpecimen) -> None:
-    """A NaN among the targets, or fewer of them than samples, is an error."""
+    """A NaN among the targets, or fewer targets than samples, raises an error."""
     nan, short = specimen.training.copy(), specimen.training.copy()
     nan.targets[3, -1] = np.nan
     for what, targets in (("a NaN among the targets", nan.targets), ("a target too few", short.targets[:-1])):
@@ -61,7 +61,7 @@ def check_targets_that_do_not_fit_are_refused(specimen: RegressorSpecimen) -> No
 
 
 def require_skill(skill: NDArray[np.float64], what: str = "") -> None:
-    """Raise where a target is not learnt."""
+    """Raise a Nonconformity if a target is not learnt."""
     if not (skill > (_SKILL if len(skill) < 7 else _SKILL_OF_SEVEN)).all():
         worst = int(np.argmin(np.where(np.isnan(skill), -np.inf, skill)))
         problem = (
@@ -84,7 +84,7 @@ def _require_targets(specimen: RegressorSpecimen, count: int) -> None:
 
 
 def check_a_distribution_belongs_to_its_row(specimen: RegressorSpecimen) -> str:
-    """A distribution, where one is told, has draws for each row, the same alone; `predict` is their mean."""
+    """A predicted distribution has draws for each row, which do not depend on other rows; `predict` is their mean."""
     features = specimen.unseen.features[:20]
     told = specimen.fitted.predict_distribution(features.copy())
     if told is None:

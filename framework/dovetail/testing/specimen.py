@@ -1,4 +1,4 @@
-"""A component to look at, made from its own examples."""
+"""A component under test, constructed from its examples."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ SEED = 7
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """A component made from one set of options.
+    """A component constructed from one set of options.
 
     Parameters
     ----------
     model : type[Component]
     options : mapping
-        As a description has them.
+        As in a description.
     component : Component
     companions : tuple of Specimen
-        Made from the other examples.
+        Constructed from the other examples.
     """
 
     model: type[Component]
@@ -34,5 +34,5 @@ class Specimen:
 
     @property
     def label(self) -> str:
-        """How messages name the component."""
+        """Name of the component in messages."""
         return f"{self.model.kind} '{self.model.name}'"

@@ -1,4 +1,4 @@
-"""Components to look at: made from their own examples, with input of the kit's and what they answer to it."""
+"""Components under test, constructed from their examples, with input and their results for it."""
 
 from __future__ import annotations
 
@@ -34,25 +34,25 @@ __all__ = [
 ]
 
 FREQUENCY: NDArray[np.float64] = np.geomspace(20.0, 2000.0, 9)
-"""Lines at which components are asked [Hz]; substructures known by FRFs must cover them in their examples."""
+"""Lines [Hz] at which components are evaluated; the examples of substructures known by FRFs must cover them."""
 
 WIDE: NDArray[np.float64] = np.geomspace(1.0, 20e3, 14)
-"""Lines at which joints, and substructures with matrices, are asked [Hz]."""
+"""Lines [Hz] at which joints, and substructures with matrices, are evaluated."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """At how many parameter vectors joints are asked.
+    """Number of parameter vectors at which joints are evaluated.
 
     Attributes
     ----------
     random : int
-        Vectors drawn from the whole ranges: a fault in one per cent of their volume is met with near certainty
-        (1 - 0.99^1000 = 0.99996), and one evaluation of a shipped joint for all of them takes 0.03 s.
+        Vectors drawn from the whole ranges. A fault in one per cent of their volume is found with near certainty
+        (1 - 0.99^1000 = 0.99996), and one evaluation of a bundled joint for all of them takes 0.03 s.
     corners : int
-        Corners of the ranges: all of them for up to eight parameters, as many drawn at random for more.
+        Corners of the ranges: all for up to eight parameters, this number of random ones for more.
     memory : float
-        Bytes of one matrix for all vectors; where a joint has hundreds of DOFs fewer vectors are taken.
+        Bytes of one matrix for all vectors, which limits the number of vectors for joints with hundreds of DOFs.
     """
 
     random: int = 1000
@@ -79,7 +79,7 @@ class JointSpecimen(Specimen):
 
     @cached_property
     def corners(self) -> NDArray[np.float64]:
-        """Parameter vectors (n, n_params): the corners of the ranges, the lowest and the highest among them."""
+        """Parameter vectors (n, n_params): corners of the ranges, including the lowest and the highest."""
         count, most = len(self.component.parameters), max(2, min(SETTINGS.corners, int(0.2 * self._most)))
         if 2**count <= most:
             return self.vectors(np.array(list(itertools.product((0.0, 1.0), repeat=count))))
@@ -105,34 +105,34 @@ class JointSpecimen(Specimen):
         return theta
 
     def some(self, count: int) -> NDArray[np.float64]:
-        """Return up to `count` of the vectors: the middle, others from all over the ranges, and as many corners."""
+        """Return up to `count` of the vectors: the middle and others within the ranges, and as many corners."""
         corners = self.corners[np.linspace(0, len(self.corners) - 1, min(count // 2, len(self.corners))).astype(int)]
         return np.concatenate([self.inner[: count - len(corners)], corners])
 
     @cached_property
     def matrices(self) -> StructuralMatrices:
-        """What the joint answers to `theta`, in arrays that nobody else holds."""
+        """Copies of the joint's matrices for `theta`."""
         answer = self.component.matrices(self.theta.copy())
         return StructuralMatrices(*(np.array(getattr(answer, part)) for part in "MKCD"))
 
     def stiffness(self, frequency: NDArray[np.float64], theta: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the dynamic stiffness (n, n_freq, d, d) in an array that nobody else holds."""
+        """Return a copy of the dynamic stiffness (n, n_freq, d, d)."""
         return np.array(self.component.dynamic_stiffness(frequency.copy(), theta.copy()))
 
     def shown(self, vector: NDArray[np.float64]) -> str:
-        """Write a parameter vector out for a message."""
+        """Return a parameter vector as text for a message."""
         pairs = zip(self.component.parameters, vector, strict=True)
         values = [(f"{parameter.name} = {value:.4g}", parameter.unit) for parameter, value in pairs]
         return ", ".join(value if unit == "1" else f"{value} {unit}" for value, unit in values)
 
     @property
     def lines(self) -> NDArray[np.float64]:
-        """Where it is asked [Hz]."""
+        """Lines [Hz] at which it is evaluated."""
         return WIDE
 
     @property
     def own_law(self) -> bool:
-        """Whether it gives its dynamic stiffness itself."""
+        """Whether it defines its dynamic stiffness itself."""
         return self.model.dynamic_stiffness is not JointModel.dynamic_stiffness  # type: ignore[attr-defined]
 
 
@@ -144,12 +144,12 @@ class SubstructureSpecimen(Specimen):
 
     @cached_property
     def matrices(self) -> StructuralMatrices | SparseMatrices | None:
-        """What it answers."""
+        """Its matrices."""
         return self.component.matrices()
 
     @cached_property
     def dofs(self) -> list[int]:
-        """A few of the nodes' DOFs that take part, ends and middle of the list."""
+        """A few active DOFs of the nodes, evenly spaced in their list."""
         taking_part = np.arange(2 * len(self.component.nodes))
         if self.matrices is not None:
             parts = (dense(getattr(self.matrices, name)) for name in "MKCD")
@@ -160,12 +160,12 @@ class SubstructureSpecimen(Specimen):
 
     @property
     def lines(self) -> NDArray[np.float64]:
-        """Where it is asked [Hz]: from 1 Hz to 20 kHz, or, where it is known by FRFs only, what they must cover."""
+        """Lines [Hz] at which it is evaluated: 1 Hz to 20 kHz or, if known by FRFs only, those that it must cover."""
         return FREQUENCY if self.matrices is None else WIDE
 
     @cached_property
     def receptance(self) -> NDArray[np.complex128]:
-        """(n_freq, n, n) between `dofs` at `lines`, in an array that nobody else holds."""
+        """Copy of the receptance (n_freq, n, n) between `dofs` at `lines`."""
         return np.array(self.component.receptance(self.lines.copy(), list(self.dofs)))
 
 
@@ -175,7 +175,7 @@ def dense(matrix: Any) -> NDArray[np.float64]:
 
 
 def specimen_of(model: type[Component], options: Mapping[str, Any]) -> Specimen:
-    """Make a component from options as a description has them."""
+    """Construct a component from options as in a description."""
     component = model(model.Config.model_validate(dict(options)))
     kinds = {
         "joint": JointSpecimen,

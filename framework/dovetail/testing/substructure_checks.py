@@ -1,4 +1,4 @@
-"""Checks of substructures: nodes, matrices, and receptance by physics and against the matrices."""
+"""Checks of substructures: nodes, matrices, the physics of the receptance, and its agreement with the matrices."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _ROUNDING = 1e-9
 _SOLVED = 1e-6
 _FACTORS = (2, 4)
 _TOLERANCE = 1e-3
-"""Error of a condensation that a measured FRF would show."""
+"""Error of a condensation that would be visible in a measured FRF."""
 _NEIGHBOURS = (0.99, 1.0, 1.02)
-"""Values of an option, over its own, whose matrices are asked for at once; their differences if its own is 0."""
+"""Values of an option in a batch of matrices, relative to its value; their differences from the first if that is 0."""
 _ORDER = 64.0
-"""By how much an error shrinks at most when a mesh is made twice as fine: order six; more is another part."""
+"""Largest reduction of an error with a mesh twice as fine, that of order six; with more it is a different part."""
 
 
 def check_nodes_are_distinct(specimen: SubstructureSpecimen) -> None:
-    """There are nodes, with labels of their own and positions, by which a description names them."""
+    """There is at least one node, and nodes have different labels and finite positions."""
     nodes = specimen.component.nodes
     if not isinstance(nodes, tuple) or not nodes or not all(isinstance(node, Node) for node in nodes):
         raise Nonconformity(f"nodes is {nodes!r:.60}.", "Return a tuple of dovetail.Node, one at least.")
@@ -42,7 +42,7 @@ def check_nodes_are_distinct(specimen: SubstructureSpecimen) -> None:
 
 
 def check_matrices_have_the_shape_of_the_nodes(specimen: SubstructureSpecimen) -> None:
-    """`matrices` returns matrices over the DOFs x and rz of every node, and inner ones behind them, or None."""
+    """`matrices` returns finite matrices of the DOFs x and rz of all nodes, followed by inner DOFs, or None."""
     matrices, least = specimen.matrices, len(DIRECTIONS) * len(specimen.component.nodes)
     if matrices is None:
         return
@@ -72,7 +72,7 @@ def check_every_node_and_dof_is_used(specimen: SubstructureSpecimen) -> None:
 
 
 def check_absent_dofs_and_tolerance_are_in_range(specimen: SubstructureSpecimen) -> None:
-    """`absent_dofs` is a set of DOFs that no matrix has, `condensation_tolerance` a small number."""
+    """`absent_dofs` is a set of DOFs, empty for a part with matrices; `condensation_tolerance` is a small number."""
     absent, count = specimen.component.absent_dofs, len(DIRECTIONS) * len(specimen.component.nodes)
     if not isinstance(absent, frozenset) or not all(isinstance(dof, int) and 0 <= dof < count for dof in absent):
         problem = f"absent_dofs is {absent!r:.60}, and the nodes have {count} DOFs."
@@ -87,7 +87,7 @@ def check_absent_dofs_and_tolerance_are_in_range(specimen: SubstructureSpecimen)
 
 
 def check_outline_is_sections_in_order(specimen: SubstructureSpecimen) -> None:
-    """`outline` is start, stop, outer and inner diameter of sections, one behind the other; or nothing."""
+    """`outline` has start, stop, outer and inner diameter of consecutive sections, or is empty."""
     outline = specimen.component.outline
     try:
         start, stop, outer, inner = np.reshape(np.asarray(outline, dtype=np.float64), (-1, 4)).T
@@ -116,7 +116,7 @@ def check_receptance_has_its_shape(specimen: SubstructureSpecimen) -> str:
 
 
 def check_mass_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None:
-    """No motion has negative kinetic energy, and what has rotary inertia has mass."""
+    """The mass matrix is symmetric and positive semi-definite, and a part with rotary inertia has mass."""
     _check_semidefinite(specimen, "M")
     outer = np.diag(dense(_matrices(specimen).M))[: len(DIRECTIONS) * len(specimen.component.nodes)]
     if (outer[1::2] > 0).any() and not (outer[0::2] > 0).any():
@@ -124,18 +124,18 @@ def check_mass_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None
 
 
 def check_stiffness_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None:
-    """No motion gives energy back."""
+    """The stiffness matrix is symmetric and positive semi-definite: no motion has negative strain energy."""
     _check_semidefinite(specimen, "K")
 
 
 def check_damping_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> None:
-    """No motion is fed with energy."""
+    """Damping matrices are symmetric and positive semi-definite: no motion gains energy."""
     _check_semidefinite(specimen, "C")
     _check_semidefinite(specimen, "D")
 
 
 def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
-    """A free part moves, and turns where its nodes turn, without effort; one that says `held` does not."""
+    """Rigid-body motion of a free part needs no effort, unlike that of a part that is `held`."""
     K = dense(_matrices(specimen).K)
     _moving(specimen)
     motions = {"displaced": np.tile([1.0, 0.0], len(specimen.component.nodes))}
@@ -154,7 +154,7 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
 
 
 def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
-    """The motion at i by a force at j is that at j by a force at i."""
+    """The motion at i per force at j equals the motion at j per force at i."""
     _moving(specimen)
     if _scaled_asymmetry(specimen.receptance) > _SOLVED:
         raise Nonconformity(
@@ -163,7 +163,7 @@ def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
 
 
 def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
-    """Whatever the forces, they put energy in: the imaginary part of the receptance is nowhere positive."""
+    """No forces take energy out of the part: the imaginary part of the receptance is negative semi-definite."""
     _moving(specimen)
     for line, H in zip(specimen.lines, specimen.receptance, strict=True):
         scale = 1.0 / np.sqrt(np.abs(np.diag(H)))
@@ -177,7 +177,7 @@ def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
 
 
 def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
-    """`receptance` is the inverse of the dynamic stiffness that `matrices` gives."""
+    """`receptance` is the inverse of the dynamic stiffness from `matrices`."""
     matrices = _matrices(specimen)
     _moving(specimen)
     M, K, C, D = (dense(getattr(matrices, part)) for part in "MKCD")
@@ -196,7 +196,7 @@ def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
 
 
 def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> None:
-    """The receptance between some DOFs, in their order, one of them or one twice, is a part of that between all."""
+    """The receptance between any sequence of DOFs, even with repetition, is the same part of that between all."""
     _moving(specimen)
     count = len(specimen.dofs)
     for order in (np.arange(count)[::-2], np.array([count - 1]), np.array([0, count - 1, 0])):
@@ -208,7 +208,7 @@ def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> 
 
 
 def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
-    """The receptance at a line does not depend on the others of the request: one alone, unsorted or repeated."""
+    """The receptance at a line is the same alone and among others, which may be unsorted or repeated."""
     _moving(specimen)
     for order in ([1, 4, 7], [3], [6, 0, 2, 2, 5]):
         alone, whole = specimen.component.receptance(specimen.lines[order], specimen.dofs), specimen.receptance[order]
@@ -218,7 +218,7 @@ def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
 
 
 def check_dofs_and_frequencies_may_be_any_sequence(specimen: SubstructureSpecimen) -> None:
-    """DOFs may be a list, a tuple or an array; frequencies whole numbers, or an array that may not be written."""
+    """DOFs may be a list, a tuple or an array; frequencies may be integers or read-only."""
     _moving(specimen)
     whole = np.array([1500, 20, 333])
     read_only = whole.astype(np.float64)
@@ -236,7 +236,7 @@ def check_dofs_and_frequencies_may_be_any_sequence(specimen: SubstructureSpecime
 
 
 def check_refinement_converges(specimen: SubstructureSpecimen) -> None:
-    """A mesh twice and four times as fine changes the answer less and less."""
+    """The receptance converges with meshes twice and four times as fine."""
     _matrices(specimen)
     finer = [specimen.component.refined(factor) for factor in _FACTORS]
     if finer == [None, None]:
@@ -256,7 +256,7 @@ def check_refinement_converges(specimen: SubstructureSpecimen) -> None:
 
 
 def check_refinement_keeps_the_mass(specimen: SubstructureSpecimen) -> None:
-    """A finer mesh has the same ends and the same mass, but for what the mesh explains; refined twice is refined."""
+    """A finer mesh has the same ends and, up to convergence, the same mass; refining twice equals refining once."""
     _matrices(specimen)
     finer = [specimen.component.refined(factor) for factor in (1, *_FACTORS)]
     if any(part is None for part in finer):
@@ -278,7 +278,7 @@ def check_refinement_keeps_the_mass(specimen: SubstructureSpecimen) -> None:
 
 
 def check_batched_matrices_are_those_of_each_value(specimen: SubstructureSpecimen) -> None:
-    """`batched_matrices` gives the matrices of the part made with each value of its options, or None."""
+    """`batched_matrices` returns the matrices of the part constructed with each value of its options, or None."""
     part = specimen.component
     near = np.array(_NEIGHBOURS)
     numbers = {
@@ -291,7 +291,7 @@ def check_batched_matrices_are_those_of_each_value(specimen: SubstructureSpecime
 
 
 def _check_batch(part: SubstructureModel, options: Mapping[str, NDArray[np.float64]]) -> bool:
-    """Hold a batch against parts made with its values; return whether there is one."""
+    """Compare a batch with parts constructed with its values; return whether there is a batch."""
     try:
         rows = [dict(zip(options, row, strict=True)) for row in np.stack(list(options.values()), axis=1).tolist()]
         changed = [part.config.with_options(row).model_dump(by_alias=True) for row in rows]
@@ -315,14 +315,14 @@ def _check_batch(part: SubstructureModel, options: Mapping[str, NDArray[np.float
 
 
 def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:
-    """Messages name each DOF, and no two alike."""
+    """Each DOF has a different label for messages."""
     labels = [specimen.component.dof_label(dof) for dof in range(2 * len(specimen.component.nodes))]
     if len(set(labels)) < len(labels) or not all(isinstance(label, str) and label for label in labels):
         raise Nonconformity("dof_label names two DOFs alike, or not at all.", "Leave dof_label to the base class.")
 
 
 def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
-    """`frequency` and `dofs` belong to the caller."""
+    """The caller's `frequency` and `dofs` are not changed."""
     _moving(specimen)
     frequency, dofs = specimen.lines.copy(), list(specimen.dofs)
     specimen.component.receptance(frequency, dofs)
@@ -331,7 +331,7 @@ def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
 
 
 def check_answers_are_fresh(specimen: SubstructureSpecimen) -> None:
-    """Who writes into an answer does not change the next one."""
+    """Writing into a returned array does not change later results."""
     _moving(specimen)
     kept = specimen.receptance.copy()
     first = specimen.component.receptance(specimen.lines.copy(), specimen.dofs)
@@ -375,7 +375,7 @@ def _scaled_asymmetry(H: NDArray[np.complex128]) -> float:
 
 
 def _mass(part: SubstructureModel | None) -> float:
-    """Return the mass [kg] in translation, all nodes displaced alike and inner DOFs following."""
+    """Return the mass [kg] in translation, with all nodes displaced equally and inner DOFs following."""
     assert part is not None
     matrices = part.matrices()
     assert matrices is not None

@@ -1,4 +1,4 @@
-"""What a component shares with all other code of its process, and must leave as it is."""
+"""Global state of a process, which a component must not change."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ import numpy as np
 __all__ = ["Observation", "changes", "observe", "surroundings", "with_other_random_numbers"]
 
 _OPENMP = "KMP_"
-"""Beginning of the environment variables that OpenMP's libraries set when they are first imported."""
+"""Prefix of the environment variables that OpenMP's libraries set when they are first imported."""
 _OTHER_SEED = 20_011
-"""Of the global generators while a call is observed; no component has a reason to seed them with it."""
+"""Seed of the global generators while a call is observed, which no component has a reason to use."""
 _BLANKET = (None, Warning, None)
 """Message, category and module of a filter for all warnings; libraries set narrower ones when they are imported."""
 
 
 @dataclass(frozen=True)
 class Observation:
-    """What a call answered, and what it did besides.
+    """The result of a call and its side effects.
 
     Parameters
     ----------
     answer : object
     settings, generators : list of str
-        Global settings that it changed, and global random numbers that it drew from or seeded.
+        Global settings that it changed, and global random generators that it drew from or seeded.
     printed : str
-        What it wrote to the standard output.
+        Its standard output.
     """
 
     answer: Any
@@ -47,7 +47,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class _Shared:
-    """Something global: how it is read and written, and what it is while a call is observed."""
+    """A global state: how it is read and written, and its value while a call is observed."""
 
     name: str
     read: Callable[[], Any]
@@ -56,31 +56,31 @@ class _Shared:
 
 
 def surroundings() -> dict[str, bytes]:
-    """Return the state that all code of this process shares, by what it is."""
+    """Return the global state of this process by name."""
     return _state([*_settings(), *_generators()])
 
 
 def changes(before: Mapping[str, bytes], after: Mapping[str, bytes]) -> list[str]:
-    """Return what is there before and after, and differs."""
+    """Return the names of states that exist before and after, and differ."""
     return [name for name, value in before.items() if after.get(name, value) != value]
 
 
 def with_other_random_numbers(call: Callable[[], Any]) -> Any:
-    """Call a function where the global generators have another seed, and put them back then."""
+    """Call a function with another seed of the global generators, and restore them afterwards."""
     with _watched(_generators()):
         return call()
 
 
 def observe(call: Callable[[], Any], *, environment: Mapping[str, str] | None = None) -> Observation:
-    """Call a function where global settings and random numbers are not those it may have left; put these back then.
+    """Call a function with other global settings and random numbers than it may have left; restore them afterwards.
 
-    The number of torch's threads is another one too, and with it perhaps the last bits of the answer.
+    The number of torch's threads is different too, and with it perhaps the last bits of the result.
 
     Parameters
     ----------
     call : callable
     environment : mapping, optional
-        Environment variables that there were before the first such call, so that what it sets then is seen again.
+        Environment variables before the first such call; others are removed, so that setting them is detected again.
     """
     printed = io.StringIO()
     with (
@@ -94,7 +94,7 @@ def observe(call: Callable[[], Any], *, environment: Mapping[str, str] | None = 
 
 @contextlib.contextmanager
 def _watched(shared: list[_Shared]) -> Iterator[list[str]]:
-    """Yield a list that holds the names of what was changed, once the block has ended."""
+    """Yield a list that contains the names of changed states once the block has ended."""
     callers = [entry.read() for entry in shared]
     changed: list[str] = []
     try:

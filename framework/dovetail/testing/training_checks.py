@@ -1,4 +1,4 @@
-"""Checks of how a regressor trains: its progress, its epochs, and that it can be stopped."""
+"""Checks of the training of a regressor: its progress reports, its epochs, and that it can be stopped."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NOT_A_LOSS = re.compile(r"\b(nan|inf|infinity)\b", re.IGNORECASE)
 
 
 def check_progress_is_reported_in_order(specimen: RegressorSpecimen) -> None:
-    """What `fit` and `fit_epochs` say of their progress goes up, not beyond the total, and names only finite losses."""
+    """The progress of `fit` and `fit_epochs` increases, up to the total at most, and its notes have finite losses."""
     reported: list[tuple[Any, ...]] = []
 
     def listen(stage: str, done: int, total: int, note: str = "") -> None:
@@ -43,7 +43,7 @@ def check_progress_is_reported_in_order(specimen: RegressorSpecimen) -> None:
 
 
 def check_epochs_can_be_learnt_from(specimen: RegressorSpecimen) -> None:
-    """`fit_epochs`, for robust training, returns a fitted regressor that has learnt every target."""
+    """`fit_epochs`, for robust training, returns a fitted regressor that has learnt all targets."""
     fitted = specimen.epochs.fitted
     if not isinstance(fitted, FittedRegressor):
         problem = f"fit_epochs returned {type(fitted).__name__}."
@@ -52,7 +52,7 @@ def check_epochs_can_be_learnt_from(specimen: RegressorSpecimen) -> None:
 
 
 def check_epochs_are_counted_from_zero(specimen: RegressorSpecimen) -> None:
-    """`fit_epochs` asks for the epochs 0, 1, 2 and so on, by int, more than one, and leaves none out."""
+    """`fit_epochs` requests at least two epochs, numbered 0, 1, 2 and so on by int, without gaps."""
     numbers = specimen.epochs.numbers
     if any(type(number) is not int for number in numbers) or sorted(set(numbers)) != list(range(max(numbers) + 1)):
         listed = ", ".join(str(number) for number in numbers[:8])
@@ -62,7 +62,7 @@ def check_epochs_are_counted_from_zero(specimen: RegressorSpecimen) -> None:
 
 
 def check_every_epoch_counts(specimen: RegressorSpecimen) -> None:
-    """Where later epochs are others, so is what was learnt: with one noise only it would be learnt by heart."""
+    """Other later epochs give another fit; with the noise of one epoch only, it would be learnt by heart."""
     _require_own_epochs(specimen)
     repeated = specimen.ask(specimen.fit_epochs(repeated=True).fitted, specimen.unseen.features)
     if np.array_equal(repeated, specimen.ask(specimen.epochs.fitted, specimen.unseen.features)):
@@ -71,7 +71,7 @@ def check_every_epoch_counts(specimen: RegressorSpecimen) -> None:
 
 
 def check_the_same_epochs_give_the_same_fit(specimen: RegressorSpecimen) -> None:
-    """`fit_epochs` with the same seed and epochs answers the same, and leaves all that is global as it was."""
+    """`fit_epochs` with the same seed and epochs gives the same fit, and does not change global state."""
     _require_own_epochs(specimen)
     observation = observe(lambda: specimen.fit_epochs().fitted, environment=specimen.environment)
     features = specimen.unseen.features
@@ -82,13 +82,13 @@ def check_the_same_epochs_give_the_same_fit(specimen: RegressorSpecimen) -> None
 
 
 def check_epochs_are_left_unchanged(specimen: RegressorSpecimen) -> None:
-    """The arrays of an epoch belong to the caller."""
+    """The arrays of an epoch are not changed."""
     if specimen.epochs.changed:
         raise Nonconformity("it changed the arrays of an epoch.", "Compute with copies.")
 
 
 def check_training_can_be_stopped(specimen: RegressorSpecimen) -> None:
-    """Ctrl-C while it reports its progress or asks for an epoch ends the training, and leaves settings as they were."""
+    """Ctrl-C during a progress report or the request of an epoch ends the training and leaves settings unchanged."""
     samples = specimen.training.copy()
 
     def fit(press: _CtrlC) -> None:
@@ -110,7 +110,7 @@ def check_training_can_be_stopped(specimen: RegressorSpecimen) -> None:
 
 
 class _CtrlC:
-    """What is pressed by whoever calls it."""
+    """A callable that raises KeyboardInterrupt, as pressing Ctrl-C does."""
 
     def __init__(self) -> None:
         self.times = 0
@@ -120,7 +120,7 @@ class _CtrlC:
         raise KeyboardInterrupt
 
     def ends(self, call: Callable[[_CtrlC], None]) -> bool:
-        """Return whether a call ends by it; one that never presses does not."""
+        """Return whether it ends a call; a call that never uses it returns normally."""
         try:
             call(self)
         except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""Samples to which the kit fits reducers and regressors."""
+"""Training samples with which the kit fits reducers and regressors."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ __all__ = ["TrainingSet", "fit", "frf_samples", "regression_samples"]
 _FIRST_LINE, _LAST_LINE = 50.0, 1000.0
 """Hz."""
 _LINES = 120
-"""That a regressor is told of."""
+"""Number of lines in a regressor's context."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """Features, and the targets that they come from.
+    """Features, and the targets from which they were computed.
 
     Parameters
     ----------
@@ -33,16 +33,16 @@ class TrainingSet:
     targets: NDArray[np.float64]
 
     def copy(self) -> TrainingSet:
-        """Return the same numbers in new, writeable arrays in C's order."""
+        """Return the same numbers in new, writeable arrays in C order."""
         return TrainingSet(np.array(self.features, order="C"), np.array(self.targets, order="C"))
 
     def scaled(self, factor: float) -> TrainingSet:
-        """Return features of `factor` times the size."""
+        """Return the samples with features multiplied by `factor`."""
         return TrainingSet(np.asarray(factor * self.features, dtype=np.float32), self.targets.copy())
 
 
 def frf_samples(samples: int, *, lines: int, seed: int) -> TrainingSet:
-    """Return features as a reducer gets them: log10(A + 1) of an oscillator with other frequency and damping in each.
+    """Return features as a reducer gets them: log10(A + 1) of oscillators with random frequency and damping.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def frf_samples(samples: int, *, lines: int, seed: int) -> TrainingSet:
 
 
 def fit(component: Any, samples: TrainingSet, seed: int) -> Any:
-    """Fit a reducer or a regressor, which is told what the samples are of if it asks."""
+    """Fit a reducer or a regressor, with the context of the samples if it takes one."""
     is_reducer = component.kind == "reducer"
     lines = samples.features.shape[1] if is_reducer else _LINES
     names = tuple(f"unknown{number}" for number in range(samples.targets.shape[1]))
@@ -74,7 +74,7 @@ def regression_samples(samples: int, *, features: int, targets: int, seed: int) 
     ----------
     samples, features, targets : int
     seed : int
-        Of the targets; the functions are always the same, so that samples of another seed test what was learnt.
+        Of the targets; the functions are always the same, so that samples with another seed test what was learnt.
     """
     unknown = np.random.default_rng(seed).random((samples, targets))
     generator = np.random.default_rng(features + 100 * targets)

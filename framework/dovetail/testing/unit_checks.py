@@ -1,4 +1,4 @@
-"""Checks of units: the same component described in other units of length, mass and time has the same physics."""
+"""Checks of units: a component described in other units of length, mass and time has the same physics."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class Settings:
     Attributes
     ----------
     factor : float
-        Of the unit of length, of mass or of time: as near to 1 that options stay within their limits.
+        Of the unit of length, of mass or of time; near 1, so that options stay within their limits.
     wrong : float
-        Difference, relative to the diagonal, that is not rounding.
+        Difference, relative to the diagonal, above which it is not due to rounding.
     vectors : int
-        Parameter vectors, from the middle of the ranges.
+        Number of parameter vectors, near the middle of the ranges.
     pure : tuple of float
-        Factors with which a parameter may enter an entry as it is, such as half of a mass on each of two nodes.
+        Factors with which a parameter may directly be an entry, such as half of a mass on each of two nodes.
     """
 
     factor: float = 1.07
@@ -43,12 +43,12 @@ class Settings:
 
 SETTINGS = Settings()
 _ENTRY = {"M": "kg", "K": "N/m", "C": "N s/m", "D": "N/m"}
-"""Unit between two displacements; each rotation multiplies it with a length."""
+"""Unit of an entry between two displacements; each rotation multiplies it by a length."""
 _DIMENSIONS = ("length", "mass", "time")
 
 
 def check_units_agree_with_the_matrices(specimen: Specimen) -> None:
-    """In other units of length, mass and time, options and parameters give the same matrices, in those units."""
+    """In other units of length, mass and time, options and parameters give the same matrices in those units."""
     schema = option_schema(type(specimen.component.config))
     known = isinstance(specimen, JointSpecimen) and bool(specimen.component.parameters)
     broken, looked = [], False
@@ -77,7 +77,7 @@ def check_units_agree_with_the_matrices(specimen: Specimen) -> None:
 
 
 def _at_the_ports(specimen: Specimen, name: str) -> NDArray[np.complex128]:
-    """Return a joint's dynamic stiffness at its ports, or a part's receptance, asked for in the changed unit."""
+    """Return a joint's dynamic stiffness at its ports, or a part's receptance, in the changed unit."""
     if isinstance(specimen, SubstructureSpecimen):
         lines = FREQUENCY * _factor("Hz", name)
         return np.array(specimen.component.receptance(lines, list(specimen.dofs)))
@@ -90,7 +90,7 @@ def _at_the_ports(specimen: Specimen, name: str) -> NDArray[np.complex128]:
 
 
 def _alike(specimen: Specimen, before: NDArray[np.complex128], after: NDArray[np.complex128], name: str) -> bool:
-    """Compare what is asked for in the changed unit with what was asked for before, converted."""
+    """Compare the result in the changed unit with the converted result in the original unit."""
     dofs = np.array(specimen.dofs if isinstance(specimen, SubstructureSpecimen) else range(before.shape[-1]))
     stiffness = _factor("N/m", name) * _factor("m", name) ** np.add.outer(dofs % 2, dofs % 2)
     converted = before * (1.0 / stiffness if isinstance(specimen, SubstructureSpecimen) else stiffness)
@@ -99,7 +99,7 @@ def _alike(specimen: Specimen, before: NDArray[np.complex128], after: NDArray[np
 
 
 def _blame_a_parameter(specimen: JointSpecimen) -> None:
-    """Look for a parameter that is an entry of a matrix, as it is or in a simple fraction, in another unit."""
+    """Look for a parameter that is an entry of a matrix, perhaps times a simple fraction, but has another unit."""
     component = specimen.component
     on_ports = component.size - component.internal_dofs
     jacobian = component.matrices_jacobian(specimen.some(2).copy())
@@ -117,7 +117,7 @@ def _blame_a_parameter(specimen: JointSpecimen) -> None:
 
 
 def _rescaled(value: Any, entry: Mapping[str, Any], definitions: Mapping[str, Any], name: str) -> Any:
-    """Return options with each number that has a unit written in the changed unit."""
+    """Return options in which all numbers with units are converted to the changed unit."""
     if "$ref" in entry:
         entry = definitions[entry["$ref"].rpartition("/")[2]]
     if "x-unit" in entry and isinstance(value, (int, float)):
@@ -135,5 +135,5 @@ def _rescaled(value: Any, entry: Mapping[str, Any], definitions: Mapping[str, An
 
 
 def _factor(unit: str, name: str) -> float:
-    """Return by what a number in a unit is multiplied in the changed unit of length, mass or time."""
+    """Return the factor of a number with a unit when the unit of length, mass or time is changed."""
     return float(SETTINGS.factor ** dimension(unit)[1].get(name, 0.0))
