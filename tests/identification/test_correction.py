@@ -15,7 +15,7 @@ import dovetail
 from dovetail.errors import BundleError, ParameterError, PluginError
 from dovetail.evaluation.robustness import variant
 from dovetail.identification.network.correction import (
-    Linearisation,
+    GaussNewtonFeatures,
     _over_bands,
     correction_states,
     restore_corrections,
@@ -54,11 +54,11 @@ def model():
 
 def linearised(assembly):
     ends = assembly.from_unit(np.array([[0.0, 0.0], [1.0, 1.0]]))
-    return Linearisation.of(assembly, TargetScaling.fit(ends, assembly.parameters))
+    return GaussNewtonFeatures.of(assembly, TargetScaling.fit(ends, assembly.parameters))
 
 
 @pytest.fixture(scope="module")
-def linearisation():
+def gauss_newton():
     return linearised(block())
 
 
@@ -68,33 +68,33 @@ def answers(quantiles, deviation, draws=400):
     return dovetail.TargetDistribution(ndtr(quantiles[:, np.newaxis] + spread))
 
 
-def corrected(linearisation, truth, first, deviation, noise=0.0, rng=None):
+def corrected(gauss_newton, truth, first, deviation, noise=0.0, rng=None):
     """Return the corrected normal quantiles for the smallest and the largest caution, line by line."""
-    amplitude = linearisation.assembly.accelerance_amplitude(linearisation.targets.inverse(ndtr(truth)))
+    amplitude = gauss_newton.assembly.accelerance_amplitude(gauss_newton.targets.inverse(ndtr(truth)))
     if rng is not None:
         amplitude = amplitude * (1.0 + noise * rng.standard_normal(amplitude.shape))
-    features = linearisation(amplitude, answers(first, deviation))
+    features = gauss_newton(amplitude, answers(first, deviation))
     return features[:, :2], features[:, 3 * PER_CAUTION : 3 * PER_CAUTION + 2]
 
 
-def test_near_the_truth_one_step_reaches_it_and_caution_holds_it_back(linearisation):
+def test_near_the_truth_one_step_reaches_it_and_caution_holds_it_back(gauss_newton):
     truth = np.array([[0.3, -0.4], [-1.0, 0.8]])
     first = truth + np.array([[0.0005, -0.05], [-0.0005, 0.05]])
-    bold, cautious = corrected(linearisation, truth, first, NEAR)
+    bold, cautious = corrected(gauss_newton, truth, first, NEAR)
     away = np.abs(first - truth)
     assert np.all(np.abs(bold - truth) < 0.2 * away)
     assert np.all(np.abs(cautious - truth) < away)
     assert np.all(np.abs(cautious - truth) > np.abs(bold - truth))
 
 
-def test_averages_over_bands_lead_back_from_where_single_lines_mislead(linearisation):
+def test_averages_over_bands_lead_back_from_where_single_lines_mislead(gauss_newton):
     """From answers whose resonance lies several of its widths beside the true one."""
-    assert linearisation.bands == (64, 16)
+    assert gauss_newton.bands == (64, 16)
     rng = np.random.default_rng(6)
     truth = rng.uniform(-1.0, 1.0, (300, 2))
     first = truth + rng.standard_normal(truth.shape)
-    amplitude = linearisation.assembly.accelerance_amplitude(linearisation.targets.inverse(ndtr(truth)))
-    features = linearisation(amplitude, answers(first, 1.0))
+    amplitude = gauss_newton.assembly.accelerance_amplitude(gauss_newton.targets.inverse(ndtr(truth)))
+    features = gauss_newton(amplitude, answers(first, 1.0))
     stiffness = features[:, [(4 * kind + 1) * PER_CAUTION for kind in range(3)]]
     lines, many, few = np.sqrt(np.mean((stiffness - truth[:, :1]) ** 2, axis=0))
     assert lines > many > 1.0 > few
@@ -106,14 +106,14 @@ def test_bands_are_averages_of_as_many_lines_or_one_more():
     np.testing.assert_allclose(_over_bands(values, 3), np.stack(expected, axis=2))
 
 
-def test_with_noise_the_step_errs_as_the_fisher_information_has_it(linearisation):
+def test_with_noise_the_step_errs_as_the_fisher_information_has_it(gauss_newton):
     """From differences of the model's own FRFs, without its Jacobian."""
     rng, noise, count = np.random.default_rng(1), 0.2, 200
     truth = np.tile([[0.2, 0.1]], (count, 1))
-    bold, _ = corrected(linearisation, truth, truth + 0.01 * rng.standard_normal(truth.shape), 0.3, noise, rng)
+    bold, _ = corrected(gauss_newton, truth, truth + 0.01 * rng.standard_normal(truth.shape), 0.3, noise, rng)
 
     def logarithm(quantiles):
-        return np.log(linearisation.assembly.frf(linearisation.targets.inverse(ndtr(quantiles)))).real
+        return np.log(gauss_newton.assembly.frf(gauss_newton.targets.inverse(ndtr(quantiles)))).real
 
     step = 1e-4 * np.eye(2)
     slopes = (logarithm(truth[0] + step) - logarithm(truth[0] - step)) / 2e-4
@@ -139,36 +139,36 @@ def test_what_the_lines_tell_that_are_left_out_is_not_lost(step):
     """A step from a few of the lines is as good as one from all; without their neighbours' noise it would be worse."""
     fewer, truth = on_lines(step), np.tile([[0.2, 0.1]], (200, 1))
     errors = []
-    for linearisation in (replace(fewer, step=1), fewer):
+    for gauss_newton in (replace(fewer, step=1), fewer):
         rng = np.random.default_rng(1)
         first = truth + 0.01 * rng.standard_normal(truth.shape)
-        errors.append((corrected(linearisation, truth, first, 0.3, 0.2, rng)[0] - truth).std(axis=0))
+        errors.append((corrected(gauss_newton, truth, first, 0.3, 0.2, rng)[0] - truth).std(axis=0))
     assert np.all(errors[1] < 1.15 * errors[0])
 
 
 @pytest.mark.parametrize(("spacing", "step"), [(1, 1), (0.25, 4)])
 def test_residuals_that_are_noise_alone_are_as_large_as_it(spacing, step):
     """Their mean square over the variance is 1, or up to a third more where smoothed neighbours share lines."""
-    linearisation, truth, rng = on_lines(spacing), np.tile([[0.2, 0.1]], (100, 1)), np.random.default_rng(8)
-    assert (linearisation.step, linearisation.bands) == (step, (64, 16))
-    amplitude = linearisation.assembly.accelerance_amplitude(linearisation.targets.inverse(ndtr(truth)))
+    gauss_newton, truth, rng = on_lines(spacing), np.tile([[0.2, 0.1]], (100, 1)), np.random.default_rng(8)
+    assert (gauss_newton.step, gauss_newton.bands) == (step, (64, 16))
+    amplitude = gauss_newton.assembly.accelerance_amplitude(gauss_newton.targets.inverse(ndtr(truth)))
     amplitude = amplitude * (1.0 + 0.05 * rng.standard_normal(amplitude.shape))
-    features = linearisation(amplitude, answers(truth, 1e-5))
+    features = gauss_newton(amplitude, answers(truth, 1e-5))
     squares = np.exp(features[:, [(4 * kind + 1) * PER_CAUTION - 1 for kind in range(3)]])
     assert np.all((squares.mean(axis=0) > 0.85) & (squares.mean(axis=0) < 1.4))
 
 
-def test_each_frf_has_the_same_features_alone_and_among_others(linearisation):
+def test_each_frf_has_the_same_features_alone_and_among_others(gauss_newton):
     rng = np.random.default_rng(2)
     first = rng.standard_normal((150, 2))
-    amplitude = linearisation.assembly.accelerance_amplitude(linearisation.targets.inverse(ndtr(first + 0.1)))
-    together, chosen = linearisation(amplitude, answers(first, 0.2)), (0, 77, 149)
-    alone = [linearisation(amplitude[[number]], answers(first[[number]], 0.2))[0] for number in chosen]
+    amplitude = gauss_newton.assembly.accelerance_amplitude(gauss_newton.targets.inverse(ndtr(first + 0.1)))
+    together, chosen = gauss_newton(amplitude, answers(first, 0.2)), (0, 77, 149)
+    alone = [gauss_newton(amplitude[[number]], answers(first[[number]], 0.2))[0] for number in chosen]
     np.testing.assert_allclose(together[list(chosen)], alone, rtol=1e-4, atol=1e-5)
 
 
-def test_lines_without_any_amplitude_give_finite_features(linearisation):
-    features = linearisation(np.zeros((1, len(linearisation.assembly.frequency))), answers(np.zeros((1, 2)), 0.2))
+def test_lines_without_any_amplitude_give_finite_features(gauss_newton):
+    features = gauss_newton(np.zeros((1, len(gauss_newton.assembly.frequency))), answers(np.zeros((1, 2)), 0.2))
     assert np.isfinite(features).all()
 
 
@@ -206,17 +206,17 @@ def test_a_model_that_was_stored_before_lines_were_left_out_uses_all(model):
     assert len(old) < len(states)
     targets = model.network.target_scaling
     recipe = model.network.recipes[1]
-    restored = [one.linearisation for one in restore_corrections(old, model.assembly, targets, recipe)]
+    restored = [one.gauss_newton for one in restore_corrections(old, model.assembly, targets, recipe)]
     assert [(one.step, one.bands) for one in restored] == [(1, ()), (1, ())]
 
 
 @pytest.mark.parametrize(("step", "bands"), [(4, (64, 16)), (2, ())])
 def test_which_lines_and_bands_a_correction_looks_at_is_stored(model, step, bands):
     targets, recipe = model.network.target_scaling, model.network.recipes[1]
-    linearisation = Linearisation(model.assembly, targets, step, bands)
-    states = correction_states([replace(model.network.corrections[0], linearisation=linearisation)])
+    gauss_newton = GaussNewtonFeatures(model.assembly, targets, step, bands)
+    states = correction_states([replace(model.network.corrections[0], gauss_newton=gauss_newton)])
     (restored,) = restore_corrections(states, model.assembly, targets, recipe)
-    assert (restored.linearisation.step, restored.linearisation.bands) == (step, bands)
+    assert (restored.gauss_newton.step, restored.gauss_newton.bands) == (step, bands)
 
 
 def test_a_stored_model_without_its_corrections_is_refused(model, tmp_path):
@@ -279,9 +279,9 @@ def test_several_responses_have_their_lines_beside_each_other(spacing, step):
     whole["joints"]["strap"] = {**whole["joints"]["mount"], "connect": connected, "parameters": known}
     response = whole.pop("response")
     whole["responses"] = [response, {**response, "at": "rider", "name": "rider", "quantity": "receptance"}]
-    linearisation = linearised(dovetail.load(whole))
-    assert linearisation.step == step
+    gauss_newton = linearised(dovetail.load(whole))
+    assert gauss_newton.step == step
     truth = np.array([[0.3, -0.4]])
     first = truth + np.array([[0.0005, -0.05]])
-    bold, _ = corrected(linearisation, truth, first, NEAR)
+    bold, _ = corrected(gauss_newton, truth, first, NEAR)
     assert np.all(np.abs(bold - truth) < 0.2 * np.abs(first - truth))

@@ -29,7 +29,7 @@ from dovetail.identification.posterior.likelihood import normal_density, normal_
 from dovetail.interfaces import FittedRegressor, Regressor, State, TargetDistribution
 from dovetail.parallel import cores
 
-__all__ = ["Correction", "Linearisation", "correction_states", "restore_corrections"]
+__all__ = ["Correction", "GaussNewtonFeatures", "correction_states", "restore_corrections"]
 
 _CAUTIONS = (0.03, 0.3, 3.0, 30.0)
 """Degrees of caution: the factor of the answer's variance at a line that is added to the random error there. For an
@@ -57,8 +57,8 @@ parameters more nearly linearly than the flank of a resonance."""
 
 
 @dataclass(frozen=True, eq=False)
-class Linearisation:
-    """Makes the features of the second regressor.
+class GaussNewtonFeatures:
+    """Computes the features of the second regressor from cautious Gauss-Newton steps of the linearised model.
 
     Parameters
     ----------
@@ -76,8 +76,8 @@ class Linearisation:
     bands: tuple[int, ...] = ()
 
     @staticmethod
-    def of(assembly: Assembly, targets: TargetScaling) -> Linearisation:
-        """Return the linearisation with as few lines as the assembly's resonances allow."""
+    def of(assembly: Assembly, targets: TargetScaling) -> GaussNewtonFeatures:
+        """Return the features on as few lines as the assembly's resonances allow."""
         fraction = np.random.default_rng(0).random((_TRIALS, len(assembly.parameters)))
         logarithms = _by_response(assembly.accelerance_amplitude(assembly.from_unit(fraction)), assembly)
         peaks, lines = scipy.signal.argrelmax(logarithms, axis=-1), logarithms.shape[-1]
@@ -87,7 +87,9 @@ class Linearisation:
             return not len(bent) or bool(np.quantile(bent, 0.75) <= _BENT)
 
         step = next((step for step in _STEPS if lines >= step * _FEWEST_LINES and follows(step)), 1)
-        return Linearisation(assembly, targets, step, tuple(bands for bands in _BANDS if 2 * bands * step <= lines))
+        return GaussNewtonFeatures(
+            assembly, targets, step, tuple(bands for bands in _BANDS if 2 * bands * step <= lines)
+        )
 
     @cached_property
     def _thinned(self) -> Assembly:
@@ -228,31 +230,31 @@ def _corrections(
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """A second regressor, and how its features are made.
+    """A second regressor, and the computation of its features.
 
     Parameters
     ----------
-    linearisation : Linearisation
+    gauss_newton : GaussNewtonFeatures
     feature_scaling : ZScore
     regressor : FittedRegressor
     """
 
-    linearisation: Linearisation
+    gauss_newton: GaussNewtonFeatures
     feature_scaling: ZScore
     regressor: FittedRegressor
 
     def features(self, amplitude: NDArray[np.floating], before: TargetDistribution) -> NDArray[np.float32]:
         """Return the scaled features of FRFs (n_samples, n_responses n_freq) and the answers so far."""
-        return self.feature_scaling.transform(self.linearisation(amplitude, before))
+        return self.feature_scaling.transform(self.gauss_newton(amplitude, before))
 
 
 def correction_states(corrections: Sequence[Correction]) -> State:
     """Return the arrays and plain values of corrections as one state."""
     state: dict[str, Any] = {}
     for number, correction in enumerate(corrections):
-        linearisation = correction.linearisation
+        gauss_newton = correction.gauss_newton
         parts: dict[str, Mapping[str, Any]] = {
-            "lines": {"step": linearisation.step, "bands": np.array(linearisation.bands, dtype=int)},
+            "lines": {"step": gauss_newton.step, "bands": np.array(gauss_newton.bands, dtype=int)},
             "scaling": correction.feature_scaling.state(),
             "regressor": correction.regressor.state(),
         }
@@ -281,5 +283,5 @@ def _restored(
     stored: Mapping[str, Mapping[str, Any]], assembly: Assembly, targets: TargetScaling, recipe: Regressor
 ) -> Correction:
     step, bands = stored["lines"].get("step", 1), stored["lines"].get("bands", ())
-    linearisation = Linearisation(assembly, targets, int(step), tuple(map(int, bands)))
-    return Correction(linearisation, ZScore.restore(stored["scaling"]), recipe.restore(stored["regressor"]))
+    gauss_newton = GaussNewtonFeatures(assembly, targets, int(step), tuple(map(int, bands)))
+    return Correction(gauss_newton, ZScore.restore(stored["scaling"]), recipe.restore(stored["regressor"]))

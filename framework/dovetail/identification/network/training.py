@@ -28,7 +28,7 @@ from dovetail.identification.network.augmentation import (
     measured_noises,
 )
 from dovetail.identification.network.bundle import TrainedNetwork
-from dovetail.identification.network.correction import Correction, Linearisation
+from dovetail.identification.network.correction import Correction, GaussNewtonFeatures
 from dovetail.identification.network.network import (
     Network,
     Reduction,
@@ -284,15 +284,15 @@ def _fit_correction(
     settings, before = assembly.description.identification, len(network.corrections)
     assert settings.correction is not None
     count, rounds, recipe = settings.correction.samples, settings.correction.rounds, settings.regressor
-    linearisation, name = Linearisation.of(assembly, network.target_scaling), f"correction {before + 1} of {rounds}"
-    features, targets = [], []
+    gauss_newton = GaussNewtonFeatures.of(assembly, network.target_scaling)
+    name, features, targets = f"correction {before + 1} of {rounds}", [], []
     with timer.stage(f"FRFs of {name}"):
         for block, rows in enumerate(timer.while_there_is_time(blocks(count), rounds - before)):
             epoch = (before + 1) * _CORRECTION_EPOCH + block
             amplitude, theta = noisy.amplitudes(epoch, rows.stop - rows.start)
             told = network.tell(amplitude)
             assert told is not None  # as _check_correction has it
-            features.append(linearisation(amplitude, told))
+            features.append(gauss_newton(amplitude, told))
             targets.append(network.target_scaling.transform(theta))
             progress(f"FRFs of {name}", rows.stop, count)
 
@@ -307,7 +307,7 @@ def _fit_correction(
         context = replace(context, seconds=seconds)
         named: dict[str, Any] = {"context": context, "seed": settings.seed, "progress": of_correction}
         regressor = fit_in_context(recipe.fit, standardised, np.concatenate(targets), **named)
-        return Correction(linearisation, scaling, regressor)
+        return Correction(gauss_newton, scaling, regressor)
 
 
 def _context(
