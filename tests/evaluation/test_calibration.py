@@ -90,6 +90,7 @@ def test_a_right_posterior_holds_the_truth_as_often_as_it_says(right, cases):
 def test_one_that_is_too_sure_or_too_unsure_or_to_one_side_is_seen(sdof, spoilt, cases, wrong):
     spoilt(*WRONG[cases][wrong])
     spoilt_study = calibrate(sdof, cases=cases, samples=200, noise=0.1, workers=1)
+    assert [one.name for one in spoilt_study.parameters] == ["k", "c"]
     for one in spoilt_study.parameters:
         low, high = one.by_chance
         assert one.p_uniform < 1e-3

@@ -38,6 +38,7 @@ def test_the_default_method_has_intervals(result):
 
 def test_the_table_holds_estimate_interval_and_best_fit(result):
     posterior = result.posterior
+    assert len(result.table) == len(TRUTH)
     for column, (name, row) in enumerate(zip(result.parameters, result.table, strict=True)):
         assert row.estimate == posterior.estimate[column] != result.theta[column] == row.best_fit
         assert (row.interval_low, row.interval_high) == posterior.interval()[name]
@@ -47,12 +48,14 @@ def test_the_table_holds_estimate_interval_and_best_fit(result):
 
 def test_without_a_posterior_the_estimate_is_the_fit(sdof):
     result = dovetail.identify(sdof, measured(sdof, TRUTH, "first.csv"), "refined")
+    assert len(result.table) == len(TRUTH)
     for row, value in zip(result.table, result.theta.tolist(), strict=True):
         assert (row.estimate, row.best_fit, row.interval_low, row.verdict) == (value, None, None, "")
 
 
 def test_of_what_is_not_believed_no_interval_is_in_the_table(result):
     doubtful = replace(result, adequacy=dovetail.Adequacy("does not fit"))
+    assert len(doubtful.table) == len(TRUTH)
     for row in doubtful.table:
         assert (row.interval_low, row.interval_high, row.believable) == (None, None, False)
         assert row.verdict == "not believed"

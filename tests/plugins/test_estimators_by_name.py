@@ -136,6 +136,7 @@ def test_sparse_matrices_within_a_transformer_are_refused_when_it_is_fitted():
 def test_a_state_without_its_arrays_is_refused():
     fitted = regressor("Ridge").fit(FEATURES, TARGETS, seed=0)
     state = dict(fitted.state())
+    assert state
     for missing in state:
         with pytest.raises(dovetail.DovetailError, match=r"regressor 'sklearn' \(Ridge\)"):
             regressor("Ridge").restore({key: value for key, value in state.items() if key != missing})

@@ -146,6 +146,7 @@ print(*{{"torch", "umap", "numba", "sklearn"}} & set(sys.modules))
 
     def test_a_state_that_lacks_something_is_refused(self, case):
         recipe, fitted = case
+        assert fitted.state()
         for missing in fitted.state():
             state = {key: value for key, value in fitted.state().items() if key != missing}
             with pytest.raises(dovetail.DovetailError, match=f"{recipe.name}"):
