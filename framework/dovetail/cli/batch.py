@@ -26,12 +26,12 @@ _PAGE = "summary.html"
 
 
 def is_batch(measured: Sequence[Path], responses: int) -> bool:
-    """Return whether files are a measurement each: several of an assembly with one response, or a folder."""
+    """Return whether each file is a separate measurement: several of an assembly with one response, or a folder."""
     return any(path.is_dir() for path in measured) or (responses == 1 and len(measured) > 1)
 
 
 def check_batch(truth: Path | None, output: Path | None, *selected: Sequence[object] | None) -> None:
-    """Make sure, before any work, that a batch can be identified and written."""
+    """Check, before any work, that a batch can be identified and written."""
     from dovetail.cli.result_files import prepare_folder
 
     if truth is not None:
@@ -55,7 +55,7 @@ def identify_batch(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Identify the joint from each file, print and write all results, and end with 1 if a file failed."""
+    """Identify the joint from each file, print and write all results, and exit with 1 if a file failed."""
     from dovetail import Batch, DovetailError, identify_many
     from dovetail.cli.result_files import writing
 
@@ -81,7 +81,7 @@ def identify_batch(
 
 
 def _files(measured: Sequence[Path], plugins: Sequence[Path]) -> list[Path]:
-    """Return the files, and those in folders whose suffix is one of an FRF, in alphabetical order."""
+    """Return the files and, in alphabetical order, those in folders that have the suffix of an FRF."""
     from dovetail.errors import Fault, MeasurementError, listing
     from dovetail.measurement import frf_suffixes
 
@@ -96,7 +96,7 @@ def _files(measured: Sequence[Path], plugins: Sequence[Path]) -> list[Path]:
 
 
 def _summary(batch: Batch) -> list[dict[str, Any]]:
-    """Return a row for each result: how well the model fits, and how many parameters it tells."""
+    """Return a row for each result: how well the model fits, and how many parameters are identified."""
     rows = []
     for name, result in batch.results.items():
         verdicts = [row.verdict for row in result.table if not row.follows]
@@ -161,7 +161,7 @@ def _write(batch: Batch, assembly: Assembly, folder: Path) -> None:
 
 
 def _stems(names: Sequence[str]) -> list[str]:
-    """Return a name of a file for each measurement, whatever it is called, none of them that of the page of all."""
+    """Return a safe and unique file name for each measurement, different from that of the batch's page."""
     taken_by_page = Path(_PAGE).stem
     stems: list[str] = []
     for name in names:

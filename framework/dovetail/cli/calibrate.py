@@ -1,4 +1,4 @@
-"""``dovetail calibrate``: coverage and ranks of the posterior where the truth is known."""
+"""``dovetail calibrate``: coverage and ranks of the posterior for simulated measurements with known truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``dovetail check``: what an assembly is made of, before any work is done with it."""
+"""``dovetail check``: the contents of a description, before any work is done with it."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def check(
 
 
 _NORMAL = {"linear": "normal", "log": "log-normal"}
-"""What is said of a normal prior in place of the scale."""
+"""Words for a normal prior, shown instead of the scale."""
 
 
 def _summary(assembly: Assembly) -> dict[str, Any]:
@@ -110,7 +110,7 @@ def _place(assembly: Assembly, place: Place) -> dict[str, Any]:
 
 
 def _fixed(assembly: Assembly) -> list[dict[str, Any]]:
-    """Return the known parameters; a sign that is to be told from the measurement is none."""
+    """Return the known parameters, without a sign that the measurement determines."""
     return [
         {"name": f"{joint}.{parameter.name}", "value": entry.fixed[parameter.name], "unit": parameter.unit}
         for joint, entry in assembly.description.entries.items()
@@ -165,7 +165,7 @@ def _print_dofs(summary: dict[str, Any]) -> None:
 
 
 def _positions(part: dict[str, Any]) -> str:
-    """Write positions [mm], each run of even steps as ``first to last by step``; labels where positions repeat."""
+    """Write positions [mm], evenly spaced ones as ``first to last by step``; labels if positions repeat."""
     positions = [node["position"] * 1e3 for node in part["nodes"]]
     if len(set(positions)) < len(positions):
         return f"by label: {listing(node['label'] for node in part['nodes'])}"

@@ -1,4 +1,4 @@
-"""``dovetail check-plugin``: whether a model does what its contract says."""
+"""``dovetail check-plugin``: whether a model fulfils its contract."""
 
 from __future__ import annotations
 

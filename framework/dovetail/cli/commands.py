@@ -1,4 +1,4 @@
-"""How a command reports an error: the message and the exit code."""
+"""Messages and exit codes of commands."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ __all__ = [
 ]
 
 _HELP_LENGTH = 90
-"""Characters of the sentence that says what a command is for."""
+"""Largest number of characters of the sentence that describes a command."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in the shell."""
 
 NOT_BELIEVED = 3
-"""Exit code after work that is done, and whose result is not to be believed."""
+"""Exit code after work that was done, with a result that is not to be believed."""
 
 
 class Believable(Protocol):
@@ -45,19 +45,19 @@ class Believable(Protocol):
 
     @property
     def caveat(self) -> str:
-        """What must be said of it."""
+        """Warning that must accompany the result; empty if there is none."""
 
 
 class Commands(TyperGroup):
-    """The group of all commands: a fault is printed in one block, without a traceback."""
+    """The group of all commands, which prints faults as one block of text, without a traceback."""
 
     def make_context(self, *arguments: Any, **options: Any) -> Any:
-        """Read the words before the command."""
+        """Parse the options before the command."""
         with _shown_not_obeyed():
             return super().make_context(*arguments, **options)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command, which takes -q and -v as the group does."""
+        """Return a command, which also accepts -q and -v."""
         command = super().get_command(ctx, cmd_name)
         if command is not None:
             own = {option.name for option in command.params}
@@ -65,7 +65,7 @@ class Commands(TyperGroup):
         return command
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """List the commands by what they are for, each with the first sentence of its help."""
+        """List the commands by purpose, each with the first sentence of its help."""
         groups: dict[str, list[tuple[str, str]]] = {}
         for name in self.list_commands(ctx):
             command: Any = self.get_command(ctx, name)
@@ -76,7 +76,7 @@ class Commands(TyperGroup):
                 formatter.write_dl(rows)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command and turn what it raises into a message and an exit code."""
+        """Run a command, and convert exceptions to a message and an exit code."""
         try:
             with _shown_not_obeyed(), waiting():
                 return super().invoke(ctx)
@@ -95,7 +95,7 @@ class Commands(TyperGroup):
 
 @contextmanager
 def _shown_not_obeyed() -> Iterator[None]:
-    """Escape control characters in messages about a wrong command line, whose words may be names of files."""
+    """Escape control characters in messages about a wrong command line, which may contain names of files."""
     try:
         yield
     except Exception as error:
@@ -112,7 +112,7 @@ def say_caveat(result: Believable) -> None:
 
 
 def exit_unless_believable(result: Believable) -> None:
-    """Say the caveat of a result on stderr, and end the command with exit code 3 if it is not to be believed."""
+    """Print the caveat of a result on stderr, and exit with code 3, if it is not to be believed."""
     if result.caveat:
         tell(f"Warning: {result.caveat}")
     if not result.believable:
@@ -120,7 +120,7 @@ def exit_unless_believable(result: Believable) -> None:
 
 
 def report_bug(error: Exception) -> None:
-    """Print where an unexpected exception was raised, and that it is a bug."""
+    """Report an unexpected exception as a bug, and where it was raised."""
     from dovetail.version import __version__
 
     trace = error.__traceback__

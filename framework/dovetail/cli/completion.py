@@ -1,4 +1,4 @@
-"""What the shell completes: names of models, methods and parameters, and files."""
+"""Completion in the shell: names of models, methods and parameters, and files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["complete_files", "complete_methods", "complete_models", "complete_pa
 
 
 def complete_files(incomplete: str) -> list[str]:
-    """Return folders and files whose paths begin so; hidden ones only if asked for."""
+    """Return folders and files whose paths begin with a text; hidden ones only if it begins with a dot."""
     folder = incomplete.rpartition("/")[0]
     begun = incomplete.rpartition("/")[2]
     place = Path(folder or ("/" if incomplete.startswith("/") else "."))
@@ -23,7 +23,7 @@ def complete_files(incomplete: str) -> list[str]:
 
 
 def complete_methods(incomplete: str) -> list[str]:
-    """Return the methods of identification that begin so."""
+    """Return the methods of identification that begin with a text."""
     from dovetail.identification.methods import METHODS
     from dovetail.registry import components
 
@@ -31,7 +31,7 @@ def complete_methods(incomplete: str) -> list[str]:
 
 
 def complete_models(incomplete: str) -> list[str]:
-    """Return the models at hand that begin so."""
+    """Return the available models that begin with a text."""
     from dovetail.interfaces import KINDS
     from dovetail.registry import components
 
@@ -40,10 +40,10 @@ def complete_models(incomplete: str) -> list[str]:
 
 
 def complete_parameters(incomplete: str) -> list[str]:
-    """Return ``name=`` for the parameters of the description that stands before on the command line.
+    """Return ``name=`` for the parameters of the description that precedes on the command line.
 
-    An option without its value leaves the command line unread, so that the description is looked for among the words
-    that the shell gives.
+    An option without its value prevents parsing of the command line, so that the description is searched for among its
+    words.
     """
     from dovetail import DovetailError, load
 

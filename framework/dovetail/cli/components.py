@@ -1,4 +1,4 @@
-"""``dovetail plugins`` and ``dovetail describe``: what models there are, and what one takes."""
+"""``dovetail plugins`` and ``dovetail describe``: the available models, and the options of one."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _offers_named(registry: Registry, name: str) -> tuple[Offer, ...]:
 
 
 def _plain(entry: dict[str, Any]) -> dict[str, Any]:
-    """Return a description of a model as values fit for JSON."""
+    """Return a description of a model as plain values for JSON."""
     listed = {name: entry[name] for name in ("parameters", "ports") if entry.get(name) is not None}
     return {**entry, **{name: [asdict(item) for item in items] for name, items in listed.items()}}
 

@@ -116,7 +116,7 @@ def _dofs_of(text: str | None) -> tuple[str, str] | None:
 
 
 def describe_frf(frf: Frf) -> str:
-    """Return lines, quantity and what else is known of an FRF in one sentence."""
+    """Return one sentence with the lines, the quantity and other properties of an FRF."""
     known = [
         f"{frf.frequency.size} lines from {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz",
         frf.quantity,

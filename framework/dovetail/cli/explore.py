@@ -1,4 +1,4 @@
-"""``dovetail explore``: a page with a slider for each parameter, whose FRF follows."""
+"""``dovetail explore``: a page with a slider for each parameter, which shows the FRF."""
 
 from __future__ import annotations
 

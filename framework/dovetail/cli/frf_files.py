@@ -1,4 +1,4 @@
-"""FRFs to the files that the user names; the suffix says the format."""
+"""Files for FRFs that the user names; the suffix determines the format."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ FrfFiles = Annotated[
 
 
 def check_frf_files(files: Sequence[Path], overwrite: bool) -> None:
-    """Make sure, before any work, that FRFs can be written to `files`."""
+    """Check, before any work, that FRFs can be written to `files`."""
     check_new_files(files, _SUFFIXES, overwrite)
 
 
 def write_frf_files(
     frf: Frf, files: Sequence[Path], natural: Sequence[float], texts: Mapping[Path, str], *, overwrite: bool
 ) -> None:
-    """Write an FRF to each of `files`, and other files with it; folders that are missing are made.
+    """Write an FRF to each of `files`, together with other files; missing folders are created.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def write_frf_files(
     natural : sequence of float
         Natural frequencies [Hz] to mark in figures.
     texts : mapping of Path to str
-        The other files. They appear when all are written.
+        The other files; all files appear together.
     overwrite : bool
     """
     from dovetail.atomic_files import new_files

@@ -102,7 +102,7 @@ def _shard(text: str) -> tuple[int, int]:
 
 
 def _advise(assembly: Path, output: Path, chosen: Mapping[str, object], plugin: list[Path]) -> None:
-    """Say what is there after an interruption, and how to go on."""
+    """Print what exists after an interruption, and how to continue."""
     if not output.exists():
         tell("\nInterrupted before the first sample; nothing was written.")
         return

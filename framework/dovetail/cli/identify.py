@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 __all__ = ["identify"]
 
 _STARTED = ("refined", "posterior")
-"""Methods in which a network's answer is a start."""
+"""Methods that start from a network's answer."""
 _WORDS = ("unit", "verdict", "range")
-"""Columns of the table of parameters that are not numbers, beside the first."""
+"""Columns of the table of parameters, in addition to the first, that are not numbers."""
 
 
 def identify(
@@ -222,7 +222,7 @@ def _model(
     *,
     retrain: bool,
 ) -> Identifier | None:
-    """Return the network that takes part: the one that is given, is trained because it is wanted, or was kept."""
+    """Return the network to use: a given one, one trained on request, or a cached one."""
     from dovetail.cli.model_cache import kept_model, trained_model
 
     if wanted is False:
@@ -263,7 +263,7 @@ def _check(
     truth: Path | None,
     output: Path | None,
 ) -> None:
-    """Look at everything that could be wrong before any work."""
+    """Check everything that could be wrong, before any work."""
     from dovetail.cli.result_files import prepare_folder
     from dovetail.identification.fitting.observations import MeasuredLines
     from dovetail.report.truth import read_truth
@@ -337,7 +337,7 @@ def _print_of_modes(result: ModalIdentification, truth: Truth | None) -> None:
 def _print_parameters(
     result: Identification | ModalIdentification, rows: list[ParameterRow], *, with_truth: bool
 ) -> None:
-    """Print the one table, what its columns are, and why a parameter is not identified."""
+    """Print the table of parameters, the meaning of its columns, and why parameters are not identified."""
     from dovetail.identification.posterior import NOT_BELIEVED
     from dovetail.report.content import columns_sentence, posterior_sentence, truth_sentence
 

@@ -1,4 +1,4 @@
-"""``dovetail merge``: one dataset of its shards."""
+"""``dovetail merge``: one dataset from its shards."""
 
 from __future__ import annotations
 

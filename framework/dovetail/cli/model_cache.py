@@ -1,4 +1,4 @@
-"""Models trained before, kept in the user's cache folder under what they were trained from."""
+"""Trained models in the user's cache folder, named by a hash of what they were trained from."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ VARIABLE = "DOVETAIL_CACHE_DIR"
 
 
 def cache_folder() -> Path:
-    """Return the folder in which models are kept."""
+    """Return the folder of the cache."""
     from platformdirs import user_cache_dir
 
     return Path(os.environ.get(VARIABLE) or user_cache_dir("dovetail")) / "models"
 
 
 def kept_model(assembly: Assembly, plugins: Sequence[Path]) -> Identifier | None:
-    """Return the model that was trained before from the same description, or None."""
+    """Return the cached model of the same description, or None."""
     return _kept(cache_folder() / _key(assembly, plugins), plugins, "it is left out")
 
 
 def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool) -> Identifier:
-    """Return a model of an assembly: the one trained before from the same description, or a fresh one.
+    """Return a model of an assembly: the cached one of the same description, or a newly trained one.
 
     Parameters
     ----------
     assembly : Assembly
     plugins : sequence of Path
-        The plugin files that its components come from.
+        The plugin files with its components.
     retrain : bool
-        Train even if there is a model.
+        Train even if there is a cached model.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def trained_model(assembly: Assembly, plugins: Sequence[Path], *, retrain: bool)
 
 
 def _kept(folder: Path, plugins: Sequence[Path], otherwise: str) -> Identifier | None:
-    """Return the model that is kept in a folder, or None if there is none that can be used."""
+    """Return the cached model in a folder, or None if there is none that can be used."""
     from dovetail import load_model
     from dovetail.errors import BundleError
 
@@ -104,7 +104,7 @@ def _key(assembly: Assembly, plugins: Sequence[Path]) -> str:
 
 
 def _keep(model: Identifier, folder: Path) -> None:
-    """Save a model for the next time, or say why it cannot be kept."""
+    """Save a model in the cache, or print why that is impossible."""
     from dovetail.errors import BundleError
 
     try:

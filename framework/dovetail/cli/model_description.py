@@ -14,7 +14,7 @@ from dovetail.units import format_quantity
 __all__ = ["describe_offer"]
 
 _DEEPEST = 8
-"""Options nested deeper than this are not listed; a Config that holds itself has no end."""
+"""Largest depth of options that are listed; a Config that contains itself has no end."""
 
 
 def describe_offer(offer: Offer) -> dict[str, Any]:
@@ -27,13 +27,13 @@ def describe_offer(offer: Offer) -> dict[str, Any]:
     Returns
     -------
     dict
-        Plain values, and the joint's ``parameters`` and ``ports`` as they are, None where they depend on options that
-        have no default; ``valid_for`` says for which options they hold if that is not all.
+        Plain values, and the joint's ``parameters`` and ``ports`` themselves, or None if they depend on options without
+        a default; ``valid_for`` states the options for which they are valid, if not for all.
 
     Raises
     ------
     PluginError
-        The joint's parameters or ports are not what they must be.
+        The joint's parameters or ports are invalid.
     """
     component = offer.component
     described: dict[str, Any] = {
@@ -52,7 +52,7 @@ def describe_offer(offer: Offer) -> dict[str, Any]:
 
 
 def _check(offer: Offer, joint: Mapping[str, Any]) -> None:
-    """Refuse to describe what the joint has declared wrongly."""
+    """Raise an error if the declarations of a joint are invalid."""
     faults = []
     for name, faults_of in (("parameters", parameter_faults), ("ports", port_faults)):
         if joint[name] is not None:
@@ -77,7 +77,7 @@ def _joint(model: type[JointModel]) -> dict[str, Any]:
 
 
 def _class_attribute(model: type[JointModel], name: str) -> Any:
-    """Return what holds for every Config, or None where it is computed."""
+    """Return an attribute that is the same for every Config, or None if it is computed."""
     value = inspect.getattr_static(model, name)
     return value if isinstance(value, tuple) else None
 
@@ -126,7 +126,7 @@ def _resolved(entry: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mappi
 
 
 def _without_null(entry: Mapping[str, Any]) -> tuple[Mapping[str, Any], bool]:
-    """Return an entry without the alternative of leaving it empty, and whether it had one."""
+    """Return an entry without the alternative null, and whether it had this alternative."""
     choices = entry.get("anyOf", ())
     filled = [choice for choice in choices if choice.get("type") != "null"]
     if len(filled) == len(choices):
@@ -154,7 +154,7 @@ def _type_text(entry: Mapping[str, Any]) -> str:
 
 
 def _bounds(entry: Mapping[str, Any]) -> str:
-    """Write bounds as ``> 0`` or, where there are two, as the interval ``[0, 0.5)``."""
+    """Write bounds as ``> 0`` or, if there are two, as the interval ``[0, 0.5)``."""
     low, high = entry.get("exclusiveMinimum", entry.get("minimum")), entry.get("exclusiveMaximum", entry.get("maximum"))
     open_low, open_high = "exclusiveMinimum" in entry, "exclusiveMaximum" in entry
     if low is not None and high is not None:

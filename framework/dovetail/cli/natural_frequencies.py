@@ -1,4 +1,4 @@
-"""Natural frequencies as the commands show them: those within the assembly's frequencies."""
+"""Natural frequencies within the assembly's band, as commands show them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MOST = 10
 
 
 def natural_frequencies(assembly: Assembly, theta: Theta = None) -> tuple[list[float], str]:
-    """Return the natural frequencies [Hz] that commands show, and why there are none if so."""
+    """Return the natural frequencies [Hz] that commands show, and the reason if there are none."""
     from dovetail.assembly import natural_in_band
 
     natural, reason = natural_in_band(assembly, theta, count=_MOST)

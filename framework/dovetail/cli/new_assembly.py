@@ -38,9 +38,9 @@ _PARTS = "shaft: 160 mm x 20 mm of steel", "hub: 80 mm x 50 mm x 20 mm of steel"
 _PART = re.compile(r"(\w+) *: *([^x]+) x ([^x]+?)(?: x ([^x]+?))? of (\w+)")
 _BAND = re.compile(r"(.+?) to (.+)")
 _SPACING = 10e-3
-"""Between the nodes of a contact [m], for a joint that has no option `length`."""
+"""Distance of the nodes of a contact [m], for a joint without an option `length`."""
 _ELEMENTS = 12.0
-"""To a bending wave, at the end of the band: twice as many as are needed."""
+"""Number of elements in a bending wavelength at the end of the band, twice as many as are needed."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class _Part:
     material: str
 
     def section(self, length: float, highest: float, least: int) -> str:
-        """Return a length of the part, with elements for bending waves up to a frequency [Hz]."""
+        """Return the section of a length of the part, with elements for bending waves up to a frequency [Hz]."""
         young, density, _ = _MATERIALS[self.material]
         gyration = math.hypot(self.outer, self.inner) / 4.0
         wave = math.sqrt(2.0 * math.pi * gyration / highest * math.sqrt(1e9 * young / density))
@@ -131,7 +131,7 @@ def _ask(question: str, example: str) -> str:
 
 
 def _two_sided(registry: Registry) -> dict[str, tuple[JointModel, dict[str, Any]]]:
-    """Return the joints of two ports with the options of their first example, the simplest first."""
+    """Return the joints with two ports, the simplest first, with the options of their first example."""
     joints = {}
     for offer in registry.offers("joint"):
         model: Any = offer.component
@@ -180,7 +180,7 @@ def _description(
     position: str,
     quantity: str,
 ) -> str:
-    """Return the text: the first part ends in the contact, the second begins with it."""
+    """Return the text of the description; the first part ends with the contact, and the second begins with it."""
     ends = _BAND.fullmatch(band)
     if ends is None:
         raise typer.BadParameter(f"'{band}' is not such as '100 Hz to 5 kHz'.", param_hint="--band")
@@ -224,7 +224,7 @@ def _description(
 
 
 def _parameters(joint: JointModel) -> Iterator[str]:
-    """Yield a line for each parameter with its range, and what it is."""
+    """Yield a line for each parameter with its range and its description."""
     for parameter in joint.parameters:
         unit = "" if parameter.unit == "1" else f" {parameter.unit}"
         ends = f"{parameter.lower:g}{unit}, {parameter.upper:g}{unit}"

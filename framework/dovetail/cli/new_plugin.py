@@ -23,7 +23,7 @@ _COMMON = {
     "test_conformance.py": "tests/test_conformance.py",
 }
 _OWN = {"py": "src/$package/$kind.py", "yaml": "example.yaml", "test.py": "tests/test_example.py"}
-"""Files of each kind's own, by what follows the kind in the name of the template."""
+"""Files of each kind, by the text after the kind in the name of the template."""
 
 
 def new_plugin(
@@ -49,7 +49,7 @@ def new_plugin(
 
 
 def _words(kind: str, wanted: str) -> dict[str, str]:
-    """Return what the templates' places are filled with."""
+    """Return the values for the placeholders of the templates."""
     import dovetail
     from dovetail.errors import Fault, PluginError
     from dovetail.registry import installed_components
@@ -79,7 +79,7 @@ def _words(kind: str, wanted: str) -> dict[str, str]:
 
 
 def _write(folder: Path, words: dict[str, str]) -> list[str]:
-    """Write the package, whole or not at all, and return the names of its files."""
+    """Write the package atomically, and return the names of its files."""
     from importlib.resources import files
 
     from dovetail.atomic_files import new_folder

@@ -1,4 +1,4 @@
-"""Options that several commands share, and how their values are read."""
+"""Options that several commands share, and the parsing of their values."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _Choice = TypeVar("_Choice", bound=str)
 
 
 def _with_global(context: typer.Context, value: list[Path] | None) -> list[Path]:
-    """Prepend the plugin files that are given before the command to those after it."""
+    """Prepend the plugin files given before the command to those after it."""
     return [*(context.obj or ()), *(value or ())]
 
 
@@ -77,12 +77,12 @@ Scheduler = Annotated[
 
 
 def at_point(assembly: Assembly, number: int) -> Assembly:
-    """Return the assembly with one of its responses alone.
+    """Return the assembly with only one of its responses.
 
     Raises
     ------
     typer.BadParameter
-        There are fewer.
+        There are fewer responses.
     """
     labels = assembly.description.response_labels
     if number > len(labels):
@@ -92,7 +92,7 @@ def at_point(assembly: Assembly, number: int) -> Assembly:
 
 
 def quantity_in(unit: str) -> Callable[[str], float]:
-    """Return a parser of quantities with a unit, such as ``"1.2 g"``, that gives SI values."""
+    """Return a parser that converts quantities with a unit, such as ``"1.2 g"``, to SI values."""
 
     def parse(text: str) -> float:
         from dovetail.errors import UnitError
@@ -107,7 +107,7 @@ def quantity_in(unit: str) -> Callable[[str], float]:
 
 
 def note_doubts(assembly: Assembly) -> None:
-    """Say on stderr, before long work, what looks wrong in a description."""
+    """Print on stderr, before long work, what looks wrong in a description."""
     from dovetail.assembly import find_doubts
 
     for doubt in find_doubts(assembly):
@@ -115,7 +115,7 @@ def note_doubts(assembly: Assembly) -> None:
 
 
 def assembly_or_model(source: Path, plugins: Sequence[Path] | None) -> tuple[Assembly, Identifier | None]:
-    """Read a trained model, which is a folder, or a description, of which what looks wrong is told."""
+    """Read a trained model (a folder) or a description, and print what looks wrong in the latter."""
     import dovetail
 
     if not source.is_dir():
@@ -132,7 +132,7 @@ def one_of(choices: Iterable[_Choice], text: str, option: str) -> _Choice:
     Raises
     ------
     typer.BadParameter
-        None is called so.
+        There is no such choice.
     """
     known = {choice: choice for choice in choices}
     if text not in known:
@@ -141,7 +141,7 @@ def one_of(choices: Iterable[_Choice], text: str, option: str) -> _Choice:
 
 
 def part(text: str) -> float:
-    """Parse a part of one, from 0: ``"0.01"`` or ``"1%"``."""
+    """Parse a fraction of 0 or more: ``"0.01"`` or ``"1%"``."""
     number = str(text).strip()
     try:
         value = float(number.removesuffix("%")) / (100.0 if number.endswith("%") else 1.0)
@@ -155,7 +155,7 @@ def part(text: str) -> float:
 def chosen_method(
     method: str | None, plugins: Sequence[Path] | None, assembly: Assembly | None = None, options: Iterable[str] = ()
 ) -> str | IdentificationMethod:
-    """Return the method of identification that is meant, which has these options.
+    """Return the chosen method of identification, which must have these options.
 
     Raises
     ------
@@ -179,13 +179,13 @@ def chosen_method(
 
 
 def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: bool) -> None:
-    """Make sure, before any work, that files can be written.
+    """Check, before any work, that files can be written.
 
     Parameters
     ----------
     files : iterable of Path
     suffixes : iterable of str
-        Those that are accepted.
+        Accepted suffixes.
     overwrite : bool
 
     Raises
@@ -193,7 +193,7 @@ def check_new_files(files: Iterable[Path], suffixes: Iterable[str], overwrite: b
     typer.BadParameter
         A suffix is not accepted.
     DovetailError
-        A file is there already, or its folder cannot be written.
+        A file already exists, or its folder cannot be written.
     """
     from dovetail.atomic_files import check_room
     from dovetail.errors import DovetailError, Fault, listing

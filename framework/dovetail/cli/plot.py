@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["plot", "write_figure", "write_figures"]
 
 _PEAKS = 6
-"""Resonances of an FRF that are listed."""
+"""Largest number of resonances of an FRF that are listed."""
 
 
 def plot(
@@ -109,7 +109,7 @@ def _row(summary: dict[str, Any]) -> list[str]:
 
 
 def write_figures(frfs: list[Frf], files: list[Path], *, overwrite: bool) -> None:
-    """Draw FRFs over each other, and write the figure in the format that each file's suffix names."""
+    """Draw FRFs in one figure, and write it in the format given by each file's suffix."""
     if files:
         from dovetail.report.figures import measured_figure
 
@@ -117,7 +117,7 @@ def write_figures(frfs: list[Frf], files: list[Path], *, overwrite: bool) -> Non
 
 
 def write_figure(figure: Figure, files: list[Path], title: str = "", *, overwrite: bool) -> None:
-    """Write a figure in the format that each file's suffix names; a screen reader reads its title."""
+    """Write a figure in the format given by each file's suffix, with a title for screen readers."""
     from dovetail.atomic_files import write_whole
     from dovetail.report.svg import figure_bytes
 

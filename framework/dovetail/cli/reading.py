@@ -1,4 +1,4 @@
-"""Options that say what a measured file holds, and which of its FRFs is wanted."""
+"""Options for reading measured files: their contents, and the choice of an FRF."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ __all__ = [
 
 _Given = TypeVar("_Given")
 _HEAVY = 0.1
-"""Mass [kg] of an accelerometer above which a number without a unit was meant in grams."""
+"""Mass [kg] of an accelerometer above which a number without a unit was probably meant in grams."""
 
 QuantityOfFile = Annotated[
     str | None,
@@ -89,7 +89,7 @@ Reader = Annotated[
 
 
 def _accelerometer_mass(text: str) -> float:
-    """Return a mass in kg; a number alone must be as small as those of accelerometers are in kg."""
+    """Return a mass in kg; a number without a unit must be as small as the mass of an accelerometer in kg."""
     mass = quantity_in("kg")(text)
     if mass > _HEAVY and text.strip()[-1:] in "0123456789.":
         raise typer.BadParameter(f"'{text}' without a unit is {mass:g} kg. Write the unit, such as '1.2 g'.")
@@ -117,13 +117,13 @@ def measured_reader(
     plugins: Sequence[Path] | None,
     accelerometer_mass: float = 0.0,
 ) -> Callable[..., Frf]:
-    """Return what reads one measured FRF from a file with these options, and with others of `read_frf`."""
+    """Return a function that reads one measured FRF from a file with these and further options of `read_frf`."""
     options = reading_options(quantity, unit, names, columns, reader, plugins, accelerometer_mass)
     return partial(_read_measured, **options)
 
 
 def _read_measured(file: Path, **options: Any) -> Frf:
-    """Read one measured FRF; what its columns were taken for and what `read_frf` warns of are notes."""
+    """Read one measured FRF; the meaning of its columns and the warnings of `read_frf` are printed as notes."""
     import dovetail
 
     with warnings.catch_warnings(record=True) as caught:
@@ -145,7 +145,7 @@ def reading_options(
     plugins: Sequence[Path] | None,
     accelerometer_mass: float = 0.0,
 ) -> dict[str, Any]:
-    """Return the options of `read_frf` that were given, for files that are read one after the other."""
+    """Return the options of `read_frf` that were given, for several files."""
     options = {
         "quantity": quantity,
         "unit": unit,
@@ -165,13 +165,13 @@ def read_selected(
     response: Sequence[str] | None,
     force: Sequence[str] | None,
 ) -> list[Frf]:
-    """Read the FRFs that files and options select, as `selections` says, each by `read`."""
+    """Read the FRFs that files and options select according to `selections`, each with `read`."""
     chosen = selections(files, index or [], response or [], force or [])
     return [read(file, index=number, response=to, force=from_) for file, number, to, from_ in chosen]
 
 
 def columns_of(text: str | None) -> tuple[str, ...]:
-    """Return the columns that an option names, with commas between them."""
+    """Return the columns that an option names, separated by commas."""
     return tuple(name.strip() for name in text.split(",")) if text else ()
 
 
@@ -184,7 +184,7 @@ def selections(
     ----------
     files : sequence of Path
     index, response, force : sequences
-        What stands once goes for all FRFs; what stands several times, as the files do, for one after the other.
+        A single value applies to all FRFs; several values, like the files, apply to one FRF each.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def names_of(texts: Sequence[str]) -> dict[str, str]:
     Raises
     ------
     typer.BadParameter
-        Not PART=NAME, or a part twice.
+        Not PART=NAME, or a repeated part.
     """
     names: dict[str, str] = {}
     for text in texts:

@@ -1,4 +1,4 @@
-"""The files of an identification, all in the folder that the user names."""
+"""The files of an identification in the user's output folder."""
 
 from __future__ import annotations
 
@@ -33,28 +33,28 @@ __all__ = [
 ]
 
 MANIFEST = "SHA256SUMS"
-"""Names every file of a run with its hash, as ``sha256sum --check`` reads it."""
+"""File with the names and hashes of all files of a run, for ``sha256sum --check``."""
 _RESULT = "result.json"
 MODAL_FILES = (_RESULT, "parameters.csv", "modes.csv")
-"""Of an identification from modal parameters, which has no FRF and no report."""
+"""Files of an identification from modal parameters, which has no FRF and no report."""
 _FILES = ("report.html", _RESULT, "parameters.csv", "frf.csv", "frf.png")
 
 
 def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RESULT) -> None:
-    """Make sure, before any work, that results can be written to a folder.
+    """Check, before any work, that results can be written to a folder.
 
     Parameters
     ----------
     folder : Path
     files : sequence of str
-        Names of what will be written.
+        Names of the files to write.
     mark : str
-        Which of them shows that those that are there are results of an earlier run, which may be replaced.
+        The file that identifies existing files as results of an earlier run, which may be replaced.
 
     Raises
     ------
     DovetailError
-        The folder is a file, cannot be written, or holds files of these names that are no results.
+        The folder is a file, cannot be written, or contains files of these names that are not results.
     """
     from dovetail.atomic_files import check_room
     from dovetail.errors import DovetailError, Fault, listing
@@ -71,22 +71,22 @@ def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RES
 
 @contextmanager
 def writing(folder: Path | None, write: Callable[[Path], None], mark: str = _RESULT) -> Iterator[None]:
-    """Write the files of a run to a folder, print what the block prints, and then say what was written, or why not.
+    """Write the files of a run to a folder; after the output of the block, print what was written, or why not.
 
     Parameters
     ----------
     folder : Path or None
-        Where the files appear, all at once and with a manifest. Files of an earlier run that nobody has changed go;
-        whatever else is in `folder` stays.
+        The files appear there all at once, with a manifest. Unchanged files of an earlier run are removed; all other
+        files in `folder` are kept.
     write : callable
-        Writes them to the folder that it is given.
+        Writes the files to the folder that is its argument.
     mark : str
-        As `prepare_folder` has it.
+        As in `prepare_folder`.
 
     Raises
     ------
     FileError
-        They cannot be written. The block has run all the same.
+        They cannot be written; the block has run nevertheless.
     """
     from dovetail.atomic_files import new_folder
     from dovetail.cli.terminal import note
@@ -106,7 +106,7 @@ def writing(folder: Path | None, write: Callable[[Path], None], mark: str = _RES
 
 
 def _unchanged(folder: Path) -> set[str]:
-    """Return the names of the files that an earlier run has written and that are still as it wrote them."""
+    """Return the names of files from an earlier run that have not been changed since."""
     listed: dict[str, str] = {}
     with suppress(OSError, ValueError):
         for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
@@ -129,7 +129,7 @@ def write_results(result: Identification, folder: Path, truth: Truth | None, ass
     result : Identification
     folder : Path
     truth : Truth or None
-        Shown beside what was identified.
+        Shown beside the identified values.
     assembly : Assembly, optional
         Drawn in the report.
     """
@@ -161,7 +161,7 @@ def write_modal_results(result: ModalIdentification, folder: Path, truth: Truth 
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write files of these names and contents to a folder, with the same line ends on every system."""
+    """Write files, given by name and content, to a folder, with the same line ends on every system."""
     for name, text in texts.items():
         (folder / name).write_bytes(text.encode("utf-8", "replace"))
 
@@ -198,7 +198,7 @@ def json_text(value: Any) -> str:
 
 
 def caveat_comment(caveat: str) -> str:
-    """Return the comment line of a table of lines of an FRF, as `write_frf` writes it; nothing without a caveat."""
+    """Return a caveat as a comment line for a table of FRF lines, as `write_frf` writes it; empty without a caveat."""
     return f"# note: {csv_comment(caveat)}\n" if caveat else ""
 
 

@@ -1,4 +1,4 @@
-"""``dovetail robustness``: how the network's accuracy falls with noise, reducer by reducer."""
+"""``dovetail robustness``: how the accuracy of networks with different reducers falls with noise."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def robustness(
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row with None for what is not a number."""
+    """Return a row with None for NaN and infinite values."""
     return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}
 
 

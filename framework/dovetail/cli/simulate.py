@@ -92,7 +92,7 @@ def simulate(
 
 
 def _truth(assembly: Assembly, theta: dict[str, float], natural: list[float], noise: float) -> str:
-    """Return the file that `read_truth` reads."""
+    """Return the content of a file for `read_truth`."""
     content = {
         "synthetic": True,
         "note": f"Simulated from {assembly.name}, noise {noise:g}.",
@@ -115,7 +115,7 @@ def _settings(texts: list[str]) -> dict[str, str]:
 
 
 def _theta(assembly: Assembly, chosen: dict[str, str]) -> dict[str, float]:
-    """Return SI values of all parameters by name: those chosen, and the middle of the range for the others."""
+    """Return SI values of all parameters by name: the chosen ones, and the middle of the range for others."""
     names = [parameter.name for parameter in assembly.parameters]
     return dict(zip(names, assembly.vector(chosen).tolist(), strict=True))
 

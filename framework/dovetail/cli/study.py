@@ -1,4 +1,4 @@
-"""``dovetail study``: which settings of the training give the least error."""
+"""``dovetail study``: the settings of the training with the least error."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _print(done: Study) -> None:
 
 
 def _write(done: Study, description: Path, folder: Path) -> list[str]:
-    """Write tables, figures and the best description, each whole; return their names."""
+    """Write tables, figures and the best description, each atomically; return their names."""
     from dovetail.atomic_files import write_whole
     from dovetail.cli.result_files import csv_text, json_text
     from dovetail.report.figures import png_bytes

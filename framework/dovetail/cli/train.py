@@ -62,7 +62,7 @@ def train(
 
 
 def _save(model: Identifier, folder: Path) -> None:
-    """Save a model; where that fails, save it among the system's temporary files, and say so."""
+    """Save a model; if that fails, save it among the system's temporary files, and say so."""
     import tempfile
 
     from dovetail.errors import BundleError
@@ -77,7 +77,7 @@ def _save(model: Identifier, folder: Path) -> None:
 
 
 def evaluation_as_dict(evaluation: Evaluation) -> dict[str, object]:
-    """Return an evaluation with its mean R2, fit for JSON."""
+    """Return an evaluation with its mean R2 as plain values for JSON."""
     mean = evaluation.mean_r2
     return {**evaluation.to_dict(), "mean_r2": mean if mean == mean else None}
 

@@ -1,4 +1,4 @@
-"""``dovetail validate``: measured resonances beside what models predict."""
+"""``dovetail validate``: comparison of measured and predicted resonances."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def validate(
 
 
 def _method(name: str | IdentificationMethod, plugins: list[Path]) -> str | IdentificationMethod | Identify:
-    """Return how joints are identified: by the method of this name, the network by the model of each assembly."""
+    """Return the method that identifies joints; 'network' becomes a function that uses the model of each assembly."""
 
     def by_network(assembly: Assembly, measured: Frf) -> Identification:
         from dovetail.cli.model_cache import trained_model
@@ -105,7 +105,7 @@ def _rows(done: Validation) -> Iterator[list[str]]:
 
 
 def _markdown(done: Validation) -> str:
-    """Return the table for a page of documentation; without the last column where no joint was identified."""
+    """Return the table for a page of documentation, without the last column if no joint was identified."""
     rows = list(_rows(done))
     width = len(_HEADERS) if any(row[-1] for row in rows) else len(_HEADERS) - 1
     rule = ["---", *["---:"] * 5, "---"][:width]
