@@ -1,4 +1,4 @@
-"""The components that ship with Dovetail, registered by the same hook as any plugin's."""
+"""The built-in components of Dovetail, registered by the same hook as those of any plugin."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def dovetail_components() -> list[type[dovetail.Component]]:
 
 @dovetail.hookimpl
 def dovetail_defaults() -> dict[str, Any]:
-    """Return what ``defaults.yaml`` says."""
+    """Return the contents of ``defaults.yaml``."""
     text = (files("dovetail_plugins") / "defaults.yaml").read_text(encoding="utf-8")
     defaults: dict[str, Any] = yaml.safe_load(text)
     return defaults

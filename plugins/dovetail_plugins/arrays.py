@@ -1,4 +1,4 @@
-"""Checks of the arrays that reducers and regressors take, and of those in their states."""
+"""Checks of the input arrays of reducers and regressors, and of the arrays in their states."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ __all__ = ["checked_rows", "state_array", "state_number"]
 
 
 def checked_rows(values: ArrayLike, owner: str, *, width: int | None = None) -> NDArray[Any]:
-    """Return `values` as a finite two-dimensional array in C's order.
+    """Return `values` as a finite two-dimensional array in C order.
 
     Parameters
     ----------
     values : (n_samples, n_columns) array_like
     owner : str
-        Who asks, for the message.
+        Name of the component, for messages.
     width : int, optional
-        The number of columns that is wanted.
+        Required number of columns.
 
     Raises
     ------
     DovetailError
-        It is not a table of numbers, has no row, another width, or a value that is not finite.
+        It is not a table of numbers, has no rows, another width, or a value that is not finite.
     """
     rows = np.asarray(values, order="C")  # the order of a sum, and with it the last bits, depends on the layout
     wanted = f"(n_samples, {'n_columns' if width is None else width})"
@@ -51,9 +51,9 @@ def state_array(state: State, key: str, owner: str, shape: tuple[int | None, ...
     state : mapping
     key : str
     owner : str
-        Who asks, for the message.
+        Name of the component, for messages.
     shape : tuple of int or None
-        The wanted shape; None leaves a length open.
+        Required shape; None allows any length.
 
     Raises
     ------

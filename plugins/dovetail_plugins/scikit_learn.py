@@ -1,7 +1,7 @@
-"""Estimators of scikit-learn by their names, and their state as arrays.
+"""Estimators of scikit-learn by name, and their state as arrays.
 
-Only scikit-learn's own estimators can be named, options are plain values, and a state holds arrays and plain values.
-So neither a description nor a model's folder can run code by it.
+Only scikit-learn's estimators can be named, options are plain values, and a state consists of arrays and plain values.
+Therefore neither a description nor a model's folder can run code in this way.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dovetail_plugins.arrays import checked_rows, state_number
 __all__ = ["KeptEstimator", "Plain", "estimator_class", "new_estimator"]
 
 Plain = bool | int | float | str | None | list[bool | int | float | str | None]
-"""What an option may be."""
+"""Types of options."""
 
 _OF_THE_DESCRIPTION = {"random_state": "the description's seed is used", "memory": "nothing is kept on disk"}
 _TRUSTING = frozenset((
@@ -33,16 +33,16 @@ _TRUSTING = frozenset((
     *("KNeighborsTransformer", "RadiusNeighborsRegressor", "RadiusNeighborsClassifier", "RadiusNeighborsTransformer"),
     *("LocalOutlierFactor", "Isomap", "LocallyLinearEmbedding"),
 ))  # fmt: skip
-"""Estimators whose native code, on a state that was changed, reads outside of its arrays or divides by zero."""
+"""Estimators whose native code reads outside of its arrays, or divides by zero, if the state was manipulated."""
 _LIBSVM = ("SVR", "NuSVR")
-"""These too, but what their states must be is known."""
+"""Such estimators whose states can be checked."""
 _LOST = object()
 _STRUCTURE = "structure"
 
 
 @cache
 def _exported() -> dict[str, type]:
-    """Return the estimators of scikit-learn by their names."""
+    """Return the estimators of scikit-learn by name."""
     from sklearn.utils import all_estimators
 
     return {name: entry for name, entry in all_estimators() if name not in _TRUSTING}
@@ -55,12 +55,12 @@ def estimator_class(name: str, method: str) -> Any:
     ----------
     name : str
     method : str
-        What it must be able to do: ``"transform"`` or ``"predict"``.
+        Required method: ``"transform"`` or ``"predict"``.
 
     Raises
     ------
     ValueError
-        scikit-learn has no such class, or it cannot do that.
+        scikit-learn has no such class, or it lacks the method.
     """
     fitting = {word: entry for word, entry in _exported().items() if _can(entry, method)}
     if name in fitting:
@@ -73,12 +73,12 @@ def estimator_class(name: str, method: str) -> Any:
 
 
 def new_estimator(model: Any, options: Mapping[str, Any], seed: int | None = None) -> Any:
-    """Return an estimator that is not yet fitted.
+    """Return an estimator before fitting.
 
     Raises
     ------
     ValueError
-        An option is not in the signature, is not the user's to choose, or has a value that the estimator refuses.
+        An option is not in the signature, must not be set, or has a value that the estimator refuses.
     """
     accepted = [name for name in inspect.signature(model).parameters if name not in _OF_THE_DESCRIPTION]
     for name in options:
@@ -98,19 +98,19 @@ def new_estimator(model: Any, options: Mapping[str, Any], seed: int | None = Non
 
 
 class KeptEstimator:
-    """A fitted estimator that is rebuilt from its state, even right after it was fitted.
+    """A fitted estimator, which is always rebuilt from its state, even directly after fitting.
 
     Parameters
     ----------
     state : mapping
-        Arrays and plain values, as `fitted` gives them.
+        Arrays and plain values, as `fitted` returns them.
     owner : str
-        How messages name it.
+        Name in messages.
 
     Raises
     ------
     DovetailError
-        The state is not one, or names a class that scikit-learn does not export.
+        The state is invalid, or names a class that scikit-learn does not export.
     """
 
     def __init__(self, state: State, owner: str) -> None:
@@ -130,12 +130,12 @@ class KeptEstimator:
     def fitted(
         cls, estimator: Any, rows: NDArray[Any], *targets: NDArray[Any], method: str, owner: str
     ) -> KeptEstimator:
-        """Fit an estimator, in double precision, and keep what it fitted.
+        """Fit an estimator, in double precision, and store its state.
 
         Raises
         ------
         DovetailError
-            It cannot be fitted to these samples, or answers differently when it is rebuilt from its state.
+            It cannot be fitted to these samples, or gives other results after rebuilding it from its state.
         """
         samples = rows.astype(np.float64)
         try:
@@ -158,7 +158,7 @@ class KeptEstimator:
         return kept
 
     def answer(self, features: NDArray[Any], method: str) -> NDArray[np.float64]:
-        """Return the answers of a method to features (n_samples, n_features), a row for each."""
+        """Return the result of a method for features (n_samples, n_features), with a row for each sample."""
         rows = checked_rows(features, self._owner, width=self._width).astype(np.float64)
         with _in_this_process():
             return _rows(getattr(self._estimator, method)(rows), len(rows))
@@ -216,7 +216,7 @@ def _tuple(value: Any) -> Any:
 
 
 def _encode(value: Any, arrays: dict[str, Any], lost: list[str], place: str) -> Any:
-    """Return a value as something that JSON holds, its arrays put aside; `_LOST` where that cannot be."""
+    """Return a value in a form for JSON, with its arrays moved to `arrays`; `_LOST` if that is impossible."""
     if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "biuf":
         key = f"array{len(arrays)}"
         arrays[key] = np.array(value)
@@ -270,7 +270,7 @@ def _decode(node: Any, arrays: Mapping[str, Any]) -> Any:
 
 
 def _check_libsvm(estimator: Any) -> None:
-    """Raise a ValueError where a state is not what fitting makes: libsvm reads as many numbers as it says there are."""
+    """Raise a ValueError for a state that fitting cannot produce, since libsvm trusts the sizes stated in it."""
     with _own_random_numbers():  # libsvm draws one, whatever it is for
         held, fitted = vars(estimator), vars(type(estimator)().fit([[0.0], [1.0]], [0.0, 1.0]))
     count, width = held["support_vectors_"].shape

@@ -1,6 +1,6 @@
 """The planar Timoshenko beam element: material, cross-sections, element matrices.
 
-Axis along s, displacement x across it, rotation rz positive where it raises x with s (rz = dx/ds in pure bending).
+The axis is s, x the displacement perpendicular to it, and rz the rotation, with rz = dx/ds in pure bending.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["CrossSection", "Material", "chain", "circle", "element_matrices", "r
 
 
 _NUMBERS = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
-"""Of the entries of a symmetric matrix in its upper rows."""
+"""Index of each entry of a symmetric matrix among those of its upper triangle, row by row."""
 
 
 class Material(ComponentConfig):
@@ -43,7 +43,7 @@ class Material(ComponentConfig):
 
 
 def shear_coefficient(ratio: ArrayLike, poisson: ArrayLike) -> NDArray[np.float64]:
-    """Cowper's shear coefficient of a solid or hollow circle.
+    """Return Cowper's shear coefficient of a solid or hollow circle.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def shear_coefficient(ratio: ArrayLike, poisson: ArrayLike) -> NDArray[np.float6
 
 @dataclass(frozen=True, eq=False)
 class CrossSection:
-    """What bending and shear need of a cross-section; arrays are a batch.
+    """Properties of a cross-section for bending and shear; arrays form a batch.
 
     Parameters
     ----------
@@ -81,14 +81,14 @@ class CrossSection:
 
 
 def circle(outer: ArrayLike, inner: ArrayLike, poisson: float) -> CrossSection:
-    """Return a solid or hollow circle by its diameters [m]."""
+    """Return a solid or hollow circle with given diameters [m]."""
     do, di = np.asarray(outer, dtype=np.float64), np.asarray(inner, dtype=np.float64)
     area, inertia = np.pi / 4.0 * (do**2 - di**2), np.pi / 64.0 * (do**4 - di**4)
     return CrossSection(area, inertia, shear_coefficient(di / do, poisson))
 
 
 def rectangle(width: ArrayLike, height: ArrayLike, poisson: float) -> CrossSection:
-    """Return a rectangle by its sides [m]: `height` in the direction of bending, `width` across.
+    """Return a rectangle with given sides [m]: `height` in the direction of bending, `width` across.
 
     References
     ----------
@@ -109,7 +109,7 @@ def element_matrices(length: ArrayLike, section: CrossSection, material: Materia
         m.
     section : CrossSection
     material : Material
-        Its values may be arrays too; all shapes together are a batch.
+        Its values may be arrays too; all shapes together form the batch.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def chain(elements: StructuralMatrices) -> StructuralMatrices:
 
 
 def _symmetric(upper: list[list[NDArray[np.float64] | float]], shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Fill a symmetric (..., 4, 4) array from its upper rows."""
+    """Fill a symmetric (..., 4, 4) array from its upper triangle."""
     entries = np.empty((*shape, 10))
     for number, entry in enumerate(entry for row in upper for entry in row):
         entries[..., number] = entry

@@ -11,10 +11,10 @@ __all__ = ["Bearing"]
 
 
 class Bearing(JointModel):
-    """A spring and a damper in radius and in tilt, with the inertia of the ring that goes with the shaft.
+    """A spring and a damper in the radial and in the tilting direction, with the inertia of the ring on the shaft.
 
     The speed of rotation (gyroscopic moments, softening of the ball contacts), the axial load and the coupling of
-    radius with tilt of an angular contact bearing are not modelled.
+    radial and tilting motion in an angular contact bearing are not modelled.
     """
 
     name = "bearing"

@@ -24,7 +24,7 @@ _MASS = Parameter("mb", "kg", 1e-3, 0.5, "linear", "mass of bolt, nut and washer
 
 
 class Preload(ComponentConfig):
-    """How the stiffness follows the bolt's tension: (force / reference)^exponent.
+    """Dependence of the stiffness on the bolt's tension: (force / reference)^exponent.
 
     Attributes
     ----------
@@ -64,11 +64,11 @@ class Bolted(JointModel):
         Attributes
         ----------
         nodes : int
-            Nodes of each part that meet.
+            Number of facing nodes of each part.
         bolt_mass : bool
-            Take in the parameter mb, the mass of the bolt.
+            Add the parameter mb, the mass of the bolt.
         preload : Preload, optional
-            How kt and kr follow the bolt's tension; by default they are those of this assembly.
+            Dependence of kt and kr on the bolt's tension; by default they are those of this assembly.
         """
 
         nodes: Annotated[int, Field(ge=1, le=1000)] = 3
@@ -82,7 +82,7 @@ class Bolted(JointModel):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The layer's four, and mb where the bolt has a mass."""
+        """The four parameters of the layer, and mb if the bolt has a mass."""
         return (*_LAYER, _MASS) if self.config.bolt_mass else _LAYER
 
     @property
@@ -107,7 +107,7 @@ class Bolted(JointModel):
         return 1.0 if preload is None else (preload.force / preload.reference) ** preload.exponent
 
     def _bolt(self) -> list[tuple[int, float]]:
-        """Displacements at the middle of the lap that carry the bolt, and the share of its mass on each."""
+        """Return the displacements at the middle of the lap that carry the bolt, with the share of its mass on each."""
         nodes = int(self.config.nodes)
         middle = sorted({(nodes - 1) // 2, nodes // 2})
         return [(2 * (side * nodes + node), 0.5 / len(middle)) for side in (0, 1) for node in middle]

@@ -49,7 +49,7 @@ class Collet(JointModel):
     ports = (Port("tool", _CONTACTS), Port("holder", _CONTACTS))
 
     class Config(ComponentConfig):
-        """Material of the collet, the distance of its contact nodes, and the elements between two of them.
+        """Material of the collet, distance of its contact nodes, and elements between two of them.
 
         Attributes
         ----------
@@ -83,7 +83,7 @@ class Collet(JointModel):
 
     @cached_property
     def contact_dofs(self) -> tuple[tuple[int, int], ...]:
-        """Tool node i meets collet node i, holder node i collet node i + 2; x and rz in turn."""
+        """Tool node i meets collet node i, and holder node i collet node i + 2, each in x and rz."""
         return tuple(
             (2 * (port * _CONTACTS + index) + axis, self._collet_dof(port * (_CONTACTS - 1) + index) + axis)
             for port in range(2)
@@ -92,7 +92,7 @@ class Collet(JointModel):
         )
 
     def range_objections(self, lower: Mapping[str, float], upper: Mapping[str, float]) -> Mapping[str, str]:
-        """Object also to a hole as wide as the collet, anywhere in the ranges of the two diameters."""
+        """Object also to a hole as wide as the collet anywhere in the ranges of the two diameters."""
         objections = dict(super().range_objections(lower, upper))
         if upper["dc"] >= lower["Dc"]:
             widest, narrowest = upper["dc"] * 1e3, lower["Dc"] * 1e3
@@ -126,5 +126,5 @@ class Collet(JointModel):
                 matrix[:, dofs, dofs] += block
 
     def _collet_dof(self, node: int) -> int:
-        """Local DOF of x of collet node c1 (0) to c5 (4)."""
+        """Return the local DOF x of collet node c1 (0) to c5 (4)."""
         return 4 * _CONTACTS + 2 * node * int(self.config.elements_per_segment)

@@ -44,16 +44,16 @@ class InterferenceFit(JointModel):
     )
 
     class Config(ComponentConfig):
-        """Contact length, its nodes, and how the pressure runs along it.
+        """Contact length, its nodes, and the distribution of pressure along it.
 
         Attributes
         ----------
         length : float
-            From the first contact node to the last [m]; the nodes are equally far apart.
+            From the first contact node to the last [m]; the nodes are evenly spaced.
         nodes : int
-            Nodes of each part that meet.
+            Number of facing nodes of each part.
         pressure : 'uniform' or 'linear'
-            With 'linear' the joint has one more parameter, the gradient g.
+            With 'linear' the joint has another parameter, the gradient g.
         """
 
         length: Annotated[float, Field(gt=0), InUnit("m")]
@@ -62,12 +62,12 @@ class InterferenceFit(JointModel):
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return a fit of even pressure and one of linearly varying pressure."""
+        """Return a fit with uniform pressure and one with linearly varying pressure."""
         return {"length": "40 mm"}, {"length": "40 mm", "nodes": 5, "pressure": "linear"}
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The four distributed ones, and the gradient g where the pressure is linear."""
+        """The four distributed parameters, and the gradient g if the pressure is linear."""
         return (*_DISTRIBUTED, _GRADIENT) if self.config.pressure == "linear" else _DISTRIBUTED
 
     @property

@@ -16,21 +16,21 @@ __all__ = ["Rigid"]
 
 
 class Rigid(JointModel):
-    """Facing nodes share their displacement and rotation, or the displacement alone (a hinge)."""
+    """Facing nodes share displacement and rotation, or only the displacement (a hinge)."""
 
     name = "rigid"
     summary = "Rigid connection or hinge: facing nodes share their DOFs"
     parameters: tuple[Parameter, ...] = ()
 
     class Config(ComponentConfig):
-        """Number of facing nodes, and what they share.
+        """Number of facing nodes, and the directions that they share.
 
         Attributes
         ----------
         nodes : int
-            Nodes of each part that meet.
+            Number of facing nodes of each part.
         direction : 'x', 'rz' or 'both'
-            What they share: the displacement (a hinge), the rotation, or both.
+            Shared directions: the displacement (a hinge), the rotation, or both.
         """
 
         nodes: Annotated[int, Field(ge=1, le=1000)] = 1
@@ -54,5 +54,5 @@ class Rigid(JointModel):
         return tuple((2 * node + axis, half + 2 * node + axis) for node in range(self.config.nodes) for axis in axes)
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
-        """Return zeros: a rigid connection has no stiffness of its own."""
+        """Return zeros: a rigid connection only merges DOFs."""
         return StructuralMatrices.zeros(len(theta), self.size)

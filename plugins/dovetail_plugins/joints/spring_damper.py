@@ -28,7 +28,7 @@ _ROTATION = (
 class SpringDamper(JointModel):
     """A massless contact layer between nodes that face each other, in translation, in rotation or in both.
 
-    In a direction that is left out nothing connects the parts.
+    In a direction that is left out the parts are not connected.
     """
 
     name = "spring_damper"
@@ -40,9 +40,9 @@ class SpringDamper(JointModel):
         Attributes
         ----------
         nodes : int
-            Nodes of each part that meet.
+            Number of facing nodes of each part.
         direction : 'x', 'rz' or 'both'
-            In displacement, in rotation, or in both.
+            Connection in displacement, in rotation, or in both.
         """
 
         nodes: Annotated[int, Field(ge=1, le=1000)] = 1
@@ -50,7 +50,7 @@ class SpringDamper(JointModel):
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return one node in both directions, and more in each direction alone."""
+        """Return one node in both directions, and several in a single direction."""
         return {}, {"nodes": 2, "direction": "x"}, {"nodes": 3, "direction": "rz"}
 
     @property

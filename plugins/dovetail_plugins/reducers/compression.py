@@ -21,13 +21,13 @@ class Settings:
     Attributes
     ----------
     sample : int
-        Rows from which the directions are computed. More rows do not change the directions that matter.
+        Number of rows from which the directions are computed; more rows do not change the important ones.
     variance : float
-        Share of the variance that the directions hold. The nearest neighbours then stay the same.
+        Share of the variance in these directions, with which the nearest neighbours stay the same.
     most_directions : int
-        Largest number of directions. It bounds the memory of the compressed rows.
+        Largest number of directions, which limits the memory of the compressed rows.
     block : int
-        Rows that are projected at once. It bounds the memory of their copies in double precision.
+        Number of rows that are projected at a time, which limits the memory of their copies in double precision.
     """
 
     sample: int = 8000
@@ -43,8 +43,8 @@ SETTINGS = Settings()
 class Compression:
     """A projection on the leading directions of the training rows, centred and scaled as the metric requires.
 
-    Half the squared Euclidean distance of rows of unit length is their cosine distance, and where the rows were centred
-    before, their correlation distance. So one search serves the three metrics.
+    Half the squared Euclidean distance of rows of unit length is their cosine distance or, if the rows were centred
+    before, their correlation distance. One search therefore serves the three metrics.
 
     Parameters
     ----------
@@ -61,21 +61,21 @@ class Compression:
 
     @classmethod
     def fit(cls, features: NDArray[Any], metric: Metric, *, fewest: int, seed: int) -> Self:
-        """Find the directions that hold nearly all variation of training features.
+        """Find the directions with nearly all the variance of training features.
 
         Parameters
         ----------
         features : (n_samples, n_features) array
         metric : 'correlation', 'cosine' or 'euclidean'
         fewest : int
-            Least number of directions to keep, as far as there are so many.
+            Smallest number of directions to keep, if there are as many.
         seed : int
-            Of the choice of the rows looked at (8000 at most) and of the decomposition.
+            Of the choice of up to 8000 rows, and of the decomposition.
 
         Notes
         -----
-        The directions that hold 99.99 % of the variance are kept, 256 at most. On 8000 FRFs of the collet assembly
-        these are 140 of 4451, and 99.9 % of the nearest neighbours stay the same.
+        The directions with 99.99 % of the variance are kept, 256 at most. For 8000 FRFs of the collet assembly these
+        are 140 of 4451, and 99.9 % of the nearest neighbours stay the same.
         """
         from sklearn.utils.extmath import randomized_svd
 
@@ -106,7 +106,7 @@ class Compression:
         return rows
 
     def distances(self, squares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distances in the metric that belong to squared Euclidean distances of projected rows."""
+        """Convert squared Euclidean distances of projected rows to distances in the metric."""
         return np.sqrt(squares) if self.metric == "euclidean" else 0.5 * squares
 
 

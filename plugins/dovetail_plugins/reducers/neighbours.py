@@ -21,17 +21,17 @@ class Settings:
     Attributes
     ----------
     block : int
-        Points that are compared with all rows at once. It bounds the memory of their distances.
+        Number of points that are compared with all rows at a time, which limits the memory of their distances.
     spare : int
-        Candidates beyond the number of neighbours, since the matrix product rounds their distances.
+        Number of candidates in addition to the neighbours, since the matrix product rounds their distances.
     group : int
-        Rows of which the nearest is found before any of them is ranked.
+        Number of rows whose minimum is determined before single rows are ranked.
     threads : int
-        Blocks at work at once, at most.
+        Largest number of blocks that are computed at the same time.
     bisections : int
-        Halvings of the interval of sigma, to the last bit.
+        Number of bisections for sigma, down to the last bit.
     least_sigma : float
-        Least sigma over the mean distance of the neighbours, umap-learn's MIN_K_DIST_SCALE.
+        Smallest sigma over the mean distance of the neighbours, umap-learn's MIN_K_DIST_SCALE.
     """
 
     block: int = 128
@@ -46,7 +46,7 @@ SETTINGS = Settings()
 
 
 class Neighbours:
-    """Search for the nearest of some rows, by Euclidean distance.
+    """Search for the nearest neighbours among given rows, by Euclidean distance.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ class Neighbours:
         Returns
         -------
         indices, squares : (n_points, count) arrays
-            Numbers of the rows and their squared distances, nearest first. A point's answer does not depend on the
-            other points.
+            Indices of the rows and their squared distances, nearest first. The result for a point does not depend on
+            the other points.
         """
         blocks = [points[start : start + SETTINGS.block] for start in range(0, len(points), SETTINGS.block)]
         threads = min(len(blocks), SETTINGS.threads, os.cpu_count() or 1)
@@ -84,7 +84,7 @@ class Neighbours:
         return np.concatenate([indices for indices, _ in found]), np.concatenate([squares for _, squares in found])
 
     def _nearest(self, points: NDArray[Any], count: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Find candidates in single precision; repeat in double precision where rounding might hide a nearer row."""
+        """Find candidates in single precision; repeat in double precision if rounding might hide a nearer row."""
         points = points.astype(np.float64)
         candidates, border = _candidates(points.astype(np.float32), self._short_rows, self._short_squares, count)
         indices, squares = self._sorted(points, candidates, count)
@@ -109,9 +109,9 @@ class Neighbours:
 def _candidates(
     points: NDArray[Any], rows: NDArray[Any], squares: NDArray[Any], count: int
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the rows nearest to each point, and a bound beyond which all other rows are.
+    """Return the nearest rows of each point, and a lower bound of the distances of all other rows.
 
-    Both come from a matrix product, whose rounding depends on the block, and hold up to this rounding. The bound is a
+    Both are computed with a matrix product and are subject to its rounding, which depends on the block. The bound is a
     squared distance minus the point's squared norm.
     """
     ranking = points @ rows.T
@@ -126,9 +126,10 @@ def _candidates(
 
 
 def _columns_with_the_least(ranking: NDArray[Any], count: int) -> NDArray[np.intp]:
-    """Return columns (n_points, n) among which are those of the `count` smallest values of each row.
+    """Return columns (n_points, n) that include those of the `count` smallest values of each row.
 
-    They are the groups of columns with the `count` smallest minima; all columns, if these groups hold most of them.
+    They are the groups of columns with the `count` smallest minima, or all columns if these groups contain most of
+    them.
     """
     groups = ranking.shape[1] // SETTINGS.group
     if groups < 2 * count:
@@ -151,9 +152,8 @@ def membership_strengths(distances: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns
     -------
     (n_points, n_neighbors) array
-        exp(-d / sigma), with sigma such that the strengths of all but the nearest add up to log2(n_neighbors).
-        umap-learn bounds sigma from below by a fraction of the batch's mean distance, this function by a fraction of
-        the point's own mean distance.
+        exp(-d / sigma), with sigma such that the strengths of all but the nearest sum to log2(n_neighbors). The lower
+        bound of sigma is a fraction of the point's mean distance; in umap-learn it is one of the batch's mean distance.
     """
     target = np.log2(distances.shape[1])
     mean = distances.mean(axis=1, keepdims=True)

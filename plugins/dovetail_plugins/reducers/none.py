@@ -14,7 +14,7 @@ _OWNER = "reducer 'none'"
 
 
 class FittedNoReducer(dovetail.FittedReducer):
-    """The identity on features of one width.
+    """The identity on features of a given width.
 
     Parameters
     ----------
@@ -35,13 +35,13 @@ class FittedNoReducer(dovetail.FittedReducer):
 
 
 class NoReducer(dovetail.Reducer):
-    """Hands the features to the regressor as they are."""
+    """Passes the features to the regressor unchanged."""
 
     name = "none"
     summary = "no reduction: every FRF line is a feature"
 
     def fit(self, features: NDArray[np.float32], *, seed: int) -> FittedNoReducer:  # noqa: ARG002
-        """Take note of the width of the features."""
+        """Store the width of the features."""
         return FittedNoReducer(checked_rows(features, _OWNER).shape[1])
 
     def restore(self, state: dovetail.State) -> FittedNoReducer:

@@ -23,7 +23,7 @@ class FittedPCA(dovetail.FittedReducer):
     mean : (n_features,) array
         Subtracted from every row.
     components : (n_components, n_features) array
-        What the centred rows are multiplied with; whitening is part of it.
+        Matrix by which the centred rows are multiplied, including whitening.
     """
 
     def __init__(self, mean: NDArray[np.float32], components: NDArray[np.float32]) -> None:
@@ -35,8 +35,8 @@ class FittedPCA(dovetail.FittedReducer):
 
         Notes
         -----
-        In double precision: the sum over the features is then the same to the last bit of single precision, however
-        many rows the matrix product takes at once.
+        In double precision, so that in single precision the sum over the features is the same bit for bit, whatever the
+        number of rows in the matrix product.
         """
         rows = checked_rows(features, _OWNER, width=self._mean.size)
         reduced = np.empty((len(rows), self._projection.shape[1]), dtype=np.float32)
@@ -66,7 +66,7 @@ class PCA(dovetail.Reducer):
         Attributes
         ----------
         n_components : int
-            How many components are kept.
+            Number of components that are kept.
         whiten : bool
             Divide each component by its standard deviation over the training features.
         """

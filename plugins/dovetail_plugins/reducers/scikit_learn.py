@@ -29,7 +29,7 @@ class FittedTransformer(dovetail.FittedReducer):
         self._kept = kept
 
     def transform(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return what the transformer makes of features (n_samples, n_features)."""
+        """Return the transformed features (n_samples, n_components) of features (n_samples, n_features)."""
         return self._kept.answer(features, "transform").astype(np.float32)
 
     def state(self) -> dovetail.State:
@@ -42,8 +42,8 @@ class Transformer(dovetail.Reducer):
 
     Notes
     -----
-    What it fits must be arrays and plain values, so that a model can be stored without pickle; any other is refused
-    when it has been fitted. In double precision.
+    Its fitted attributes must be arrays and plain values, so that a model can be stored without pickle; otherwise it is
+    refused after fitting. It computes in double precision.
     """
 
     name = "sklearn"
@@ -51,14 +51,14 @@ class Transformer(dovetail.Reducer):
     references = ("F. Pedregosa et al., Scikit-learn: machine learning in Python, JMLR 12 (2011) 2825-2830",)
 
     class Config(dovetail.ComponentConfig):
-        """Which transformer, with which options.
+        """The transformer and its options.
 
         Attributes
         ----------
         estimator : str
             Name of the class, such as KernelPCA.
         options : mapping
-            Of its constructor, plain values.
+            Plain values for its constructor.
         """
 
         estimator: str
@@ -71,7 +71,7 @@ class Transformer(dovetail.Reducer):
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return a transformer with an estimator within, and one with a random state."""
+        """Return a transformer that contains another estimator, and one with a random state."""
         kernel = {"n_components": 8, "kernel": "rbf", "gamma": 0.01}
         return (
             {"estimator": "KernelPCA", "options": kernel},
@@ -88,7 +88,7 @@ class Transformer(dovetail.Reducer):
         Raises
         ------
         DovetailError
-            The transformer cannot be fitted to these features, or what it fits is not made of arrays.
+            The transformer cannot be fitted to these features, or its fitted attributes are not arrays or plain values.
         """
         rows = checked_rows(features, self._owner)
         estimator = new_estimator(estimator_class(self.config.estimator, "transform"), self.config.options, seed)

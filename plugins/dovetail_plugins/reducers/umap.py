@@ -29,24 +29,24 @@ class FittedUMAP(dovetail.FittedReducer):
     Parameters
     ----------
     compression : Compression
-        From features to the short rows that are compared.
+        Projection of features to the short rows that are compared.
     rows : (n_samples, n_directions) float16 array
         The training FRFs, compressed, in units of `unit`.
     unit : float
     embedding : (n_samples, n_components) array
-        Their coordinates as umap-learn laid them out.
+        Their coordinates in umap-learn's layout.
     n_neighbors : int
-        Number of training FRFs from which an FRF is placed.
+        Number of training FRFs that determine the coordinates of an FRF.
 
     Notes
     -----
-    umap-learn transforms new points by a stochastic layout of the whole batch, which starts from an average of their
-    neighbours. The same FRF would have other coordinates in another batch. Here its coordinates are that average: of
-    the embedding of its exact nearest training FRFs, weighted by umap-learn's membership strengths. A training FRF is
-    transformed in the same way (it is its own nearest neighbour), so that the regressor is trained on such features as
-    it will meet. On the collet assembly this gives a slightly higher test R2 than the layout itself.
+    umap-learn transforms new points by a stochastic layout of the whole batch, which starts from an average over their
+    neighbours. The same FRF would have other coordinates in another batch. Here its coordinates are this average: of
+    the embedding of its exact nearest training FRFs, weighted by umap-learn's membership strengths. Training FRFs are
+    transformed in the same way (each is its own nearest neighbour), so that the regressor is trained on the kind of
+    features that it gets later. For the collet assembly the test R2 is slightly higher than with the layout itself.
 
-    Only NumPy is needed here, so that a stored model answers without loading umap or numba.
+    Only NumPy is needed, so that a stored model can be used without loading umap or numba.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class FittedUMAP(dovetail.FittedReducer):
         return placed.astype(np.float32)
 
     def state(self) -> dovetail.State:
-        """Return the compressed training FRFs, their embedding and what compresses a new one."""
+        """Return the compressed training FRFs, their embedding and the projection that compresses new ones."""
         return {
             "metric": self._compression.metric,
             "n_neighbors": self._n_neighbors,
@@ -95,7 +95,7 @@ class UMAP(dovetail.Reducer):
     Notes
     -----
     The neighbours are exact, not umap-learn's approximate ones. The layout starts from principal components: a spectral
-    start takes longer and gives no better regression. `FittedUMAP` says how new FRFs are transformed.
+    start takes longer and gives no better regression. `FittedUMAP` describes the transform of new FRFs.
     """
 
     name = "umap"
@@ -110,13 +110,13 @@ class UMAP(dovetail.Reducer):
         n_components : int
             Dimension of the embedding.
         n_neighbors : int
-            Neighbours of a training FRF in the graph that is laid out, and neighbours from which an FRF is placed.
+            Neighbours of a training FRF in the graph, and training FRFs that determine the coordinates of an FRF.
         min_dist : float
-            How close two FRFs may come in the embedding.
+            Smallest distance of two FRFs in the embedding.
         metric : 'correlation', 'cosine' or 'euclidean'
             Distance of two FRFs' features.
         n_epochs : int, optional
-            Passes of the layout. By default umap-learn decides: 500 up to 10,000 samples, 200 beyond.
+            Passes of the layout. By default umap-learn decides: 500 for up to 10,000 samples, 200 for more.
         """
 
         n_components: int = Field(default=100, ge=1)
@@ -127,7 +127,7 @@ class UMAP(dovetail.Reducer):
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return a layout of few passes."""
+        """Return a layout with few passes."""
         return ({"n_epochs": 50},)
 
     def fit(self, features: NDArray[np.float32], *, seed: int) -> FittedUMAP:
@@ -136,7 +136,7 @@ class UMAP(dovetail.Reducer):
         Raises
         ------
         DovetailError
-            There are too few samples for the neighbours or the components, or all are the same.
+            There are too few samples for the neighbours or the components, or all are equal.
         """
         config = self.config
         values = checked_rows(features, _OWNER)
@@ -164,7 +164,7 @@ class UMAP(dovetail.Reducer):
         Raises
         ------
         DovetailError
-            The state lacks something, or its arrays do not belong together.
+            The state is incomplete, or its arrays are inconsistent.
         """
         metric = next((metric for metric in METRICS if metric == state.get("metric")), None)
         if metric is None:
@@ -185,7 +185,7 @@ class UMAP(dovetail.Reducer):
 def _layout(
     rows: NDArray[np.float32], indices: NDArray[Any], distances: NDArray[Any], config: UMAP.Config, seed: int
 ) -> NDArray[np.float32]:
-    """Return the embedding (n_samples, n_components) that umap-learn lays out from the neighbours of each row."""
+    """Return umap-learn's embedding (n_samples, n_components), given the neighbours of each row."""
     import umap
     from umap import layouts, umap_
 

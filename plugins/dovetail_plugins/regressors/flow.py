@@ -1,4 +1,4 @@
-"""A conditional normalising flow: a distribution of any shape for each FRF, by zuko."""
+"""A conditional normalising flow (with zuko), which predicts a distribution of any shape for each FRF."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ __all__ = ["FittedFlow", "Flow"]
 _OWNER = "regressor 'flow'"
 _SIZES = "sizes"
 _DRAWS, _DRAWS_OF_MEAN = 500, 32
-"""Of a distribution, and for its mean alone, which is asked for thousands of FRFs."""
+"""Number of draws of a distribution, and for its mean only, which is needed for thousands of FRFs."""
 _DRAWN_AT_ONCE = 4000
-"""Of all rows: with twelve targets they take some three hundred megabytes on their way."""
+"""Number of draws at a time, for all rows: with twelve targets they need about 300 MB."""
 _MOST_UNITS, _MOST_LAYERS = 10_000, 20
 _PASSES = 2
-"""Couplings: one half of the targets is transformed by what the other is, so that drawing is as fast as training."""
+"""Passes of a transform: couplings change half of the targets at a time, so that drawing is as fast as training."""
 
 
 class FittedFlow(dovetail.FittedRegressor):
@@ -44,9 +44,10 @@ class FittedFlow(dovetail.FittedRegressor):
     Parameters
     ----------
     network : torch.nn.Module
-        As `Flow.network` makes it.
+        As `Flow.network` returns it.
     sizes : sequence of int
-        Features, targets, transforms, units of each of their hidden layers, bins, then the hidden units of the network.
+        Number of features, targets, transforms, units in their hidden layers, bins, then of hidden units of the
+        network.
     """
 
     def __init__(self, network: torch.nn.Module, sizes: Sequence[int]) -> None:
@@ -62,7 +63,7 @@ class FittedFlow(dovetail.FittedRegressor):
         return dovetail.TargetDistribution(self._drawn(features, _DRAWS, lambda draws: draws))
 
     def _drawn(self, features: NDArray[np.float32], count: int, kept: Any) -> NDArray[np.float64]:
-        """Return what is kept of draws (n, count, n_targets), block by block of rows."""
+        """Return the results of a function of draws (n, count, n_targets), computed in blocks of rows."""
         import torch
 
         rows = checked_rows(features, _OWNER, width=int(self._sizes[0])).astype(np.float32)
@@ -77,20 +78,20 @@ class FittedFlow(dovetail.FittedRegressor):
         return np.concatenate(blocks)
 
     def state(self) -> dovetail.State:
-        """Return the weights, and the sizes by which the network is built again."""
+        """Return the weights, and the sizes that are needed to rebuild the network."""
         weights = {name: values.detach().numpy().copy() for name, values in self._network.named_parameters()}
         return {**weights, _SIZES: self._sizes.copy()}
 
 
 class Flow(NetworkRegressor):
-    """A conditional normalising flow (neural spline flow with couplings), whose answer is a distribution of any shape.
+    """A conditional normalising flow (neural spline flow with couplings), which predicts distributions of any shape.
 
     Notes
     -----
-    Hidden layers make a context of the features. Given this context, the flow maps the normal quantiles of the targets
-    to independent normal numbers, by monotonic splines of one half of them that depend on the other half. Trained by
-    the negative log-likelihood, it learns distributions that are bent, or have several branches, where a Gaussian
-    cannot. Needs the package zuko.
+    Hidden layers compute a context from the features. Given this context, the flow maps the normal quantiles of the
+    targets to independent normal numbers, by monotonic splines of one half of them that depend on the other half.
+    Trained with the negative log-likelihood, it learns curved or multimodal distributions, which a Gaussian cannot
+    represent. It needs the package zuko.
     """
 
     name = "flow"
@@ -108,11 +109,11 @@ class Flow(NetworkRegressor):
         hidden : one to eight int
             Units of each hidden layer between the features and the flow.
         transforms : int
-            Of the flow, one after the other.
+            Number of successive transforms of the flow.
         units : int
-            Of each of the two hidden layers that a transform has for its splines.
+            Units in each of the two hidden layers that compute a transform's splines.
         bins : int
-            Of each spline.
+            Bins of each spline.
         """
 
         hidden: Annotated[tuple[PositiveInt, ...], Field(min_length=1, max_length=8)] = (256, 128)
@@ -130,7 +131,7 @@ class Flow(NetworkRegressor):
 
     @property
     def is_distribution(self) -> bool:
-        """Whether the answer is a distribution: always."""
+        """Whether it predicts a distribution: always."""
         return True
 
     def network(self, n_features: int, n_targets: int) -> torch.nn.Module:
@@ -148,7 +149,7 @@ class Flow(NetworkRegressor):
         return -likelihood.mean()
 
     def fitted(self, network: Any) -> FittedFlow:
-        """Return a trained network for its predictions."""
+        """Return the fitted regressor of a trained network."""
         n_features = network.trunk[0].in_features
         return FittedFlow(network, self._sizes(n_features, network.n_targets))
 
@@ -170,7 +171,7 @@ class Flow(NetworkRegressor):
 
 
 def _network(sizes: Sequence[int], dropout: float) -> Any:
-    """Return hidden layers, `trunk`, and a flow of the targets given what they make of the features, `flow`.
+    """Return a network of hidden layers, `trunk`, and a flow of the targets given their output, `flow`.
 
     Raises
     ------

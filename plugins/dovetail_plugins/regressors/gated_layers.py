@@ -1,4 +1,4 @@
-"""A network of gated residual blocks; it is imported where torch is needed, which takes seconds."""
+"""A network of gated residual blocks, imported only when needed, since loading torch takes seconds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _CLEARLY_FASTER = 0.8
 
 
 class _Block(nn.Module):
-    """What is added to a stream: products of linear and gated units, so that one feature scales another."""
+    """A residual block, which adds products of linear and gated units, so that one feature can scale another."""
 
     def __init__(self, width: int, units: int, dropout: float, mixed: bool) -> None:
         super().__init__()
@@ -32,16 +32,17 @@ class _Block(nn.Module):
 
 
 class GatedNetwork(nn.Module):
-    """Blocks with so many units each, between two linear layers; the stream is as wide as the first block.
+    """Residual blocks between two linear layers; the residual stream is as wide as the first block.
 
     Parameters
     ----------
     n_features, n_outputs : int
     hidden : sequence of int
+        Units of each block.
     dropout : float
     mixed : bool
-        Whether the blocks' products are in bfloat16 while the network is trained. The stream, what goes into it and
-        what comes of it keep single precision, or sharp answers would be rounded.
+        Whether the products in blocks are in bfloat16 during training. The stream, its input and its output are always
+        in single precision, since rounding would spoil narrow distributions.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class GatedNetwork(nn.Module):
         return outputs
 
     def layers(self) -> list[tuple[torch.Tensor, torch.Tensor]]:
-        """Return weight (n_out, n_in) and bias of all linear layers; norms are part of those behind them."""
+        """Return weight (n_out, n_in) and bias of all linear layers; norms are merged into the layers after them."""
         layers: list[tuple[torch.Tensor, torch.Tensor]] = [(self.first.weight, self.first.bias)]
         for block in self.blocks:
             assert isinstance(block, _Block)
@@ -72,7 +73,7 @@ class GatedNetwork(nn.Module):
 
 
 def is_faster_in_bfloat16() -> bool:
-    """Whether this processor multiplies matrices clearly faster in bfloat16, for which many have no instructions."""
+    """Return whether this processor multiplies matrices clearly faster in bfloat16; many lack instructions for it."""
 
     def seconds(dtype: torch.dtype) -> float:
         one, other = torch.ones(256, 256, dtype=dtype), torch.ones(256, 256, dtype=dtype)

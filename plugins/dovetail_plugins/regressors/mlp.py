@@ -1,4 +1,4 @@
-"""A multilayer perceptron, whose answer is a value or, with `uncertainty: gaussian`, a distribution."""
+"""A multilayer perceptron, which predicts values or, with `uncertainty: gaussian`, distributions."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ Activation = Literal["relu", "silu", "gated"]
 _OWNER = "regressor 'mlp'"
 _GAUSSIAN, _ACTIVATION = "gaussian", "activation"
 _LARGEST_LOGARITHM = 10.0
-"""Of a precision's Cholesky factor: a standard deviation of a twenty-thousandth."""
+"""Largest logarithm on the diagonal of a precision's Cholesky factor: a standard deviation of 1/20,000."""
 _DRAWS = 500
 _NORM_EPSILON = 1e-5
 _BLOCK = 4096
 _HELD = 0.9
-"""Part of the samples held back that a calibrated interval of this probability holds."""
+"""Probability of the intervals that are calibrated, and share of held-back samples that they then contain."""
 _GROUPS, _FEWEST_HELD_BACK = 8, 300
-"""Groups of such samples at most, and samples in each, of which this part is known to 2 %."""
+"""Largest number of groups of such samples, and smallest number in each, which gives this share to 2 %."""
 _MOST_FACTOR = 5.0
-"""By which a standard deviation is corrected at most."""
+"""Largest factor by which a standard deviation is corrected."""
 _LEVELS, _FACTORS = "levels", "factors"
 
 
@@ -58,12 +58,12 @@ class FittedMLP(dovetail.FittedRegressor):
         Whether the output is a Gaussian of the normal quantiles of the targets: means, then the lower triangle of the
         precision's Cholesky factor, row by row, with logarithms on its diagonal.
     calibration : two (n_levels, n_targets) arrays, optional
-        Logarithms of standard deviations, and factors by which these are corrected there.
+        Logarithms of standard deviations, and the factors that correct these.
 
     Notes
     -----
-    The forward pass is NumPy in double precision: three matrix products need no torch, and a row's answer does not
-    depend on the other rows.
+    The forward pass uses NumPy in double precision: its few matrix products do not need torch, and the result for a row
+    does not depend on the other rows.
     """
 
     def __init__(
@@ -98,12 +98,12 @@ class FittedMLP(dovetail.FittedRegressor):
         return dovetail.TargetDistribution(ndtr(draws, out=draws))
 
     def calibrated(self, features: NDArray[np.float32], quantiles: NDArray[np.float64]) -> FittedMLP:
-        """Return the same with Gaussians as wide as samples that were held back need them.
+        """Return the same regressor with Gaussians calibrated with held-back samples.
 
-        A Gaussian of the highest likelihood has intervals too wide where errors have long tails, and too narrow where
-        it follows its training samples. Each target's standard deviation gets a factor that depends on it, so that
-        the 90 % intervals hold 90 % of the samples among those with small deviations and with large ones, as little
-        and much noise have them. Correlations stay.
+        The intervals of a maximum-likelihood Gaussian are too wide if errors have long tails, and too narrow if it
+        overfits the training samples. Each target's standard deviation is multiplied by a factor that depends on it, so
+        that the 90 % intervals contain 90 % of the samples, both of those with small and of those with large
+        deviations (little and much noise). Correlations are kept.
 
         Parameters
         ----------
@@ -137,7 +137,7 @@ class FittedMLP(dovetail.FittedRegressor):
         return np.concatenate(blocks)
 
     def state(self) -> dovetail.State:
-        """Return the weights and biases of all layers, and what the hidden units and the output are."""
+        """Return the weights and biases of all layers, and the kinds of hidden units and output."""
         weights = {f"weight{i}": weight.astype(np.float32) for i, weight in enumerate(self._weights)}
         biases = {f"bias{i}": bias.astype(np.float32) for i, bias in enumerate(self._biases)}
         activation = {} if self._activation == "relu" else {_ACTIVATION: self._activation}
@@ -170,12 +170,12 @@ class MLP(NetworkRegressor):
 
     Notes
     -----
-    With `uncertainty: gaussian` the output is a Gaussian with its own mean and full covariance for each FRF, of the
-    normal quantiles of the targets (so that what an FRF does not tell keeps its even distribution over the range), and
-    the loss is its negative log-likelihood.
+    With `uncertainty: gaussian` the output for each FRF is a Gaussian, with mean and full covariance, of the normal
+    quantiles of the targets (so that a parameter that the FRF does not determine is uniform over its range), and the
+    loss is its negative log-likelihood.
 
-    Against overfitting: L2 regularisation of the weights, dropout after each hidden layer, and early stopping on a
-    part of the training samples that is held back, with the best weights kept.
+    Overfitting is limited by L2 regularisation of the weights, dropout after each hidden layer, and early stopping with
+    a held-back part of the training samples, of which the best weights are kept.
     """
 
     name = "mlp"
@@ -194,17 +194,17 @@ class MLP(NetworkRegressor):
         hidden : one to eight int
             Units of each hidden layer.
         uncertainty : {"none", "gaussian"}
-            What is predicted: values alone, or a Gaussian with a full covariance.
+            Prediction of values only, or of a Gaussian with a full covariance.
         activation : {"relu", "silu", "gated"}
             Of the hidden units: rectified linear; x / (1 + exp(-x)), which learns a smooth map from fewer samples; or
             residual blocks, in which one half of the units gates the other, the first width being that of the stream.
         squared_error : float
-            Factor of the squared error of a Gaussian's mean, in normal quantiles, beside the negative log-likelihood.
-            Both are least for the same mean. But the likelihood's gradients are as large as the precision, so that
-            alone it follows what is known most sharply and learns the other parameters late.
+            Weight of the squared error of a Gaussian's mean, in normal quantiles, added to the negative log-likelihood.
+            The same mean minimises both. The gradients of the likelihood are proportional to the precision, so that
+            alone it favours the parameters that are known best and learns the others late.
         precision : {"single", "mixed"}
-            Of the products in gated blocks while the network is trained: with "mixed" in bfloat16, if the processor is
-            faster so (AVX512-BF16, AMX), which nearly halves the time of a step.
+            Of the products in gated blocks during training: "mixed" uses bfloat16 if the processor is faster with it
+            (AVX512-BF16, AMX), which nearly halves the time of a step.
         """
 
         hidden: Annotated[tuple[PositiveInt, ...], Field(min_length=1, max_length=8)] = (512, 256)
@@ -244,7 +244,7 @@ class MLP(NetworkRegressor):
 
     @property
     def is_distribution(self) -> bool:
-        """Whether the answer is a Gaussian."""
+        """Whether it predicts a Gaussian."""
         return bool(self.config.uncertainty == _GAUSSIAN)
 
     def network(self, n_features: int, n_targets: int) -> torch.nn.Module:
@@ -267,7 +267,7 @@ class MLP(NetworkRegressor):
         return nn.Sequential(*layers, nn.Linear(n_features, outputs))
 
     def loss(self, network: torch.nn.Module, inputs: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
-        """Return the mean squared error, or the mean negative log-likelihood with its share of it."""
+        """Return the mean squared error, or the negative log-likelihood plus the weighted squared error."""
         import torch
 
         output = network(inputs)
@@ -281,7 +281,7 @@ class MLP(NetworkRegressor):
         return loss
 
     def fitted(self, network: Any) -> FittedMLP:
-        """Return weights and biases of a trained network, for its forward pass."""
+        """Return the fitted regressor with the weights and biases of a trained network."""
         from torch import nn
 
         if self.config.activation == "gated":
@@ -293,7 +293,7 @@ class MLP(NetworkRegressor):
         return FittedMLP(weights, biases, self.config.activation, self.is_distribution)
 
     def calibrated(self, fitted: dovetail.FittedRegressor, held_back: tuple[torch.Tensor, torch.Tensor]) -> FittedMLP:
-        """Return a fitted network whose Gaussians are as wide as the samples of its validation loss need them."""
+        """Return a fitted network with Gaussians calibrated with the samples of its validation loss."""
         assert isinstance(fitted, FittedMLP)
         features, targets = held_back
         if not self.is_distribution or len(features) < _FEWEST_HELD_BACK:
@@ -302,7 +302,7 @@ class MLP(NetworkRegressor):
 
 
 def _negative_log_likelihood(output: torch.Tensor, quantiles: torch.Tensor) -> torch.Tensor:
-    """Return the mean negative log-likelihood of normal quantiles (n, t), but for a constant."""
+    """Return the mean negative log-likelihood of normal quantiles (n, t), up to a constant."""
     import torch
 
     count = quantiles.shape[1]
@@ -316,18 +316,18 @@ def _negative_log_likelihood(output: torch.Tensor, quantiles: torch.Tensor) -> t
 
 
 def _normalised(stream: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return rows with mean 0 and variance 1, as a layer norm of torch makes them."""
+    """Return rows scaled to mean 0 and variance 1, as by torch's layer norm."""
     centred = stream - stream.mean(axis=1, keepdims=True)
     return np.asarray(centred / np.sqrt(np.mean(centred**2, axis=1, keepdims=True) + _NORM_EPSILON))
 
 
 def _target_count(outputs: int) -> int:
-    """Return the number of targets of a Gaussian that has so many means and entries of a Cholesky factor."""
+    """Return the number of targets of a Gaussian, given its number of outputs (means and Cholesky entries)."""
     return round((math.sqrt(9.0 + 8.0 * outputs) - 3.0) / 2.0)
 
 
 def _deviations(inverse: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the standard deviations (n, t) of the covariances whose factors (n, t, t) these are."""
+    """Return the standard deviations (n, t) from factors (n, t, t) of the covariances."""
     return np.asarray(np.sqrt(np.sum(inverse**2, axis=1)))
 
 

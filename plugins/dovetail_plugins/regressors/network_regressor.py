@@ -1,4 +1,4 @@
-"""What all networks of torch have in common: samples as tensors, training by Adam, and an end to it."""
+"""Common parts of all networks with torch: samples as tensors, training with Adam, and early stopping."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 __all__ = ["LARGEST_FEATURE", "NetworkRegressor", "TrainingConfig", "normal_quantiles", "one_thread"]
 
 LARGEST_FEATURE = 8.0
-"""Standard deviations beyond which features tell a distribution no more: what is unlike all gets no sure answer."""
+"""Largest feature, in standard deviations, for a distribution: an unusual FRF must not get a certain answer."""
 _LARGEST_GRADIENT = 5.0
 _MARGIN = 1e-3
-"""How near to the ends of the targets' range, 0 and 1, normal quantiles are taken: three standard deviations."""
+"""Distance from the ends of the range, 0 and 1, to which targets are clipped: three standard deviations."""
 _RISE = 0.2
-"""Share of a training of one cycle in which the learning rate grows."""
+"""Share of a one-cycle training in which the learning rate increases."""
 _FEWEST = 3
 _LARGE = 500_000
 
 
 class TrainingConfig(dovetail.ComponentConfig):
-    """Options of a training by Adam that ends when the validation loss no longer falls."""
+    """Options of training with Adam that ends when the validation loss no longer decreases."""
 
     dropout: float = Field(
         default=0.1, ge=0.0, lt=1.0, description="Share of hidden units left out at random in each training step."
@@ -74,20 +74,20 @@ class TrainingConfig(dovetail.ComponentConfig):
 
 
 class NetworkRegressor(dovetail.Regressor):
-    """A recipe for a network of torch: subclasses say what it is, what is minimised, and what comes of it."""
+    """Base class of networks with torch; subclasses define the network, the loss and the fitted regressor."""
 
     config: TrainingConfig
     name: ClassVar[str]
 
     @property
     def owner(self) -> str:
-        """Its name in messages."""
+        """Name in messages."""
         return f"regressor '{self.name}'"
 
     @property
     @abstractmethod
     def is_distribution(self) -> bool:
-        """Whether it learns a distribution, for which features and gradients are kept within limits."""
+        """Whether it learns a distribution, for which features and gradients are clipped."""
 
     @abstractmethod
     def network(self, n_features: int, n_targets: int) -> torch.nn.Module:
@@ -99,14 +99,14 @@ class NetworkRegressor(dovetail.Regressor):
 
     @abstractmethod
     def fitted(self, network: torch.nn.Module) -> dovetail.FittedRegressor:
-        """Return what a trained network is used as."""
+        """Return the fitted regressor of a trained network."""
 
     def calibrated(
         self,
         fitted: dovetail.FittedRegressor,
         held_back: Tensors,  # noqa: ARG002
     ) -> dovetail.FittedRegressor:
-        """Return a fitted regressor corrected by the samples of its validation loss; as it is by default."""
+        """Return a fitted regressor calibrated with the samples of its validation loss; unchanged by default."""
         return fitted
 
     def fit(
@@ -123,7 +123,7 @@ class NetworkRegressor(dovetail.Regressor):
         Raises
         ------
         DovetailError
-            The two differ in length, hold values that are not finite, or are too few for a validation part.
+            The two differ in length, contain values that are not finite, or are too few for a validation part.
         """
         samples = self._tensors(features, targets)
         return self._fit(lambda _: samples, seed, progress, context)
@@ -143,7 +143,7 @@ class NetworkRegressor(dovetail.Regressor):
         Raises
         ------
         DovetailError
-            As `fit`.
+            As in `fit`.
         """
         return self._fit(lambda number: self._tensors(*epoch(number)), seed, progress, context)
 
@@ -175,10 +175,10 @@ class NetworkRegressor(dovetail.Regressor):
     def _train(
         self, samples: Callable[[int], Tensors], progress: dovetail.Progress, seconds: float | None
     ) -> tuple[torch.nn.Module, Tensors]:
-        """Return the network of the lowest validation loss, and the samples of that.
+        """Return the network with the lowest validation loss, and the samples of this loss.
 
-        Within a time the learning rate falls like half a cosine, so that the end of it, or of `max_epochs` where these
-        come first, is a minimum.
+        With a time limit, the learning rate decreases like half a cosine until this limit, or `max_epochs` if these
+        come first, so that the training ends in a minimum.
         """
         import torch
 
@@ -236,7 +236,7 @@ class NetworkRegressor(dovetail.Regressor):
 
 
 def _device(wanted: str) -> torch.device:
-    """Return where to train; an accelerator only where torch finds one."""
+    """Return the device for training; an accelerator only if torch finds one."""
     import torch
 
     found = torch.accelerator.current_accelerator() if wanted == "auto" and torch.accelerator.is_available() else None
@@ -244,14 +244,14 @@ def _device(wanted: str) -> torch.device:
 
 
 def _cycle(part: float, rise: float) -> float:
-    """Return the learning rate, as a part of the highest, after a part of the training: up, then half a cosine down."""
+    """Return the learning rate relative to the highest, after a share of the training: up, then half a cosine down."""
     if part < rise:
         return part / rise
     return 0.5 * (1.0 + math.cos(math.pi * (part - rise) / (1.0 - rise)))
 
 
 def normal_quantiles(targets: torch.Tensor) -> torch.Tensor:
-    """Return the normal quantiles of targets from 0 to 1, which are normal where a target is not told at all."""
+    """Return the normal quantiles of targets from 0 to 1, which are standard normal if nothing is known of a target."""
     import torch
 
     quantiles: torch.Tensor = torch.special.ndtri(targets.clamp(_MARGIN, 1.0 - _MARGIN))
@@ -260,7 +260,7 @@ def normal_quantiles(targets: torch.Tensor) -> torch.Tensor:
 
 @contextmanager
 def _own_torch(seed: int) -> Iterator[None]:
-    """Seed torch; the caller's random numbers and threads are afterwards as they were."""
+    """Seed torch, and restore the caller's random numbers and threads afterwards."""
     import torch
 
     with _own_threads(), torch.random.fork_rng(devices=[]):
@@ -270,7 +270,7 @@ def _own_torch(seed: int) -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch compute on this thread alone."""
+    """Let torch use only this thread."""
     import torch
 
     with _own_threads():
@@ -292,8 +292,8 @@ def _own_threads() -> Iterator[None]:
 def _choose_threads(network: torch.nn.Module) -> None:
     """Train a small network on one thread, a large one on all.
 
-    Threads wait for each other after every product. A small network gains little from them on an idle machine, and
-    where anything else wants a core an epoch takes up to fifty times as long; a large one then takes 1.6 times as long.
+    Threads wait for each other after every product. A small network gains little from them on an idle machine, and if
+    another process needs a core, an epoch takes up to fifty times as long; for a large one the factor is 1.6.
     """
     import torch
 

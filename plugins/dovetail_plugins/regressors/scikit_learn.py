@@ -42,8 +42,8 @@ class ScikitLearnRegressor(dovetail.Regressor):
 
     Notes
     -----
-    One that has a single target is fitted to each target on its own. What it fits must be arrays and plain values, so
-    that a model can be stored without pickle; any other, such as a forest of trees, is refused when it has been fitted.
+    A regressor for a single target is fitted to each target separately. Its fitted attributes must be arrays and plain
+    values, so that a model can be stored without pickle; others, such as forests of trees, are refused after fitting.
     """
 
     name = "sklearn"
@@ -51,14 +51,14 @@ class ScikitLearnRegressor(dovetail.Regressor):
     references = ("F. Pedregosa et al., Scikit-learn: machine learning in Python, JMLR 12 (2011) 2825-2830",)
 
     class Config(dovetail.ComponentConfig):
-        """Which regressor, with which options.
+        """The regressor and its options.
 
         Attributes
         ----------
         estimator : str
             Name of the class, such as KernelRidge.
         options : mapping
-            Of its constructor, plain values.
+            Plain values for its constructor.
         """
 
         estimator: str
@@ -71,7 +71,7 @@ class ScikitLearnRegressor(dovetail.Regressor):
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
-        """Return a regressor of several targets, and one of a single target."""
+        """Return a regressor for several targets, and one for a single target."""
         return (
             {"estimator": "KernelRidge", "options": {"kernel": "rbf", "alpha": 0.01}},
             {"estimator": "SVR", "options": {"C": 10.0, "epsilon": 0.01}},
@@ -94,7 +94,7 @@ class ScikitLearnRegressor(dovetail.Regressor):
         Raises
         ------
         DovetailError
-            The regressor cannot be fitted to these samples, or what it fits is not made of arrays.
+            The regressor cannot be fitted to these samples, or its fitted attributes are not arrays or plain values.
         """
         rows = checked_rows(features, self._owner)
         wanted = checked_rows(targets, f"{self._owner}, targets").astype(np.float64)

@@ -1,4 +1,4 @@
-"""Which row of a matrix is which direction of which node."""
+"""Tables that assign the rows of a matrix to nodes and directions."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class DofTable:
     where: str
 
     def checked(self, size: int) -> DofTable:
-        """Return the table itself where it fits matrices of `size` rows.
+        """Return the table itself if it fits matrices with `size` rows.
 
         Raises
         ------
         DovetailError
-            A DOF is named twice, a node is in two places, or a row is out of range or used twice.
+            A DOF is repeated, a node has two positions, or a row is out of range or repeated.
         """
         seen: dict[tuple[str, str], int] = {}
         taken: dict[int, int] = {}
@@ -79,7 +79,7 @@ class DofTable:
 
 
 def read_dof_table(path: Path, size: int) -> DofTable:
-    """Read a table from a CSV file with the columns node, direction and, where given, position and row (from 1).
+    """Read a table from a CSV file with the columns node, direction and, optionally, position and row (from 1).
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def read_dof_table(path: Path, size: int) -> DofTable:
 
 
 def table_in(archive: Mapping[str, Any], where: str, size: int) -> DofTable | None:
-    """Return the table in an archive, arrays 'nodes', 'directions' and, where given, 'positions' and 'rows' (from 1).
+    """Return the table in an archive: arrays 'nodes', 'directions' and, optionally, 'positions' and 'rows' (from 1).
 
     Raises
     ------
@@ -158,7 +158,7 @@ def _numbers(cells: Sequence[str], name: str, where: str) -> NDArray[np.float64]
 
 
 def _cells(array: Any) -> list[str]:
-    """Return the entries of an array of texts or numbers, or of MATLAB's cells, as texts."""
+    """Return the entries of an array of texts or numbers, or of a MATLAB cell array, as texts."""
     cells = []
     for entry in np.asarray(array).ravel():
         while isinstance(entry, np.ndarray):

@@ -1,4 +1,4 @@
-"""The ground: what is connected to it is held."""
+"""The ground, to which other parts can be attached."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Ground(SubstructureModel):
     grounded = True
 
     class Config(ComponentConfig):
-        """Where joints may attach.
+        """The points to which joints may attach.
 
         Attributes
         ----------
         positions : sequence of float
-            Of the points [m].
+            Positions of the points [m].
         """
 
         positions: Annotated[tuple[Annotated[float, InUnit("m")], ...], Field(min_length=1)] = (0.0,)
@@ -36,5 +36,5 @@ class Ground(SubstructureModel):
         return tuple(Node(f"g{index + 1}", position) for index, position in enumerate(self.config.positions))
 
     def matrices(self) -> StructuralMatrices:
-        """Return zeros: held DOFs take no part in the motion."""
+        """Return zeros, since held DOFs do not move."""
         return StructuralMatrices.zeros(2 * len(self.nodes))

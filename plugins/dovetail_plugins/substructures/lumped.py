@@ -22,11 +22,11 @@ class LumpedMass(ComponentConfig):
     Attributes
     ----------
     position : float
-        By which a description names the mass [m].
+        Position [m], by which a description refers to the mass.
     mass : float
-        In translation [kg].
+        Mass in translation [kg].
     inertia : float
-        About the axis of rz [kg m^2].
+        Rotary inertia about the axis of rz [kg m^2].
     """
 
     position: Annotated[float, InUnit("m")] = 0.0
@@ -35,18 +35,18 @@ class LumpedMass(ComponentConfig):
 
 
 class Lumped(SubstructureModel):
-    """Masses that nothing connects but the joints attached to them; without inertia a rotation is free of effort."""
+    """Masses that are connected only by joints; without rotary inertia, a rotation needs no moment."""
 
     name = "lumped"
     summary = "Lumped masses and rotary inertias"
 
     class Config(ComponentConfig):
-        """The masses, each at a position of its own.
+        """The masses, at different positions.
 
         Attributes
         ----------
         masses : sequence of LumpedMass
-            One at least.
+            One or more masses.
         """
 
         masses: Annotated[tuple[LumpedMass, ...], Field(min_length=1)]

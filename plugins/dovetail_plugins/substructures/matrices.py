@@ -28,22 +28,22 @@ __all__ = ["FileUnits", "Matrices"]
 
 _OptionalFile = Annotated[str | None, FileName()]
 _SMALL = 60
-"""DOFs up to which full matrices are given, which are condensed for all frequencies at once."""
+"""Number of DOFs up to which matrices are full, so that they are condensed for all frequencies at once."""
 _MATRICES = {"M": "mass", "K": "stiffness", "C": "damping", "D": "structural_damping"}
-"""Name in an archive, and option that names a file of its own."""
+"""Names in an archive, and the options for separate files."""
 
 
 class FileUnits(ComponentConfig):
-    """What a 1 in the files stands for; rotations are in radians.
+    """Units of the numbers in the files; rotations are in radians.
 
     Attributes
     ----------
     length : float
-        Of positions, and in the entries of rotations [m].
+        Unit of positions, and of length in the entries of rotations [m].
     mass : float
-        An entry of M between displacements [kg].
+        Unit of an entry of M between displacements [kg].
     stiffness : float
-        An entry of K and D between displacements [N/m]; one of C is this times a second.
+        Unit of an entry of K and D between displacements [N/m]; that of C is this times a second.
     """
 
     length: Annotated[float, Field(gt=0), InUnit("m")] = 1.0
@@ -52,10 +52,10 @@ class FileUnits(ComponentConfig):
 
 
 class Matrices(SubstructureModel):
-    """Matrices M and K (C and D where there are any) and a table that names their DOFs.
+    """Matrices M and K (optionally C and D) and a table that names their DOFs.
 
-    Two directions of each node are taken for x and rz, the displacement and the rotation of the plane in which the
-    assembly vibrates. All other DOFs are inner ones: they move freely and are condensed.
+    Two directions of each node are used as x and rz, the displacement and the rotation in the plane in which the
+    assembly vibrates. All other DOFs are inner ones, which move freely and are condensed.
     """
 
     name = "matrices"
@@ -65,22 +65,22 @@ class Matrices(SubstructureModel):
     )
 
     class Config(ComponentConfig):
-        """The files and what their numbers mean.
+        """The files and the meaning of their numbers.
 
         Attributes
         ----------
         file : str
-            NPZ or MAT archive with M, K and, where given, C, D and the table of DOFs.
+            NPZ or MAT archive with M, K and, optionally, C, D and the table of DOFs.
         mass, stiffness, damping, structural_damping : str
             A Matrix Market file for each matrix, instead of `file`.
         dofs : str
-            CSV with the table of DOFs: node, direction and, where given, position and row.
+            CSV with the table of DOFs: node, direction and, optionally, position and row.
         displacement, rotation : str
-            The directions, as the table names them, that are x and rz; with a minus before it, in the opposite sense.
+            The directions, named as in the table, that are x and rz; a preceding minus means the opposite sense.
         nodes : list of str
-            Nodes that joints and the response can reach; all by default.
+            Nodes for joints and responses; all by default.
         units : section
-            What a 1 in the files stands for.
+            Units of the numbers in the files.
         loss_factor : float
             Structural damping D = loss_factor K, instead of a matrix.
         tolerance : float
@@ -111,7 +111,7 @@ class Matrices(SubstructureModel):
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:
-        """Return a free chain of three masses, all nodes reached, and its ends alone."""
+        """Return a free chain of three masses, with all nodes, and with only those at its ends."""
         springs = 1e6 * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
         table: dict[str, Any] = {"nodes": ["1", "2", "3"], "directions": ["x"] * 3, "positions": [0.0, 0.1, 0.2]}
         np.savez(folder / "chain.npz", M=np.diag([0.2, 0.4, 0.2]), K=springs, **table)
@@ -126,7 +126,7 @@ class Matrices(SubstructureModel):
 
     @cached_property
     def nodes(self) -> tuple[Node, ...]:
-        """The nodes that joints can reach, in the order of the table; at position 0 where the table has none."""
+        """The nodes for joints and responses, in the order of the table; at position 0 if it has no positions."""
         positions = dict.fromkeys(self._table.nodes, 0.0)
         if self._table.positions is not None:
             positions = dict(zip(self._table.nodes, self._table.positions * self.config.units.length, strict=True))
@@ -146,7 +146,7 @@ class Matrices(SubstructureModel):
         return f"node '{self._labels[dof // 2]}' {('x', 'rz')[dof % 2]}"
 
     def _read(self) -> tuple[dict[str, Any], DofTable]:
-        """Return the sound matrices that there are, and the table of DOFs."""
+        """Return the checked matrices that are present, and the table of DOFs."""
         config, archive = self.config, {}
         if config.file:
             where = dict.fromkeys(_MATRICES, config.file)
@@ -178,7 +178,7 @@ class Matrices(SubstructureModel):
         return matrices, table
 
     def _chosen(self, table: DofTable) -> tuple[str, ...]:
-        """Return the nodes that have one of the two directions, all of them or those that are asked for."""
+        """Return the nodes that have one of the two directions: all, or those of the option `nodes`."""
         wanted = {option: str(getattr(self.config, option)).lstrip("-") for option in ("displacement", "rotation")}
         directions = dict.fromkeys(table.directions)
         reached = [n for n, d in zip(table.nodes, table.directions, strict=True) if d in wanted.values()]
@@ -197,7 +197,7 @@ class Matrices(SubstructureModel):
         return tuple(dict.fromkeys(asked))
 
     def _arranged(self, matrices: dict[str, Any]) -> StructuralMatrices | SparseMatrices:
-        """Bring the matrices to SI, and x and rz of the nodes to the front."""
+        """Convert the matrices to SI, and move x and rz of the nodes to the front."""
         units, arrangement = self.config.units, self._arrangement(matrices["K"].shape[0])
         factor = {"M": units.mass, "K": units.stiffness, "C": units.stiffness, "D": units.stiffness}
         arranged = {name: factor[name] * (arrangement.T @ matrix @ arrangement) for name, matrix in matrices.items()}
@@ -211,7 +211,7 @@ class Matrices(SubstructureModel):
         return small
 
     def _arrangement(self, size: int) -> Any:
-        """Return the sparse (size, d) matrix that gives the file's DOFs from those of the nodes and the inner ones."""
+        """Return the sparse matrix (size, d) that maps the nodes' DOFs and the inner ones to those of the file."""
         from scipy.sparse import coo_array
 
         node_of = {label: index for index, label in enumerate(self._labels)}

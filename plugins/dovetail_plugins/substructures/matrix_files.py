@@ -1,4 +1,4 @@
-"""Square matrices from NPZ, MAT and Matrix Market files, read without trust in what they hold."""
+"""Square matrices from NPZ, MAT and Matrix Market files, whose contents are not trusted."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from dovetail import DovetailError, Fault, call_guarded, read_bounded
 __all__ = ["matlab_arrays", "matrix_in", "matrix_market_parts", "read_archive", "read_matrix_market", "sound_matrix"]
 
 _LARGEST_FILE = 1_000_000_000
-"""Bytes of a file, and of what an archive unpacks to."""
+"""Largest size in bytes of a file, and of the unpacked contents of an archive."""
 _ALWAYS_UNPACKED, _MOST_TIMES = 100_000_000, 20
-"""Bytes to which any archive may unpack, and how many times its size a large one may; sparse matrices take 3 to 8."""
+"""Unpacked bytes that are always accepted, and largest ratio to the archive's size; sparse matrices need 3 to 8."""
 _MOST_ARRAYS = 1000
 _ENTRY = b"PK\x01\x02"
-"""With this each entry of an archive's directory begins, whatever the end of the archive says of their number."""
+"""First bytes of each entry in the directory; counted, since the number at the end of the archive may be wrong."""
 _LARGEST_DENSE = 3_000
-"""DOFs from which a full matrix is refused: 72 MB."""
+"""Largest number of DOFs of a full matrix: 72 MB."""
 _MOST_DOFS = 2_000_000
 _ASYMMETRY = 1e-6
-"""Difference of an entry from its mirror image, over the largest entry, that a printed matrix may have."""
+"""Largest difference of two mirrored entries, over the largest entry; printed matrices are rounded."""
 _FORMATS = "NPZ (.npz), MATLAB to version 7 (.mat) or, one for each matrix, Matrix Market (.mtx)"
 
 
 def read_archive(path: Path) -> dict[str, Any]:
-    """Return everything in an NPZ or MAT file by its name; Python objects are never loaded.
+    """Return the contents of an NPZ or MAT file by name; Python objects are never loaded.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def read_matrix_market(path: Path) -> Any:
 
 
 def matlab_arrays(path: Path, content: bytes) -> dict[str, Any]:
-    """Return the variables of a workspace that are numbers or texts; to be called in the guarded process only."""
+    """Return the variables of a workspace that are numbers or texts; only for the guarded process."""
     from scipy.io import loadmat
     from scipy.sparse import issparse
 
@@ -87,7 +87,7 @@ def matlab_arrays(path: Path, content: bytes) -> dict[str, Any]:
 
 
 def matrix_market_parts(path: Path, content: bytes) -> dict[str, Any]:
-    """Return the matrix in a Matrix Market file, full or in parts; to be called in the guarded process only."""
+    """Return the matrix in a Matrix Market file, full or as sparse arrays; only for the guarded process."""
     from scipy.io import mminfo, mmread
 
     with _report_damage(path):
@@ -112,7 +112,7 @@ def _parts(name: str, matrix: Any, where: str) -> dict[str, Any]:
 
 
 def _text(cell: Any) -> str:
-    """Return the text or the number of one of MATLAB's cells, empty where it holds something else."""
+    """Return the text or the number in a MATLAB cell as a text, empty if it contains anything else."""
     value = np.asarray(cell).ravel()
     if value.size != 1 or value.dtype.kind not in "biufU":
         return ""
@@ -131,12 +131,12 @@ def _report_damage(path: Path) -> Iterator[None]:
 
 
 def matrix_in(archive: Mapping[str, Any], name: str, where: str) -> Any:
-    """Return the matrix of this name, full or in the parts of compressed rows or columns; None where it is missing.
+    """Return the matrix of this name, full or from the arrays of compressed rows or columns; None if it is missing.
 
     Raises
     ------
     DovetailError
-        Its parts do not fit together.
+        These arrays are inconsistent.
     """
     from scipy.sparse import csc_array
 
@@ -167,7 +167,7 @@ def sound_matrix(name: str, values: Any, where: str) -> Any:
     Raises
     ------
     DovetailError
-        It is not square, not symmetric, too large to be full, or its entries are not finite real numbers.
+        It is not square, not symmetric, too large for a full matrix, or its entries are not finite real numbers.
     """
     from scipy.sparse import csc_array, issparse
 
@@ -196,17 +196,17 @@ def sound_matrix(name: str, values: Any, where: str) -> Any:
 
 
 def _place(matrix: Any, index: int) -> tuple[int, int]:
-    """Return row and column, from 1, of a stored entry of compressed columns."""
+    """Return row and column, from 1, of a stored entry in compressed columns."""
     return int(matrix.indices[index]) + 1, int(np.searchsorted(matrix.indptr, index, side="right"))
 
 
 def _memory(content: bytes) -> int:
-    """Return how much memory a reader may take: what the libraries need, and what a file of this size can hold."""
+    """Return the memory that a reader may use: that of the libraries, and a multiple of the size of the file."""
     return (3 << 29) + 16 * len(content)
 
 
 def _read_npz(path: Path, content: bytes) -> dict[str, Any]:
-    """Return the arrays of an archive; sizes are looked at before anything is unpacked."""
+    """Return the arrays of an archive; their sizes are checked before anything is unpacked."""
     if content.count(_ENTRY) > _MOST_ARRAYS:
         raise DovetailError(Fault(str(path), f"the archive has more than {_MOST_ARRAYS} entries."))
     arrays = {}

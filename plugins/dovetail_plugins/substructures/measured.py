@@ -27,16 +27,16 @@ __all__ = ["Measured", "MeasuredFrf"]
 
 
 class MeasuredFrf(ComponentConfig):
-    """Which FRF of the file is between which nodes.
+    """An FRF in the file, and its nodes.
 
     Attributes
     ----------
     set : int
         Number of the set in the UFF file, from 1.
     response : str
-        Node whose displacement was measured.
+        Node of the measured displacement.
     force : str
-        Node that was struck.
+        Node of the force.
     """
 
     set: Annotated[int, Field(ge=1)]
@@ -45,27 +45,27 @@ class MeasuredFrf(ComponentConfig):
 
 
 class Measured(SubstructureModel):
-    """A part between whose nodes FRFs were measured, such as the flange of a spindle.
+    """A part with measured FRFs between its nodes, such as the flange of a spindle.
 
-    Without a table or `frfs`, the file holds x and rz of one point, as ``dovetail spindle`` writes it. Nodes without
-    a measured rotation have none: no moment acts on them.
+    Without a table or `frfs`, the file contains x and rz of one point, as ``dovetail spindle`` writes it. No moment
+    acts on nodes without a measured rotation.
     """
 
     name = "measured"
     summary = "Part known by its measured receptance at one point or between several"
 
     class Config(ComponentConfig):
-        """The file with the receptance, and what it holds.
+        """The file with the receptance, and its contents.
 
         Attributes
         ----------
         file : str
-            NPZ archive with 'frequency' and 'receptance' (n_freq, n, n) and, where it is not x and rz of one point,
+            NPZ archive with 'frequency' and 'receptance' (n_freq, n, n) and, unless it is x and rz of one point,
             'nodes', 'directions' ('x' or 'rz') and 'positions' of the n DOFs; or a UFF file.
         nodes : mapping
             Nodes of a UFF file and their positions.
         frfs : list
-            FRFs of a UFF file, one for each pair of nodes at least; the mirrored ones follow by reciprocity.
+            FRFs of a UFF file, at least one for each pair of nodes; the mirrored ones follow by reciprocity.
         """
 
         file: Annotated[str, FileName()]
@@ -108,7 +108,7 @@ class Measured(SubstructureModel):
 
     @property
     def absent_dofs(self) -> frozenset[int]:
-        """What was not measured."""
+        """The DOFs that were not measured."""
         return frozenset(range(2 * len(self.nodes))) - set(self._known.dofs)
 
     def matrices(self) -> StructuralMatrices | None:
@@ -116,7 +116,7 @@ class Measured(SubstructureModel):
         return None
 
     def receptance(self, frequency: NDArray[np.float64], dofs: Sequence[int]) -> NDArray[np.complex128]:
-        """Return the measured receptance between `dofs`, on other lines by interpolation."""
+        """Return the measured receptance between `dofs`, interpolated to the lines."""
         chosen = np.array([self._known.dofs.index(int(dof)) for dof in dofs], dtype=np.intp)
         part: NDArray[np.complex128] = self._known.matrix.at(frequency)[:, chosen[:, None], chosen]
         return part

@@ -37,7 +37,7 @@ class KnownReceptance:
 
 
 def from_archive(file: str) -> KnownReceptance:
-    """Read an NPZ archive: x and rz of one point, or what its table of DOFs says.
+    """Read an NPZ archive with x and rz of one point, or with a table of DOFs.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def from_archive(file: str) -> KnownReceptance:
 
 
 def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, str, str]]) -> KnownReceptance:
-    """Read the displacements at some nodes per force at some nodes from the sets of a UFF file.
+    """Read the receptance between the displacements of some nodes from the sets of a UFF file.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, s
     Raises
     ------
     DovetailError
-        A set cannot be read, has other frequencies than the first or no phase, or a pair of nodes has none.
+        A set cannot be read, has other frequencies than the first or no phase, or a pair of nodes has no set.
     """
     index_of = {label: index for index, label in enumerate(nodes)}
     read = [(read_frf(file, index=number).to("receptance"), number, out, into) for number, out, into in frfs]

@@ -1,4 +1,4 @@
-"""A straight beam of stepped, hollow or tapered round sections, or of rectangular ones."""
+"""A straight beam with stepped, hollow or tapered round sections, or rectangular ones."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ __all__ = ["Section", "TimoshenkoBeam"]
 _Side = Annotated[float, Field(gt=0), InUnit("m")]
 _Bore = Annotated[float, Field(ge=0), InUnit("m")]
 _NO_PLASTIC = 2500.0
-"""Density [kg/m^3] above which there are metals, ceramics and concrete, but no plastic."""
+"""Density [kg/m^3] of metals, ceramics and concrete, but not of plastics."""
 _SOFTEST_METAL = 5e9
-"""Modulus [Pa] that all of these exceed: lead has 16 GPa."""
+"""Smallest modulus [Pa] of such materials: lead has 16 GPa."""
 
 
 class Section(ComponentConfig):
@@ -30,7 +30,7 @@ class Section(ComponentConfig):
     Attributes
     ----------
     length : float
-        Along the beam [m].
+        Length along the beam [m].
     outer, inner : float
         Diameters of a round section [m].
     outer_end, inner_end : float
@@ -38,7 +38,7 @@ class Section(ComponentConfig):
     width, height : float
         Sides of a rectangular section [m]; `height` is the one in the direction of the displacement x.
     elements : int
-        Of equal length.
+        Number of elements, of equal length.
     """
 
     length: Annotated[float, Field(gt=0), InUnit("m")]
@@ -66,7 +66,7 @@ class Section(ComponentConfig):
         return self
 
     def _ends(self, outer: Any) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Outer and inner diameters at the near and at the far end."""
+        """Return the outer and inner diameters at the near and at the far end."""
         end_outer = outer if self.outer_end is None else self.outer_end
         end_inner = self.inner if self.inner_end is None else self.inner_end
         return (outer, end_outer), (self.inner, end_inner)
@@ -79,7 +79,7 @@ class Section(ComponentConfig):
         return circle(*self.diameters(), poisson)
 
     def diameters(self) -> tuple[Any, Any]:
-        """Return the outer and inner diameters at the middle of the elements; the height in place of an outer one."""
+        """Return the outer diameter, or the height, and the inner diameter at the middle of the elements."""
         middle = (np.arange(self.elements) + 0.5) / self.elements
         (outer, end_outer), (inner, end_inner) = self._ends(self.height if self.outer is None else self.outer)
         return outer + middle * (end_outer - outer), inner + middle * (end_inner - inner)
@@ -99,14 +99,14 @@ class TimoshenkoBeam(SubstructureModel):
     )
 
     class Config(ComponentConfig):
-        """Material and sections; position 0 is where the first section begins.
+        """Material and sections; position 0 is the start of the first section.
 
         Attributes
         ----------
         material : Material
             Of the whole beam.
         sections : sequence of Section
-            One behind the other.
+            The sections in order along the beam.
         """
 
         material: Material
@@ -122,7 +122,7 @@ class TimoshenkoBeam(SubstructureModel):
         return {"material": steel, "sections": [tube, taper]}, {"material": steel, "sections": [bar]}
 
     def doubts(self, frequency: float) -> list[str]:
-        """Name a modulus that no metal has, and sections with elements above a sixth of a bending wave at this [Hz]."""
+        """Report a modulus too small for the density, and elements longer than a sixth of a bending wave."""
         young, density = self.config.material.young, self.config.material.density
         if density > _NO_PLASTIC and 1e6 <= young < _SOFTEST_METAL:
             return [
@@ -156,7 +156,7 @@ class TimoshenkoBeam(SubstructureModel):
 
     @property
     def outline(self) -> list[tuple[float, float, float, float]]:
-        """The sections, a tapered one as its elements; of a rectangular one the side in the direction of x."""
+        """The sections, tapered ones divided into elements; for rectangular ones the side in the direction of x."""
         pieces, start = list[tuple[float, float, float, float]](), 0.0
         for section in self.config.sections:
             step = section.length / section.elements
@@ -182,6 +182,6 @@ class TimoshenkoBeam(SubstructureModel):
 
 
 def _joined(values: Sequence[ArrayLike], counts: Sequence[int]) -> NDArray[np.float64]:
-    """Join values of each section, one or an array (..., count), of which some are a batch, to (..., n_elements)."""
+    """Concatenate the values of sections, scalars or arrays (..., count) with a batch axis, to (..., n_elements)."""
     batch = np.broadcast_shapes(*(np.shape(value)[:-1] for value in values))
     return np.concatenate([np.broadcast_to(value, (*batch, n)) for value, n in zip(values, counts, strict=True)], -1)
