@@ -36,7 +36,7 @@ class ModelErrorSettings:
     """Sizes of the model's errors, and the limits of what counts as a resonance.
 
     Natural frequencies are stationary with respect to the mode shapes; modal constants and damping are not. The ratios
-    of their errors are the largest that a mesh twice as fine shows for the bundled assemblies (docs/uncertainty.md).
+    of their errors are the largest that a four times finer mesh shows for the bundled assemblies (docs/uncertainty.md).
     """
 
     damping: float = 100.0
