@@ -58,6 +58,19 @@ def test_every_method_meets_every_measurement(cases):
     assert set(done.training) == {"pca"}
 
 
+def test_a_method_of_a_plugin_with_the_name_of_a_reducer_is_called_by_its_package(cases, tmp_path):
+    plugin = tmp_path / "middle.py"
+    plugin.write_text(
+        "import dovetail\n\n\nclass Middle(dovetail.IdentificationMethod):\n    name, summary = 'pca', 'The middle'\n\n"
+        "    def identify(self, problem, *, seed, progress=dovetail.silent):\n"
+        "        return dovetail.Estimate([p.from_unit(0.5) for p in problem.parameters])\n\n\n"
+        "@dovetail.hookimpl\ndef dovetail_components():\n    return [Middle]\n"
+    )
+    done = compare(read_cases(cases / "cases.yaml"), ("pca", "middle:pca"), samples=300, plugins=[plugin])
+    assert set(done.training) == {"pca"}
+    assert {row.method: row.identification.method for row in done.rows} == {"pca": "network", "middle:pca": "pca"}
+
+
 def test_each_measurement_is_compared_on_its_own_lines(cases, sdof):
     lines = np.arange(0.5, 620.0, 0.8)
     values = sdof.on(lines).frf({"k": 1e6, "c": 20.0})

@@ -148,7 +148,8 @@ def compare(
         Each with the assembly and the measurement that its joint comes from; one assembly for all.
     methods : sequence of str
         ``"refined"``, ``"posterior"``, ``"multistart"``, ``"rigid"``; or a network by its reducer, as ``"umap"`` or,
-        with robust training, ``"pca+robust"``; or a plugin's method. By default those that the plugins give.
+        with robust training, ``"pca+robust"``; or a plugin's method, with its package as
+        ``"package:pca"`` if it has the name of a reducer. By default those that the plugins give.
     samples : int, optional
         FRFs to train on; as many as the description says by default.
     data : path, optional
@@ -184,7 +185,7 @@ def compare(
     files = tuple(plugins)
     assembly, registry = load(source, plugins=files), components(files)
     methods = methods or registry.defaults.get("compare", (*_FITS, RIGID))
-    fits = [method for method in methods if method in _FITS or "method" in registry.kinds_of(method)]
+    fits = [method for method in methods if method in _FITS or registry.kinds_of(method) == ("method",)]
     ways = {method: find_method(method, assembly, registry) for method in fits}
     networks = [method for method in methods if method not in (*ways, RIGID)]
     variants = {name: variant(assembly, name, registry) for name in networks}
