@@ -1,4 +1,4 @@
-"""Measures of the source code: circular imports, lines, names. Run this file to print them."""
+"""Metrics of the source code: circular imports, line counts, names. Run this file to print them."""
 
 from __future__ import annotations
 

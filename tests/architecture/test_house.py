@@ -1,4 +1,4 @@
-"""Limits of the source code: no circular imports, few and short files, meaningful names, short call paths."""
+"""Limits of the source code: no circular imports, few and short files, telling names, short call paths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pages of the documentation name files and headings that are there."""
+"""The files and headings that the documentation pages refer to exist."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be looked up is complete and as the program has it: names, models with drawings, options, keys."""
+"""The reference pages are complete and agree with the program: names, models with drawings, options, keys."""
 
 from __future__ import annotations
 

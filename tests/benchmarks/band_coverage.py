@@ -1,4 +1,4 @@
-"""Do the bands of a predicted tool-tip FRF hold what was measured there? The campaign's three other tools.
+"""Do the bands of a predicted tool-tip FRF cover the measured one? For the campaign's three other tools.
 
     python tests/benchmarks/band_coverage.py
 

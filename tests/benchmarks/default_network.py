@@ -1,4 +1,4 @@
-"""The network that a description gets which says nothing, beside others, on structures drawn at random.
+"""The network that a description gets by default, compared with others, on structures drawn at random.
 
 python tests/benchmarks/default_network.py [--structures N] [--seed N] [--samples N]
 

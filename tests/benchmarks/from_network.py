@@ -1,4 +1,4 @@
-"""What a network that tells intervals is worth to the fit and to the posterior.
+"""Does a network that gives intervals speed up the fit and the posterior?
 
     dovetail train docs/network/bt40_er32.yaml --minutes 13 -o model
     python tests/benchmarks/from_network.py model [--cases 200] [--sampled 20] [--noise 0.01 0.2] [--draws 4000]

@@ -1,4 +1,4 @@
-"""What is identified from real structures that others measured, and how well does it predict what was not fitted?
+"""What is identified from public measurements of real structures, and how well does it predict FRFs not fitted?
 
     python tests/benchmarks/gallery.py oscillator
     python tests/benchmarks/gallery.py hammer
@@ -10,8 +10,8 @@ FRFs of oscillator and hammer are part of this repository; those of frame and be
 that measured_structures.py made with `--convert`.
 
 An FRF that is predicted is compared with the measured one by the FRAC, |<a, b>|^2 / (<a, a> <b, b>) over the band: 1 if
-they differ by a factor only. It tells nothing of gains, and mostly of the highest peaks. The magnitude error beside it,
-the median over the lines, weights all lines alike. Everything is chosen by the FRFs that are fitted.
+they differ by a factor only. It is blind to gains, and the highest peaks dominate it. The magnitude error beside it,
+the median over the lines, weights all lines alike. Every choice is made by the FRFs that are fitted.
 """
 
 from __future__ import annotations

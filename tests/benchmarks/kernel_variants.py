@@ -1,4 +1,4 @@
-"""What was tried to make the kernel faster: variants of its code, on the collet assembly, one thread, kernel alone.
+"""Attempts to make the kernel faster: variants of its code, on the collet assembly, one thread, kernel alone.
 
     python tests/benchmarks/kernel_variants.py
 

@@ -1,4 +1,4 @@
-"""The Gaussian form of the posterior: how long it takes, how often it holds the truth, and where it warns.
+"""The Gaussian form of the posterior: its time, how often its intervals hold the truth, and when it warns.
 
     python tests/benchmarks/laplace_coverage.py [--cases 200] [--sampled 40] [--finer-mesh 4] [--model-error 0.0005]
 

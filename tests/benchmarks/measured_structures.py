@@ -1,4 +1,4 @@
-"""How does the program judge real structures, and is the cause named where a measurement was altered on purpose?
+"""How does the program judge real structures, and does it name the cause if a measurement was altered on purpose?
 
     python tests/benchmarks/measured_structures.py --convert CLONE --convert CLONE --data FOLDER
     python tests/benchmarks/measured_structures.py --data FOLDER [--altered] [--method posterior] [--only beam]

@@ -1,4 +1,4 @@
-"""How a model errs whose mesh is too coarse: natural frequencies, damping and modal constants against a finer one.
+"""Errors of a model with too coarse a mesh: natural frequencies, damping and modal constants, against a finer mesh.
 
     python tests/benchmarks/mesh_errors.py [--joints 40] [--finer-mesh 4]
 

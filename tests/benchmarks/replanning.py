@@ -1,4 +1,4 @@
-"""How long does the engine take when a joint fills entries for which it has not planned?
+"""How long does the engine take when a joint fills entries that its elimination was not planned for?
 
     python tests/benchmarks/replanning.py [--rounds 5]
 

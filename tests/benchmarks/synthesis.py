@@ -1,4 +1,4 @@
-"""The speed of the synthesis on the collet assembly at 4451 lines, all in one run, beside what is aimed at.
+"""The speed of the synthesis on the collet assembly at 4451 lines, all in one run, beside its targets.
 
     python tests/benchmarks/synthesis.py [--samples N] [--rounds N] [--written N] [--no-first] [-o FOLDER]
 

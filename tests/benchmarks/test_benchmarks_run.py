@@ -1,4 +1,4 @@
-"""The benchmarks run, and print a ratio or a slope for each route; how fast is for their reader to judge."""
+"""The benchmarks run, and print a ratio or a slope for each route; the speed itself is not tested."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The study of model errors runs, and its structures are wrong by as much as is wanted."""
+"""The study of model errors runs, and its structures are wrong by the size that was asked for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Report and explorer in headless Chromium: nothing from outside, no error, charts that answer, reachable for all.
+"""Report and explorer in headless Chromium: no network requests, no errors, charts that respond, accessibility.
 
 Without Chromium these tests are skipped. axe-core lies in `vendor/`, MPL-2.0, for these tests alone.
 """

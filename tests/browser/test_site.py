@@ -1,4 +1,4 @@
-"""The pages of the documentation in headless Chromium: they fit, say nothing to the console, and ask nobody.
+"""The pages of the documentation in headless Chromium: they fit, log nothing and load nothing from elsewhere.
 
 CI opens the main ones, in the folder that its documentation step has built; the others take minutes.
 """

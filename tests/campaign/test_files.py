@@ -1,4 +1,4 @@
-"""The files of the synthetic campaign: there, readable, labelled, and what the script writes."""
+"""The files of the synthetic campaign: present, readable, labelled, and equal to what the script writes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A description to begin with: it passes `check` as it is, with every joint that connects two parts."""
+"""`dovetail new-assembly`: its description passes `check` unchanged, with every joint that connects two parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of messages, word for word; and the page's format of a truth."""
+"""The page of messages, word for word; and the format of a truth file that it shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands of the pages on methods and on what a measurement tells, as a reader types them.
+"""The commands of the pages on methods and on what a measurement can identify, as a reader types them.
 
 The pages name the reference assembly and a measurement of it. Here these names stand for the same ones made small:
 every 25th line, and eight of the twelve parameters known. The commands are those of the page but for the numbers in

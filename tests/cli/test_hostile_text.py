@@ -1,4 +1,4 @@
-"""Hostile names through every command: nothing is obeyed by a terminal, a browser, a spreadsheet or a page."""
+"""Hostile names in every command: a terminal, browser, spreadsheet or page shows them as text and executes nothing."""
 
 from __future__ import annotations
 

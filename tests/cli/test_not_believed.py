@@ -1,4 +1,4 @@
-"""A result that is not to be believed says so in every file and table that a command makes of it; others say nothing.
+"""Every file and table made from a result that should not be trusted says so; those of other results do not.
 
 The measurement that does not fit is that of the described structure with the sign reversed.
 """

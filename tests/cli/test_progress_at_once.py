@@ -1,4 +1,4 @@
-"""On a terminal, every command that takes long shows that it is at work within a second of the first."""
+"""On a terminal, every long command shows its progress bar soon after it starts."""
 
 from __future__ import annotations
 

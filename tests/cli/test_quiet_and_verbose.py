@@ -1,4 +1,4 @@
-"""``-q`` and ``-v``, before a command and behind it; ``--json`` wherever a table is printed."""
+"""``-q`` and ``-v``, before and after the command's name; ``--json`` wherever a table is printed."""
 
 from __future__ import annotations
 

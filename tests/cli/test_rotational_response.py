@@ -1,4 +1,4 @@
-"""A drive point that is turned by a moment: its FRF is labelled so, and no accelerometer mass is removed."""
+"""A rotational drive point, excited by a moment: its FRF is labelled so, and no accelerometer mass is removed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command starts fast, and what is heavy stays unloaded until it is needed."""
+"""The command starts fast, and heavy libraries are imported only when they are needed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Targets are tried before long work, and a disk that fills nevertheless loses no answer."""
+"""Output paths are checked before long work, and if the disk fills all the same the answer is still printed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is shown on a terminal, and how quiet it is in a pipe."""
+"""What is shown on a terminal, and what is left out in a pipe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Coupling and decoupling of beams, held against the beam in one piece; the spindle's flange from three tests."""
+"""Coupling and decoupling of beams, compared with the beam in one piece; the spindle's flange from three tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Work for the workers of a Dask scheduler: the bytes of a run without it, whoever is killed on the way."""
+"""Generation on a Dask cluster: the same bytes as without it, even if workers are killed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A dataset that lost or spoilt a part of itself says so, and never gives numbers that nobody computed."""
+"""A dataset with missing or damaged files says so, and never returns numbers that were not computed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Datasets: samples, what is stored, what is refused, and going on after an interruption."""
+"""Datasets: samples, what is stored, what is refused, and resuming after an interruption."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Datasets made to do harm: no codec but ours is ever called, and nothing is reserved that the files do not hold."""
+"""Malicious datasets: no codec but ours is called, and no more memory is reserved than the files account for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A dataset is held against its own description, whole, before it is trained on or gone on with."""
+"""A dataset is checked in full against its own description before training or resuming."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shards of a dataset: disjoint, resumable, and merged to the very bytes of the dataset that is made in one go."""
+"""Shards of a dataset: disjoint, resumable, and merged to the same bytes as the dataset generated in one run."""
 
 from __future__ import annotations
 

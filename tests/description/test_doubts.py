@@ -1,4 +1,4 @@
-"""What looks wrong in a valid description: each fault is named with what was read and what was probably meant."""
+"""Suspicious values in a valid description: each is reported with what was read and what was probably meant."""
 
 from __future__ import annotations
 

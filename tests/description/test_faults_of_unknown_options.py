@@ -1,4 +1,4 @@
-"""What is wrong with unknown options of parts, with calibrations and with forces: place, problem, remedy."""
+"""Faults of unknown options of parts, of calibrations and of forces: position, problem, remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files made to do harm, or made by accident, are refused quickly and in plain words."""
+"""Malicious or accidentally broken files are refused quickly and in plain words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All faults of a description come at once, in the order of its text."""
+"""All faults of a description are reported at once, in the order of its text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a sound description becomes."""
+"""The assembly that a valid description becomes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calibration of the posterior: a right one passes, one that is too sure, too unsure or to one side does not."""
+"""Calibration of the posterior: a correct one passes; one that is too narrow, too wide or biased does not."""
 
 from __future__ import annotations
 

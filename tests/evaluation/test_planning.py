@@ -1,4 +1,4 @@
-"""Where to measure: predicted gains against what measuring there achieves."""
+"""Where to measure: predicted gains against those that a measurement there achieves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A study of settings: its plan, its ledger, and that nothing is lost or done twice."""
+"""A study of settings: its plan, its record of trials, and that no trial is lost or run twice."""
 
 from __future__ import annotations
 

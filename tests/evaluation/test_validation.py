@@ -1,4 +1,4 @@
-"""Models held against measurements: which peaks belong together, and where the joint comes from."""
+"""Models compared with measurements: which peaks match, and where the joint comes from."""
 
 from __future__ import annotations
 

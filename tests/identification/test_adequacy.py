@@ -1,4 +1,4 @@
-"""How well a model fits is said everywhere; perturbations, overhangs and bands are what they say they are."""
+"""Every output says how well the model fits; perturbations, overhangs and bands are what they claim to be."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What would explain a misfit is named, the right cause first; nothing is named where nothing is wrong."""
+"""Likely causes of a misfit are named, the right one first; none is named if nothing is wrong."""
 
 from __future__ import annotations
 

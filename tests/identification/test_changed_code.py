@@ -1,4 +1,4 @@
-"""The code of a plugin changes after a dataset or a model was made of it: noticed, never used silently."""
+"""A plugin's code that changed after a dataset or model was made with it is noticed, never used silently."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reducers and regressors that return what they must not: refused by name, never spread over the parameters."""
+"""Reducers and regressors that return wrong shapes or values: refused by name, never broadcast over the parameters."""
 
 from __future__ import annotations
 

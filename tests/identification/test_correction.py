@@ -1,4 +1,4 @@
-"""A network whose answer is corrected by the model, linearised there: features, gain, file, and what it needs."""
+"""A network whose answer is corrected with the model linearised there: features, gain, file, requirements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From where a fit is as good as the random error allows, lines are isolated and searches agree: from both sides."""
+"""Limits of "fits to the noise", of isolated lines and of agreement between searches, each tested from both sides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Averages over neighbouring lines: white for noise, differentiated exactly, from few lines of the model."""
+"""Averages over neighbouring lines: noise stays white, derivatives are exact, few model lines are computed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tells noise from a smooth misfit, and what makes the searches of genuine measurements arrive, and soon."""
+"""Noise is told from a smooth misfit, and the searches for realistic measurements converge, and quickly."""
 
 from __future__ import annotations
 

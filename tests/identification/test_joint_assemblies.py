@@ -1,4 +1,4 @@
-"""The bolted lap, the shaft in its hub and the spindle: exact FRFs, and their joints found again."""
+"""The bolted lap, the shaft in its hub and the spindle: exact FRFs, and their joints identified from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Gaussian at the most probable place against independent routes, and where it must say that it misleads."""
+"""The Gaussian approximation at the mode against independent computations, and when it must warn that it misleads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measurements on lines of their own: the model is computed there, and nothing measured is interpolated."""
+"""Measurements on their own frequency lines: the model is computed there, and no measured value is interpolated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Training noise like that of a measurement: its level line by line, what is wrong with a file, and a model of it."""
+"""Training noise like that of a measurement: its level line by line, faults of its file, a model trained on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Methods of plugins: chosen by name, by the description or as objects; what they give is checked and judged."""
+"""Methods of plugins: chosen by name, by the description or as objects; what they return is checked and judged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Why a result has no natural frequencies: said as it is."""
+"""A result without natural frequencies gives the true reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The size of a model's errors is told from the measurement: for structures that are wrong by a known amount."""
+"""The size of the model error is estimated from the measurement: for structures that are wrong by a known amount."""
 
 from __future__ import annotations
 

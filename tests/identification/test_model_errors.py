@@ -1,4 +1,4 @@
-"""What a model that is a little wrong does to an FRF is within the errors that it is allowed."""
+"""The effect of a slightly wrong model on an FRF stays within the model error that is allowed for it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A network whose regressor tells a distribution: the same table as the posterior's, calibrated, in a file and back."""
+"""A network whose regressor gives a distribution: the same table as the posterior's, calibrated, in a file and back."""
 
 from __future__ import annotations
 

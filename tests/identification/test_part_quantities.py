@@ -1,4 +1,4 @@
-"""What the FRFs become if a part is not as described, and intervals that allow for it."""
+"""FRFs of parts that are not as described, and intervals that allow for it."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Samples of the parameters given the measurement, against independent routes."""
+"""Samples of the parameters given the measurement, against independent computations."""
 
 from __future__ import annotations
 

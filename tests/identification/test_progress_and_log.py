@@ -1,4 +1,4 @@
-"""What is told while a joint is identified: progress, stage by stage, and records under the name "dovetail"."""
+"""Progress while a joint is identified, stage by stage, and log records under the name "dovetail"."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The description for a first look and the measurement that ships with it: what the README shows."""
+"""The reference description and the measurement that ships with it, as the README shows them."""
 
 from __future__ import annotations
 

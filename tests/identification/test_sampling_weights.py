@@ -1,4 +1,4 @@
-"""What becomes of samples whose weights are uneven: moved on below 0.4 effective samples for each, cut below 0.1."""
+"""Samples with uneven weights: moved if the effective share is below 0.4, weights truncated if below 0.1."""
 
 from __future__ import annotations
 

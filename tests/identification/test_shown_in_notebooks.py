@@ -1,4 +1,4 @@
-"""How objects look in a session: one line, and in a notebook a table below it, in which no text is an element."""
+"""How objects are displayed: one line, and in a notebook a table below it, whose texts are escaped."""
 
 from __future__ import annotations
 

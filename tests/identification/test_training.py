@@ -1,4 +1,4 @@
-"""Training sees the training part alone, and says what it did."""
+"""Training uses the training split only, and reports what it did."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A training that takes long says beforehand how long."""
+"""A long training says beforehand how long it will take."""
 
 from __future__ import annotations
 

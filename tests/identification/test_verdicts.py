@@ -1,4 +1,4 @@
-"""Verdicts of one mass on a spring and a damper, against formulas that are written out here."""
+"""Verdicts of one mass on a spring and a damper, against formulas written out here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a result has a warning: from both sides of each limit."""
+"""When a result carries a warning: each limit from both sides."""
 
 from __future__ import annotations
 

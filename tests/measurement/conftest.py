@@ -1,4 +1,4 @@
-"""A measurement, and how a file is refused."""
+"""A measurement, and helpers for files that are refused."""
 
 from __future__ import annotations
 

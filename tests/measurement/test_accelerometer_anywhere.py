@@ -1,4 +1,4 @@
-"""The accelerometer's mass at any DOF, held against assemblies that have it modelled in."""
+"""The accelerometer's mass at any DOF, compared with assemblies that model it as a part."""
 
 from __future__ import annotations
 

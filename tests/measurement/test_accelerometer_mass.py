@@ -1,4 +1,4 @@
-"""The accelerometer's mass, held against systems that have it modelled in."""
+"""The accelerometer's mass, compared with systems that model it as a part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The same faults in a file of every format: one fault, at the file, at once."""
+"""The same faults in a file of every format: one error, which names the file, at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The FRF as a value: what it refuses and where it says so, its units, and its conversions by hand."""
+"""The FRF object: what it refuses and with which position, its units, and its conversions worked out by hand."""
 
 from __future__ import annotations
 

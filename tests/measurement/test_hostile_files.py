@@ -1,4 +1,4 @@
-"""Files that are no measurement at all: one clear error, in bounded time and memory, whatever the bytes."""
+"""Files that are not measurements at all: one clear error, in bounded time and memory, whatever the bytes."""
 
 from __future__ import annotations
 

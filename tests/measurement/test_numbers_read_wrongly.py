@@ -1,4 +1,4 @@
-"""Numbers that Python or a hasty reader takes for others: refused, or read right."""
+"""Number formats that Python or a careless reader misreads: refused, or read correctly."""
 
 from __future__ import annotations
 

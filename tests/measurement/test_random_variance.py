@@ -1,4 +1,4 @@
-"""The variance of an FRF: from coherence and averages as from the scatter of repeated estimates."""
+"""The variance of an FRF: from coherence and averages, equal to the scatter of repeated estimates."""
 
 import numpy as np
 import pytest

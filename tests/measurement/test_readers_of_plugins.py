@@ -1,4 +1,4 @@
-"""Readers of plugins: which one takes a file, what Dovetail checks of what it returns, and what is said."""
+"""Readers of plugins: which one takes a file, how its result is checked, and the messages."""
 
 from __future__ import annotations
 

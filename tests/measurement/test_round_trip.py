@@ -1,4 +1,4 @@
-"""What is written is read back."""
+"""An FRF that is written is read back unchanged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From which size on the records of an impact are overloaded, hit twice or cut short: from both sides."""
+"""Limits for overload, double hits and truncated records in impact tests, each from both sides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The mutants that mutmut makes of a file, without those that cannot matter."""
+"""The mutants that mutmut makes of a file, without those that cannot change behaviour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is mutated, and the tests that bear on it."""
+"""The packages that are mutated, and the tests that cover them."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@
     python tests/mutation/run.py --package synthesis --sample 200 --seed 1
 
 mutmut changes one operator, number, argument or keyword at a time, and runs the tests that enter the changed function.
-docs/mutation_testing.md tells what is left out, and what came of it.
+docs/mutation_testing.md says what is left out, and gives the results.
 """
 
 from __future__ import annotations

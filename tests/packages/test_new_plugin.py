@@ -1,4 +1,4 @@
-"""``dovetail new-plugin``: what it makes can be installed and passes its own tests as it is."""
+"""``dovetail new-plugin``: its package can be installed and passes its own tests unchanged."""
 
 from __future__ import annotations
 

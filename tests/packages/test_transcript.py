@@ -1,4 +1,4 @@
-"""The transcript of docs/plugins.md, run as it stands: from `new-plugin` to an identified parameter."""
+"""The transcript of docs/plugins.md, run as printed: from `new-plugin` to an identified parameter."""
 
 from __future__ import annotations
 

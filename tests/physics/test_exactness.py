@@ -1,4 +1,4 @@
-"""The engine on everything that ships, against a direct solve of the whole assembly that is written out here anew."""
+"""The engine on everything that ships, against a direct solve of the whole assembly, written independently here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Components whose own code fails while FRFs are computed: named, with file and line."""
+"""Components whose code fails while FRFs are computed are named in the error, with file and line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joints in their limiting cases: stiff is rigid, soft is apart, and distributed layers become their integrals."""
+"""Joints in their limiting cases: stiff is rigid, soft is disconnected, distributed layers equal their integrals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compiled kernel against the obvious elimination, and at its edges: short axes, zeros, vanishing pivots."""
+"""The compiled kernel against a plain elimination, and its edge cases: short axes, zeros, vanishing pivots."""
 
 from __future__ import annotations
 

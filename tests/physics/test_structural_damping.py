@@ -1,4 +1,4 @@
-"""Joints whose dampers act as structural damping, against formulas of their own."""
+"""Joints whose dampers act as structural damping, against closed formulas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Legal parts that are out of the ordinary, against formulas of their own."""
+"""Valid but unusual parts, against formulas of their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A plugin file with two joints of what no shipped one has: three ports, merged and inner DOFs, a law of frequency."""
+"""A plugin file with two joints unlike any shipped one: three ports, merged and inner DOFs, a frequency law."""
 
 from __future__ import annotations
 

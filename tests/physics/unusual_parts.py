@@ -1,4 +1,4 @@
-"""Legal parts that are out of the ordinary: reached by dampers alone, known by few modes, with nodes in one place."""
+"""Valid but unusual parts: connected by dampers only, known by few modes, with coincident nodes."""
 
 from __future__ import annotations
 

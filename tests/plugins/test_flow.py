@@ -1,4 +1,4 @@
-"""The normalising flow: bent distributions, the same answer everywhere, and what it says without its package."""
+"""The normalising flow: non-Gaussian distributions, reproducible answers, and the error if its package is missing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every entry of the matrices of beams and joints, for round numbers, worked out apart from the plugins.
+"""Every entry of the matrices of beams and joints, for round numbers, worked out independently of the plugins.
 
 Those of the beam elements are from sympy, exactly. The shape functions are the static deflections of the Timoshenko
 beam under loads at its ends, w cubic and r = w' + E I / (kappa G A) w'''. K is the integral of

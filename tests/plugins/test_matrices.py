@@ -1,4 +1,4 @@
-"""The substructure `matrices`: a beam exported to each file format is the beam; every bad file is one clear error."""
+"""The substructure `matrices`: a beam exported to each file format is the beam; every bad file gives one error."""
 
 from __future__ import annotations
 

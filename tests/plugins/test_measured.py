@@ -1,4 +1,4 @@
-"""The substructure `measured`: sound receptances stand for the part, hostile ones are one clear error."""
+"""The substructure `measured`: valid receptances represent the part, hostile ones give one clear error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the options of parts and joints mean: nodes, DOFs, meshes; and what is refused at its very limit."""
+"""The meaning of the options of parts and joints: nodes, DOFs, meshes; and their limits."""
 
 from __future__ import annotations
 

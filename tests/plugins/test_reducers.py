@@ -1,4 +1,4 @@
-"""Reducers: every FRF by itself, the same after loading, and near what they are named after."""
+"""Reducers: each FRF is reduced independently, also after loading, and close to the method they are named after."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The multilayer perceptron: it learns, it stops in time, and it answers the same everywhere."""
+"""The multilayer perceptron: it learns, it stops in time, and its answers are reproducible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of DOFs and matrices as they stand in files: what is read, cell by cell, and what is refused at which line."""
+"""Tables of DOFs and matrices in files: what is read, cell by cell, and what is refused, with its line."""
 
 from __future__ import annotations
 

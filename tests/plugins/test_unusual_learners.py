@@ -1,4 +1,4 @@
-"""Legal but unusual reducers, regressors, methods and readers are used as they are; others are refused by name."""
+"""Valid but unusual reducers, regressors, methods and readers work; invalid ones are refused by name."""
 
 from __future__ import annotations
 

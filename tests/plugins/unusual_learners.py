@@ -1,4 +1,4 @@
-"""Reducers, regressors and a reader as a legal plugin may have them, and some that no plugin may have."""
+"""Unusual reducers, regressors and a reader: some that a plugin may have, and some that it may not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many broken packages installed at once: each says what is wrong in one line, and everything else goes on working."""
+"""Many broken packages installed at once: each is reported in one line, and everything else goes on working."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Discovery: good plugins come in, broken ones say why and take nobody down."""
+"""Discovery: good plugins are registered; broken ones are reported with the reason and do not affect the others."""
 
 from __future__ import annotations
 

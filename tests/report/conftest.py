@@ -1,4 +1,4 @@
-"""An identification as a user gets it, from a hand-made FRF of two modes and the collet's twelve parameters."""
+"""An identification result as a user gets it, from a hand-made FRF of two modes and the collet's twelve parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the report's tables say, before it is set."""
+"""The content of the report's tables, before it is rendered."""
 
 from __future__ import annotations
 

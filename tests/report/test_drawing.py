@@ -1,4 +1,4 @@
-"""The drawing of an assembly: what is where, to scale, and no text over another."""
+"""The drawing of an assembly: positions, scale, and no overlapping text."""
 
 from __future__ import annotations
 

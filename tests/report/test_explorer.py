@@ -1,4 +1,4 @@
-"""The explorer without a browser: what it computes and saves, and whom its server answers."""
+"""The explorer without a browser: what it computes and saves, and which requests its server answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures: what is drawn, where it is cut, how it is written."""
+"""Figures: what is drawn, where axes are cut off, and how files are written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The HTML report: complete, self-contained, safe, and whole or not there."""
+"""The HTML report: complete, self-contained, safe, and never written in part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The truth behind a synthetic measurement, read from JSON."""
+"""The true parameters behind a synthetic measurement, read from JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers and units as a reader wants them."""
+"""Numbers and units as they are written for readers."""
 
 from __future__ import annotations
 

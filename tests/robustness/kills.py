@@ -1,4 +1,4 @@
-"""Kill a process at each of its steps on the disk, one after another."""
+"""Kill a process at each of its file operations, one after another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that descriptions and models name: nothing of them is printed, and a model names none outside itself."""
+"""Files named by untrusted descriptions and models: none is printed, and a model may name only files inside itself."""
 
 from __future__ import annotations
 

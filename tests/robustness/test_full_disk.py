@@ -1,4 +1,4 @@
-"""A generation on a disk that refuses to be written, at random moments, ends with a dataset bit for bit the same."""
+"""A generation whose writes fail at random moments, as on a full disk, still ends with a bit-identical dataset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Matrices of parts in files made to do harm: one error, in bounded memory and time, and the process goes on."""
+"""Malicious matrix files of parts: one error, in bounded memory and time, and the process goes on."""
 
 from __future__ import annotations
 

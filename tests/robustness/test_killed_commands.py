@@ -1,4 +1,4 @@
-"""Commands killed at random moments leave nothing partial or mixed under a final name."""
+"""Commands killed at random moments leave no partial or mixed file under a final name."""
 
 from __future__ import annotations
 

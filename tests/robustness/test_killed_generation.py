@@ -1,4 +1,4 @@
-"""A generation killed at random moments and resumed equals the uninterrupted one bit for bit."""
+"""A generation killed at random moments and resumed is bit-identical to the uninterrupted one."""
 
 from __future__ import annotations
 

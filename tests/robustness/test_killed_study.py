@@ -1,4 +1,4 @@
-"""A study killed at random moments loses no trial and does none twice."""
+"""A study killed at random moments loses no trial and runs none twice."""
 
 from __future__ import annotations
 

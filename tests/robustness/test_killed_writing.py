@@ -1,4 +1,4 @@
-"""Results and models are whole or not there, whenever their writing is killed."""
+"""Results and models are complete or absent, whenever their writing is killed."""
 
 from __future__ import annotations
 

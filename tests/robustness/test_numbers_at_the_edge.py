@@ -1,4 +1,4 @@
-"""Numbers that no measurement has: one clear error each, or the right answer where there is one."""
+"""Extreme numbers that no measurement has: one clear error each, or the right answer if there is one."""
 
 from __future__ import annotations
 

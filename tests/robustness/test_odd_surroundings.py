@@ -1,4 +1,4 @@
-"""Names that are not UTF-8, half characters in notes, other locales, settings in the current folder, pipes."""
+"""Unusual environments: names not in UTF-8, lone surrogates, locales, matplotlib settings in the folder, pipes."""
 
 from __future__ import annotations
 

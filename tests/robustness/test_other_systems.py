@@ -1,4 +1,4 @@
-"""What Windows and macOS lack is asked for only where it may be missing; the code alone is looked at."""
+"""Features that Windows and macOS lack are used only behind a check; this inspects the source code alone."""
 
 from __future__ import annotations
 

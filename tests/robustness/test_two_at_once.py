@@ -1,4 +1,4 @@
-"""Two processes at one dataset: the second is told, and takes nothing from the first."""
+"""Two processes generating one dataset: the second gets an error and does not disturb the first."""
 
 from __future__ import annotations
 

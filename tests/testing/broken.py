@@ -1,4 +1,4 @@
-"""What the broken plugins share: where they are listed, and what a sound one says of features."""
+"""What the broken plugins share: their list, and the features that a sound one computes."""
 
 from __future__ import annotations
 

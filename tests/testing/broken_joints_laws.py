@@ -1,4 +1,4 @@
-"""Joints with a law of their own and a single fault in it."""
+"""Joints with their own frequency-dependent stiffness and a single fault in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joints with a fault in a part of their ranges, in their derivatives, or in what they say of their ranges."""
+"""Joints with a fault in part of their ranges, in their derivatives, or in the ranges that they declare."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joints whose answers depend on more than they were asked, or that leave something behind."""
+"""Joints whose answers depend on more than their arguments, or that have side effects."""
 
 from __future__ import annotations
 

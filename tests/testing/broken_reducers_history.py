@@ -1,4 +1,4 @@
-"""Reducers whose answers depend on what happened before, or elsewhere: other fits, instances, calls, processes."""
+"""Reducers whose answers depend on earlier or other fits, instances, calls or processes."""
 
 from __future__ import annotations
 

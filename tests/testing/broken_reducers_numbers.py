@@ -1,4 +1,4 @@
-"""Reducers that fail for some shapes, scales, kinds or layouts of features, and states that lose something."""
+"""Reducers that fail for some shapes, scales, kinds or layouts of features, and stored states that are incomplete."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reducers that change what is not theirs: global settings and random numbers, the screen, the working folder."""
+"""Reducers with side effects: on global settings, random numbers, the standard output or the working folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Regressors with a `fit_epochs` of their own, that is not honest or cannot be stopped."""
+"""Regressors whose own `fit_epochs` reports falsely or cannot be stopped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Regressors that fail for some targets, features or samples, or that hold on to what they were given."""
+"""Regressors that fail for some targets, features or samples, or that keep references to their arguments."""
 
 from __future__ import annotations
 

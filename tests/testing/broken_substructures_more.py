@@ -1,4 +1,4 @@
-"""Substructures with a fault that shows at other lines, in other processes, or in what they declare."""
+"""Substructures with a fault at other lines, in other processes, or in what they declare."""
 
 from __future__ import annotations
 

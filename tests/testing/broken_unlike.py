@@ -1,4 +1,4 @@
-"""Components written from nothing, each with a fault that its author did not see; written when the checks were done."""
+"""Components written from scratch, each with a fault its author overlooked; written after the checks were finished."""
 
 from __future__ import annotations
 

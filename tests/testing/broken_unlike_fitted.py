@@ -1,4 +1,4 @@
-"""Reducers and regressors written from nothing, each with a fault; written when the checks were done."""
+"""Reducers and regressors written from scratch, each with a fault; written after the checks were finished."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every check of the kit has a plugin with a single fault, which it alone finds; more plugins have more."""
+"""For every check of the kit there is a plugin with a single fault that only this check finds; others have several."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kit's own behaviour: complete, structured, and over everything that is registered."""
+"""The kit itself: complete and structured reports, for everything that is registered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of the kit's checks is the one that its script writes."""
+"""The page of the kit's checks is up to date with the script that writes it."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ def check_nothing_is_printed_or_changed(specimen: ReaderSpecimen) -> None:
 
 
 def _damaged(content: bytes) -> Iterator[bytes]:
-    """Yield copies of a file that are truncated, have a few bytes changed, or lack a piece."""
+    """Yield copies of a file that are truncated, have a few bytes changed, or repeat a piece."""
     random = np.random.default_rng(SEED)
     for number in range(_DAMAGES):
         cut, other = sorted(int(place) for place in random.integers(0, len(content) + 1, 2))
