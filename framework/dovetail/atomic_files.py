@@ -133,7 +133,7 @@ def new_folder(target: Path, replaced: Container[str] = (), first: str = "", las
     target = target.resolve()
     with suppress(OSError):  # what it means is seen below
         target.parent.mkdir(parents=True, exist_ok=True)
-    hidden = target / "results" if _stays(target) else target
+    hidden = target / "results" if _must_stay(target) else target
     with held(hidden):
         fresh = beside(hidden)
         try:
@@ -145,7 +145,7 @@ def new_folder(target: Path, replaced: Container[str] = (), first: str = "", las
             if target.exists():
                 shutil.copymode(target, fresh)
                 _keep_others(target, fresh, replaced)
-            _take_place(fresh, target)
+            _replace_folder(fresh, target)
         except FileError as error:  # names a file in the hidden folder
             raise FileError(Fault(str(target), error.faults[0].problem)) from None
         except OSError as error:
@@ -154,7 +154,7 @@ def new_folder(target: Path, replaced: Container[str] = (), first: str = "", las
             shutil.rmtree(fresh, ignore_errors=True)
 
 
-def _stays(folder: Path) -> bool:
+def _must_stay(folder: Path) -> bool:
     return folder.is_dir() and (os.path.ismount(folder) or Path.cwd().is_relative_to(folder))
 
 
@@ -223,7 +223,7 @@ def _link(source: str | Path, target: str | Path) -> None:
         shutil.copy2(source, target, follow_symlinks=False)
 
 
-def _take_place(fresh: Path, target: Path) -> None:
+def _replace_folder(fresh: Path, target: Path) -> None:
     """Move a folder to its target; what was there is then at `fresh` or removed. If this fails, it stays as it was."""
     if not target.exists():
         fresh.rename(target)
@@ -294,7 +294,7 @@ def held(path: Path, wait: float = _LONGEST_WRITING, tell: Callable[[str], None]
             with suppress(OSError):
                 _sweep(place)
             with suppress(OSError):
-                _sign(marker)
+                _write_process_id(marker)
         yield
     finally:
         if lock.is_locked:
@@ -321,7 +321,7 @@ def is_held(path: Path) -> bool:
     return False
 
 
-def _sign(marker: Path) -> None:
+def _write_process_id(marker: Path) -> None:
     """Write this process's id into a lock file, after the byte that Windows locks."""
     with marker.open("r+b", buffering=0) as stream:
         stream.seek(1)
@@ -365,7 +365,7 @@ def check_target(target: Path, room: int = _LEAST_ROOM) -> None:
         The folder cannot be moved; or as in `check_room`.
     """
     folder = target.resolve()
-    if _stays(folder):
+    if _must_stay(folder):
         problem = "the folder in which you work, or a disk of its own, cannot be replaced as a whole."
         raise FileError(Fault(str(target), problem, remedy="Name a folder within it."))
     check_room(folder.parent, room)

@@ -62,7 +62,7 @@ def estimator_class(name: str, method: str) -> Any:
     ValueError
         scikit-learn has no such class, or it lacks the method.
     """
-    fitting = {word: entry for word, entry in _exported().items() if _can(entry, method)}
+    fitting = {word: entry for word, entry in _exported().items() if _has_method(entry, method)}
     if name in fitting:
         return fitting[name]
     if name in _exported():
@@ -200,7 +200,7 @@ def _rows(answer: Any, count: int) -> NDArray[np.float64]:
     return np.asarray(dense, dtype=np.float64).reshape(count, -1)
 
 
-def _can(entry: type, method: str) -> bool:
+def _has_method(entry: type, method: str) -> bool:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return inspect.isfunction(inspect.getattr_static(entry, method, None))

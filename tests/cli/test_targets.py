@@ -104,7 +104,7 @@ def test_a_disk_that_fills_at_the_end_loses_no_answer(run, arguments, tmp_path, 
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(atomic_files, "_take_place", full)
+    monkeypatch.setattr(atomic_files, "_replace_folder", full)
     done = run(*arguments["identify"], "-o", tmp_path / "results", *["--json"] * as_json, code=1)
     assert ('"parameters"' if as_json else "Mean coherence") in done.stdout
     assert done.stderr == f"{tmp_path / 'results'}\n  the folder cannot be written: No space left on device.\n"

@@ -77,7 +77,7 @@ class StatedParameters:
         elif kind == "same_as":
             self._tie(path, name, section, faults)
         elif len(faults) == before:
-            read = _about if kind == "about" else _with_range
+            read = _with_normal_prior if kind == "about" else _with_range
             self.known[name] = read(path, self.known[name], section, faults)
 
     def _fix(self, path: Path, name: str, item: Item, faults: FaultList) -> None:
@@ -233,7 +233,7 @@ def _with_range(path: Path, parameter: Parameter, section: ParameterSection, fau
     return replace(parameter, lower=lower, upper=upper, scale=scale, prior=prior)
 
 
-def _about(path: Path, parameter: Parameter, section: ParameterSection, faults: FaultList) -> Parameter:
+def _with_normal_prior(path: Path, parameter: Parameter, section: ParameterSection, faults: FaultList) -> Parameter:
     """Return the parameter with a normal prior, or a log-normal one on a logarithmic scale."""
     if "sd" not in section.model_fields_set:
         remedy = "Say how well it is known: 'sd: 2 %', or in its unit."

@@ -95,7 +95,7 @@ class StudySection(_Section):
     lease: Annotated[float, Field(ge=1), InUnit("s")] = 600.0
 
     @model_validator(mode="after")
-    def _tries_something(self) -> Self:
+    def _has_trials(self) -> Self:
         if not self.sweeps and self.search is None:
             raise ValueError("a study has 'sweeps', a 'search', or both")
         return self

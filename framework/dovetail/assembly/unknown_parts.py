@@ -303,12 +303,12 @@ def _middle(item: Item | None, parameter: Parameter, faults: FaultList, depth: i
         return stated.fixed[parameter.name]
     if parameter.name in stated.ties:
         tie = stated.ties[parameter.name]
-        other = _middle(_followed(tie, faults), parameter, faults, depth + 1)
+        other = _middle(_followed_item(tie, faults), parameter, faults, depth + 1)
         return None if other is None else tie.ratio * other
     return float(stated.known[parameter.name].from_unit(np.array(0.5)))
 
 
-def _followed(tie: Tie, faults: FaultList) -> Item | None:
+def _followed_item(tie: Tie, faults: FaultList) -> Item | None:
     """Return the description's entry of the parameter that another one follows."""
     steps = steps_of(tie.parameter)
     option = faults.root.at(("substructures", tie.owner, *steps))
@@ -317,7 +317,7 @@ def _followed(tie: Tie, faults: FaultList) -> Item | None:
 
 def _follows_number(stated: StatedParameters, option: str, faults: FaultList) -> bool:
     """Return whether an option follows one that the description states as a number."""
-    other = _followed(stated.ties[option], faults) if option in stated.ties else None
+    other = _followed_item(stated.ties[option], faults) if option in stated.ties else None
     return other is not None and not other.is_mapping
 
 

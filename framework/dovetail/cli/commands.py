@@ -53,7 +53,7 @@ class Commands(TyperGroup):
 
     def make_context(self, *arguments: Any, **options: Any) -> Any:
         """Parse the options before the command."""
-        with _shown_not_obeyed():
+        with _escaped_usage_errors():
             return super().make_context(*arguments, **options)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
@@ -78,7 +78,7 @@ class Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run a command, and convert exceptions to a message and an exit code."""
         try:
-            with _shown_not_obeyed(), waiting():
+            with _escaped_usage_errors(), waiting():
                 return super().invoke(ctx)
         except DovetailError as error:
             typer.echo(str(error), err=True)
@@ -94,7 +94,7 @@ class Commands(TyperGroup):
 
 
 @contextmanager
-def _shown_not_obeyed() -> Iterator[None]:
+def _escaped_usage_errors() -> Iterator[None]:
     """Escape control characters in messages about a wrong command line, which may contain names of files."""
     try:
         yield

@@ -130,7 +130,7 @@ def format_path(path: Path) -> str:
         if isinstance(step, int):
             text += f"[{step}]"
         else:
-            text += f"{'.' if text else ''}{step if step.isidentifier() else repr(_cut(step))}"
+            text += f"{'.' if text else ''}{step if step.isidentifier() else repr(_shortened(step))}"
     return text
 
 
@@ -144,8 +144,8 @@ def format_value(value: object) -> str:
         return "a section of keys and values"
     if isinstance(value, (list, tuple)):
         return "a list"
-    return repr(_cut(value)) if isinstance(value, str) else repr(value)
+    return repr(_shortened(value)) if isinstance(value, str) else repr(value)
 
 
-def _cut(text: str) -> str:
+def _shortened(text: str) -> str:
     return text if len(text) <= _LONGEST_TEXT else f"{text[:_LONGEST_TEXT]}..."

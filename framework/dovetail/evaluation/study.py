@@ -181,7 +181,7 @@ class _Work:
             if _is_over(trials):
                 progress("trials", len(trials), len(trials))
                 return
-            progress("trials", sum(trial.ended for trial in trials), max(self._most, len(trials)))
+            progress("trials", sum(trial.ended for trial in trials), max(self._planned_trials, len(trials)))
             yield turn
 
     def take_turn(self, progress: Progress) -> bool:
@@ -190,7 +190,7 @@ class _Work:
         trials = self.ledger.trials()
         ended = sum(other.ended for other in trials)
         if trial is not None:
-            progress("trials", ended, max(self._most, len(trials)), f"{trial.number}: {words(trial)}")
+            progress("trials", ended, max(self._planned_trials, len(trials)), f"{trial.number}: {words(trial)}")
             self._try(trial, progress)
         elif _is_over(trials):
             progress("trials", ended, ended)
@@ -201,7 +201,7 @@ class _Work:
         return False
 
     @property
-    def _most(self) -> int:
+    def _planned_trials(self) -> int:
         """The number of trials, as far as it is known from the start."""
         search = 0 if self.plan.section.search is None else self.plan.section.search.trials
         return len(self.plan.first) + search + (len(self.plan.sweeps) > 1) + 1

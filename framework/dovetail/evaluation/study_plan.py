@@ -105,7 +105,7 @@ class StudyPlan:
             trials = []
             for index, value in enumerate(values):
                 try:
-                    key = _key(self._looked_at({option: value}))
+                    key = _key(self._examined_variant({option: value}))
                 except DescriptionError as error:
                     place = f"{self.assembly.description.source}  study.sweeps.{option}[{index}]"
                     faults += [replace(fault, where=place) for fault in error.faults]
@@ -127,7 +127,7 @@ class StudyPlan:
         for option, tried in search.options.items():
             for value in _ends(tried):
                 try:
-                    self._looked_at({option: value})
+                    self._examined_variant({option: value})
                 except DescriptionError as error:
                     place = f"{self.assembly.description.source}  study.search.options.{option}"
                     faults += [replace(fault, where=place) for fault in error.faults]
@@ -135,7 +135,7 @@ class StudyPlan:
             raise DescriptionError(*faults)
         return SearchSpace(search.options, self.described, search.trials, self.settings.seed)
 
-    def _looked_at(self, changes: Mapping[str, Any]) -> Assembly:
+    def _examined_variant(self, changes: Mapping[str, Any]) -> Assembly:
         self._progress("settings", self._seen, self._values)
         self._seen += 1
         variant = self.variant(changes)

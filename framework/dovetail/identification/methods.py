@@ -324,7 +324,7 @@ def by_plugin(
     origin["components"][f"method {method.name}"] = source_of(method)
     origin["method_options"] = method.config.model_dump(mode="json")
     result = _result(measured, fit.theta, method=method.name, provenance=origin, fit=fit, adequacy=adequacy)
-    beside = _beside_the_best_fit(assembly, frfs, target, fit, method.name, seed, progress)
+    beside = _best_fit_warnings(assembly, frfs, target, fit, method.name, seed, progress)
     if sampled is not None and adequacy.word not in ("to the noise", "not judged"):
         beside += (f"The intervals are those of the method '{method.name}': they allow for no errors of the model.",)
     result = replace(result, warnings=(*result.warnings, *beside))
@@ -335,7 +335,7 @@ def by_plugin(
     return replace(result, posterior=posterior, warnings=(*result.warnings, *posterior.warnings))
 
 
-def _beside_the_best_fit(
+def _best_fit_warnings(
     assembly: Assembly, frfs: Any, target: Observations, fit: Fit, name: str, seed: int, progress: Progress
 ) -> tuple[str, ...]:
     """Return a warning if a fit that starts from a plugin's estimate explains the measurement far better."""

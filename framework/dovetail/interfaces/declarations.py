@@ -68,7 +68,7 @@ def node_faults(nodes: object) -> list[Fault]:
     members: Sequence[Node] = nodes  # type: ignore[assignment]
     for node in members:
         if isinstance(node.position, bool) or not isinstance(node.position, Real) or not math.isfinite(node.position):
-            problem = f"has {_cut(node.position)} for the position of the node '{node.label}'."
+            problem = f"has {_shortened(node.position)} for the position of the node '{node.label}'."
             return [Fault("nodes", problem, "a finite number of metres")]
     return []
 
@@ -84,16 +84,16 @@ def _read(model: Component, name: str, faults_of: Callable[[Any], list[Fault]]) 
     return faults_of(value)
 
 
-def _cut(value: object) -> str:
+def _shortened(value: object) -> str:
     return f"{value!r:.60}"
 
 
 def _member_faults(name: str, value: object, member: type, accepted: str) -> list[Fault]:
     if not isinstance(value, (tuple, list)):
-        return [Fault(name, f"has {_cut(value)} for its {name}, not a tuple.", accepted)]
+        return [Fault(name, f"has {_shortened(value)} for its {name}, not a tuple.", accepted)]
     strangers = [entry for entry in value if not isinstance(entry, member)]
     reason = f"which is not a {member.__name__}"
-    return [Fault(name, f"has {_cut(entry)} among its {name}, {reason}.", accepted) for entry in strangers[:1]]
+    return [Fault(name, f"has {_shortened(entry)} among its {name}, {reason}.", accepted) for entry in strangers[:1]]
 
 
 def _name_faults(name: str, words: Sequence[str]) -> list[Fault]:
@@ -116,15 +116,15 @@ def _name_faults(name: str, words: Sequence[str]) -> list[Fault]:
 def _internal_faults(count: object) -> list[Fault]:
     if isinstance(count, int) and not isinstance(count, bool) and count >= 0:
         return []
-    return [Fault("internal_dofs", f"has {_cut(count)} for its internal_dofs.", "a whole number, 0 or more")]
+    return [Fault("internal_dofs", f"has {_shortened(count)} for its internal_dofs.", "a whole number, 0 or more")]
 
 
 def _pair_faults(pairs: object, size: int) -> list[Fault]:
     accepted = f"pairs of local DOFs from 0 to {size - 1}; {len(DIRECTIONS)} to a node of each port"
     if not isinstance(pairs, (tuple, list)):
-        return [Fault("merged_dofs", f"has {_cut(pairs)} for its merged_dofs, not a tuple.", accepted)]
+        return [Fault("merged_dofs", f"has {_shortened(pairs)} for its merged_dofs, not a tuple.", accepted)]
     for pair in pairs:
         are_dofs = isinstance(pair, (tuple, list)) and all(isinstance(dof, int) and 0 <= dof < size for dof in pair)
         if not are_dofs or len(pair) != 2:
-            return [Fault("merged_dofs", f"has {_cut(pair)} among its merged_dofs.", accepted)]
+            return [Fault("merged_dofs", f"has {_shortened(pair)} among its merged_dofs.", accepted)]
     return []

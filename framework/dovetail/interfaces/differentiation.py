@@ -206,14 +206,14 @@ class Differentiation:
         while True:
             entries = self._entries
             differences = self._differences(theta, self._nonlinear, entries)
-            bent = self._is_bent(theta, entries)
-            of_bent = self._differences(theta[bent], list(self._slopes), entries) if bent.any() else {}
+            deviating = self._deviates(theta, entries)
+            of_deviating = self._differences(theta[deviating], list(self._slopes), entries) if deviating.any() else {}
             if self._entries is entries:
                 break
         derivatives = {**self._constant_derivatives(len(theta)), **self._spread(differences, entries)}
-        for column, derivative in self._spread(of_bent, entries).items():
+        for column, derivative in self._spread(of_deviating, entries).items():
             whole = np.broadcast_to(self._slopes[column], (4, len(theta), self._size, self._size)).copy()
-            whole[:, bent] = np.stack([derivative.M, derivative.K, derivative.C, derivative.D])
+            whole[:, deviating] = np.stack([derivative.M, derivative.K, derivative.C, derivative.D])
             derivatives[column] = StructuralMatrices(*whole)
         return [derivative for _, derivative in sorted(derivatives.items())]
 
@@ -244,9 +244,9 @@ class Differentiation:
                 return None
         return slope
 
-    def _is_bent(self, theta: NDArray[np.float64], entries: _Entries) -> NDArray[np.bool_]:
+    def _deviates(self, theta: NDArray[np.float64], entries: _Entries) -> NDArray[np.bool_]:
         """Return for which parameter vectors (n, n_params) the constant slopes do not explain the matrices, (n,)."""
-        bent = np.zeros(len(theta), dtype=np.bool_)
+        deviating = np.zeros(len(theta), dtype=np.bool_)
         linear = list(self._slopes)
         for block in self._blocks(len(theta), 2) if linear else ():
             start = theta[block].copy()
@@ -257,8 +257,8 @@ class Differentiation:
                 there, here = self._values(theta[block], entries), self._values_at_lower_ends(entries)
             change = (theta[block] - start)[:, linear] @ entries.slopes
             limit = SETTINGS.rounding * np.maximum(np.abs(here), np.abs(there))
-            bent[block] = np.any(np.abs(there - here - change) > limit, axis=1)
-        return bent
+            deviating[block] = np.any(np.abs(there - here - change) > limit, axis=1)
+        return deviating
 
     def _values_at_lower_ends(self, entries: _Entries) -> NDArray[np.float64]:
         """Return some entries (1, n_entries) with all parameters at their lower ends; they are cached."""

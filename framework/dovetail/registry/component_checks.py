@@ -49,12 +49,12 @@ def reason_against(component: Any) -> str:
     """Return why what a hook returned cannot be used, or an empty text; it may raise when it is examined."""
     try:
         with contained("", "a class that it offers cannot be looked at: "):
-            return _unfitness(component)
+            return _why_unusable(component)
     except PluginError as error:
         return error.faults[0].problem
 
 
-def _unfitness(component: Any) -> str:
+def _why_unusable(component: Any) -> str:
     """Return why a class cannot be used as a component, or an empty text."""
     if not isinstance(component, type) or not issubclass(component, _CONTRACTS):
         contracts = ", ".join(contract.__name__ for contract in _CONTRACTS)

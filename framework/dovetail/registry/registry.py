@@ -252,7 +252,7 @@ class Registry:
         PluginError
             The hook is missing, misspelt, fails, or does not return component classes.
         """
-        offered, defaults = _answers_of(plugin, source)
+        offered, defaults = _contributions_of(plugin, source)
         for key, value in defaults.items():
             known = self._defaults.setdefault(key, value)
             if isinstance(value, Mapping) and isinstance(known, Mapping):
@@ -283,7 +283,7 @@ def _load(entry: EntryPoint, owner: str) -> object:
     return plugin
 
 
-def _answers_of(plugin: ModuleType | object, source: str) -> tuple[list[type[Component]], Mapping[str, Any]]:
+def _contributions_of(plugin: ModuleType | object, source: str) -> tuple[list[type[Component]], Mapping[str, Any]]:
     """Return the components and the defaults from a plugin's hooks."""
     manager = pluggy.PluginManager(GROUP)
     manager.add_hookspecs(HookSpecification)

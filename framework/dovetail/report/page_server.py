@@ -130,7 +130,7 @@ class _Handler(BaseHTTPRequestHandler):
         elif path == "start":
             self._send_json(self.server.explorer.start())
         elif path == "alive":
-            self._stay()
+            self._keep_open()
         else:
             self._refuse(HTTPStatus.NOT_FOUND)
 
@@ -208,7 +208,7 @@ class _Handler(BaseHTTPRequestHandler):
             return None
         return content
 
-    def _stay(self) -> None:
+    def _keep_open(self) -> None:
         """Keep the connection to the page open until it is closed, and send the progress of a fit."""
         self.server.count_page(1)
         self.close_connection = True

@@ -103,7 +103,7 @@ def _context(result: Identification, truth: Truth | None) -> dict[str, Any]:
         "verdict": verdict,
         "misfit": content.misfit_sentence(result),
         "pairs": _pair_plot(result),
-        "again": _again(result),
+        "again": _how_to_reproduce(result),
         "evaluation": content.evaluation_rows(result),
         "test_samples": evaluation.get("test_samples") if isinstance(evaluation, dict) else None,
         "provenance": content.provenance_rows(result.provenance),
@@ -174,7 +174,7 @@ def _pair_plot(result: Identification) -> dict[str, Any] | None:
     return {**size, "panels": panels, "labels": labels, "words": f"Samples of {', '.join(names)}, two a panel"}
 
 
-def _again(result: Identification) -> str:
+def _how_to_reproduce(result: Identification) -> str:
     """Return Python code and a command that reproduce a result; empty if the program did not compute it."""
     origin, options = result.provenance, ""
     if result.method not in ("refined", "multistart", "posterior") or "description" not in origin:

@@ -80,12 +80,12 @@ def report_of_another_process(specimen: Specimen) -> Report:
     for each in (specimen, *specimen.companions):
         other = varied(each.component)
         options |= {json.dumps(dict(each.options), default=str), *([written(other.config)] if other else [])}
-    report = _asked(specimen.model, tuple(sorted(options)), ())
-    return _asked(specimen.model, tuple(sorted(options)), tuple(report.imported)) if report.imported else report
+    report = _report_of(specimen.model, tuple(sorted(options)), ())
+    return _report_of(specimen.model, tuple(sorted(options)), tuple(report.imported)) if report.imported else report
 
 
 @lru_cache(maxsize=2)  # two checks look at the same report, and a package that is imported late makes another
-def _asked(model: type[Component], options: tuple[str, ...], imports: tuple[str, ...]) -> Report:
+def _report_of(model: type[Component], options: tuple[str, ...], imports: tuple[str, ...]) -> Report:
     request = {"options": list(options), "imports": list(imports)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -18,7 +18,7 @@ _ROUNDING = 1e-9
 
 def check_an_earlier_answer_survives(specimen: Specimen) -> None:
     """A returned array is not changed by later calls."""
-    component = _anew(specimen).component
+    component = _new_instance(specimen).component
     first = answers(component)
     kept = copied(first)
     answers(component, question=1)
@@ -30,21 +30,21 @@ def check_an_earlier_answer_survives(specimen: Specimen) -> None:
 
 def check_asking_changes_nothing(specimen: Specimen) -> None:
     """The same input gives the same output bit for bit, whatever was computed in between."""
-    anew = _anew(specimen)
-    before = copied(answers(anew.component))
-    _ask_much(anew)
-    if changed := difference(copied(answers(anew.component)), before):
+    renewed = _new_instance(specimen)
+    before = copied(answers(renewed.component))
+    _compute_others(renewed)
+    if changed := difference(copied(answers(renewed.component)), before):
         problem = f"{changed} is another one after other questions."
         raise Nonconformity(problem, "Keep nothing of what is asked, and draw no random numbers.")
 
 
 def check_declarations_do_not_change(specimen: Specimen) -> None:
     """The declarations of a component, and its options, are always the same, also after any computation."""
-    anew = _anew(specimen)
-    before = declarations(anew.component)
-    repeated = declarations(anew.component)
-    _ask_much(anew)
-    after = declarations(anew.component)
+    renewed = _new_instance(specimen)
+    before = declarations(renewed.component)
+    repeated = declarations(renewed.component)
+    _compute_others(renewed)
+    after = declarations(renewed.component)
     for name, value in before.items():
         if not value == repeated[name] == after[name]:
             other = repeated[name] if repeated[name] != value else after[name]
@@ -54,9 +54,9 @@ def check_declarations_do_not_change(specimen: Specimen) -> None:
 
 def check_other_instances_change_nothing(specimen: Specimen) -> None:
     """Components with the same options give the same output, whatever other components exist."""
-    component = _anew(specimen).component
+    component = _new_instance(specimen).component
     before = copied(answers(component))
-    if changed := difference(copied(answers(_anew(specimen).component)), before):
+    if changed := difference(copied(answers(_new_instance(specimen).component)), before):
         raise Nonconformity(f"made twice from the same options, {changed} differs.", _IN_THE_INSTANCE)
     for other in (varied(specimen.component), *(each.component for each in specimen.companions)):
         if other is not None:
@@ -89,19 +89,19 @@ def check_surroundings_are_left_as_they_are(specimen: Specimen) -> None:
         raise Nonconformity(f"it changes {name} for all other code.", remedy)
 
 
-def _anew(specimen: Specimen) -> Specimen:
+def _new_instance(specimen: Specimen) -> Specimen:
     """Construct the component again, without any previous calls."""
     return specimen_of(specimen.model, specimen.options)
 
 
 def _one_by_one(specimen: Specimen) -> Iterator[Any]:
     """Yield a newly constructed component, and then one with other options, constructed after use of the first."""
-    yield _anew(specimen).component
+    yield _new_instance(specimen).component
     if (other := varied(specimen.component)) is not None:
         yield other
 
 
-def _ask_much(specimen: Specimen) -> None:
+def _compute_others(specimen: Specimen) -> None:
     """Compute other results: a large batch, other lines."""
     if isinstance(specimen, JointSpecimen):
         specimen.component.matrices(specimen.theta.copy())

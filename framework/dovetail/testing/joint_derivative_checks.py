@@ -85,7 +85,7 @@ def check_small_steps_show(specimen: JointSpecimen) -> None:
     _only_with_parameters(specimen)
     law = depends_on_frequency(specimen.component)
     theta = specimen.some(SETTINGS.vectors_of_laws if law else SETTINGS.vectors)
-    before = _told(specimen, theta)
+    before = _matrices_or_stiffness(specimen, theta)
     for column, parameter in enumerate(specimen.component.parameters):
         inward = np.where(parameter.to_unit(theta[:, column]) < 0.5, 1.0, -1.0)
         size = np.maximum(np.abs(theta[:, column]), 1e-3 * (parameter.upper - parameter.lower))
@@ -93,7 +93,7 @@ def check_small_steps_show(specimen: JointSpecimen) -> None:
         for factor in (SETTINGS.small, SETTINGS.steps[1]):
             moved = theta.copy()
             moved[:, column] += factor * inward * size
-            changes.append((_told(specimen, moved) - before).reshape(len(theta), -1))
+            changes.append((_matrices_or_stiffness(specimen, moved) - before).reshape(len(theta), -1))
         flat = np.abs(before).reshape(len(theta), -1)
         greatest = np.abs(changes[1] / np.where(flat > 0, flat, np.inf)).argmax(axis=1)
         small, large, value = (array[np.arange(len(theta)), greatest] for array in (*changes, flat))
@@ -103,7 +103,7 @@ def check_small_steps_show(specimen: JointSpecimen) -> None:
         wrong = (ratio < 1.0 / SETTINGS.shown) | (ratio > SETTINGS.shown)
         far = theta.copy()
         far[:, column] += SETTINGS.secant * inward * (parameter.upper - parameter.lower)
-        acts = (_told(specimen, far) != before).reshape(len(theta), -1).any(axis=1)
+        acts = (_matrices_or_stiffness(specimen, far) != before).reshape(len(theta), -1).any(axis=1)
         still = acts & ~(changes[1] != 0).any(axis=1)  # by a longer step it acts: a table, not a stop
         if 2 * wrong.sum() > telling.sum() or 2 * still.sum() > acts.sum():
             problem = f"small steps of '{parameter.name}' change nothing, or jump: its values are rounded on the way."
@@ -252,7 +252,7 @@ def _stacked(specimen: JointSpecimen, theta: NDArray[np.float64]) -> NDArray[np.
     return np.stack([getattr(matrices, part) for part in PARTS], axis=1)
 
 
-def _told(specimen: JointSpecimen, theta: NDArray[np.float64]) -> NDArray[Any]:
+def _matrices_or_stiffness(specimen: JointSpecimen, theta: NDArray[np.float64]) -> NDArray[Any]:
     """Return what determines FRFs: the matrices, or the dynamic stiffness of a joint that depends on frequency."""
     if depends_on_frequency(specimen.component):
         return specimen.stiffness(FREQUENCY, theta)

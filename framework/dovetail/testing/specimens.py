@@ -73,14 +73,16 @@ class JointSpecimen(Specimen):
     def inner(self) -> NDArray[np.float64]:
         """Parameter vectors (n, n_params): the middle of the ranges, and random ones."""
         count = len(self.component.parameters)
-        fractions = np.random.default_rng(SEED).random((max(8, min(SETTINGS.random, int(0.8 * self._most))), count))
+        fractions = np.random.default_rng(SEED).random(
+            (max(8, min(SETTINGS.random, int(0.8 * self._largest_batch))), count)
+        )
         fractions[0] = 0.5
         return self.vectors(fractions)
 
     @cached_property
     def corners(self) -> NDArray[np.float64]:
         """Parameter vectors (n, n_params): corners of the ranges, including the lowest and the highest."""
-        count, most = len(self.component.parameters), max(2, min(SETTINGS.corners, int(0.2 * self._most)))
+        count, most = len(self.component.parameters), max(2, min(SETTINGS.corners, int(0.2 * self._largest_batch)))
         if 2**count <= most:
             return self.vectors(np.array(list(itertools.product((0.0, 1.0), repeat=count))))
         fractions = np.random.default_rng(SEED).integers(0, 2, (most, count)).astype(np.float64)
@@ -93,7 +95,7 @@ class JointSpecimen(Specimen):
         return np.concatenate([self.inner, self.corners])
 
     @property
-    def _most(self) -> float:
+    def _largest_batch(self) -> float:
         return SETTINGS.memory / (8.0 * max(1, self.component.size) ** 2)
 
     def vectors(self, fractions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -60,7 +60,7 @@ def check_matrices_have_the_shape_of_the_nodes(specimen: SubstructureSpecimen) -
 def check_every_node_and_dof_is_used(specimen: SubstructureSpecimen) -> None:
     """Each node, and each inner DOF, has an entry in a matrix."""
     matrices, count = _matrices(specimen), len(DIRECTIONS) * len(specimen.component.nodes)
-    _moving(specimen)
+    _only_if_movable(specimen)
     filled = np.any([(dense(getattr(matrices, part)) != 0).any(axis=0) for part in PARTS], axis=0)
     idle = ~filled[:count].reshape(-1, len(DIRECTIONS)).any(axis=1)
     if idle.any():
@@ -103,7 +103,7 @@ def check_outline_is_sections_in_order(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_has_its_shape(specimen: SubstructureSpecimen) -> str:
     """`receptance` is a finite complex (n_freq, n, n) array for n DOFs."""
-    _moving(specimen)
+    _only_if_movable(specimen)
     count = len(specimen.dofs)
     H = specimen.component.receptance(specimen.lines.copy(), list(specimen.dofs))
     wanted = (len(specimen.lines), count, count)
@@ -137,7 +137,7 @@ def check_damping_is_symmetric_and_positive(specimen: SubstructureSpecimen) -> N
 def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
     """Rigid-body motion of a free part needs no effort, unlike that of a part that is `held`."""
     K = dense(_matrices(specimen).K)
-    _moving(specimen)
+    _only_if_movable(specimen)
     motions = {"displaced": np.tile([1.0, 0.0], len(specimen.component.nodes))}
     outer = np.arange(len(motions["displaced"]))
     if (np.diag(K)[outer[1::2]] > 0).all():
@@ -155,7 +155,7 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
     """The motion at i per force at j equals the motion at j per force at i."""
-    _moving(specimen)
+    _only_if_movable(specimen)
     if _scaled_asymmetry(specimen.receptance) > _SOLVED:
         raise Nonconformity(
             "the receptance matrix is not symmetric.", "Mend receptance, or symmetrise what was measured."
@@ -164,7 +164,7 @@ def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
 
 def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
     """No forces take energy out of the part: the imaginary part of the receptance is negative semi-definite."""
-    _moving(specimen)
+    _only_if_movable(specimen)
     for line, H in zip(specimen.lines, specimen.receptance, strict=True):
         scale = 1.0 / np.sqrt(np.abs(np.diag(H)))
         scaled = scale[:, None] * H * scale
@@ -179,7 +179,7 @@ def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
 def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
     """`receptance` is the inverse of the dynamic stiffness from `matrices`."""
     matrices = _matrices(specimen)
-    _moving(specimen)
+    _only_if_movable(specimen)
     M, K, C, D = (dense(getattr(matrices, part)) for part in "MKCD")
     active = np.union1d(np.flatnonzero(((M != 0) | (K != 0) | (C != 0) | (D != 0)).any(axis=0)), specimen.dofs)
     rows = np.searchsorted(active, specimen.dofs)
@@ -197,7 +197,7 @@ def check_receptance_meets_the_matrices(specimen: SubstructureSpecimen) -> None:
 
 def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> None:
     """The receptance between any sequence of DOFs, even with repetition, is the same part of that between all."""
-    _moving(specimen)
+    _only_if_movable(specimen)
     count = len(specimen.dofs)
     for order in (np.arange(count)[::-2], np.array([count - 1]), np.array([0, count - 1, 0])):
         part = specimen.component.receptance(specimen.lines.copy(), [specimen.dofs[index] for index in order])
@@ -209,7 +209,7 @@ def check_dofs_can_be_asked_for_in_any_order(specimen: SubstructureSpecimen) -> 
 
 def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
     """The receptance at a line is the same alone and among others, which may be unsorted or repeated."""
-    _moving(specimen)
+    _only_if_movable(specimen)
     for order in ([1, 4, 7], [3], [6, 0, 2, 2, 5]):
         alone, whole = specimen.component.receptance(specimen.lines[order], specimen.dofs), specimen.receptance[order]
         if alone.shape != whole.shape or relative_difference(alone, whole) > _SOLVED:
@@ -219,7 +219,7 @@ def check_each_line_is_treated_alone(specimen: SubstructureSpecimen) -> None:
 
 def check_dofs_and_frequencies_may_be_any_sequence(specimen: SubstructureSpecimen) -> None:
     """DOFs may be a list, a tuple or an array; frequencies may be integers or read-only."""
-    _moving(specimen)
+    _only_if_movable(specimen)
     whole = np.array([1500, 20, 333])
     read_only = whole.astype(np.float64)
     read_only.flags.writeable = False
@@ -323,7 +323,7 @@ def check_dofs_have_labels(specimen: SubstructureSpecimen) -> None:
 
 def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
     """The caller's `frequency` and `dofs` are not changed."""
-    _moving(specimen)
+    _only_if_movable(specimen)
     frequency, dofs = specimen.lines.copy(), list(specimen.dofs)
     specimen.component.receptance(frequency, dofs)
     if not np.array_equal(frequency, specimen.lines) or dofs != specimen.dofs:
@@ -332,7 +332,7 @@ def check_inputs_are_left_unchanged(specimen: SubstructureSpecimen) -> None:
 
 def check_answers_are_fresh(specimen: SubstructureSpecimen) -> None:
     """Writing into a returned array does not change later results."""
-    _moving(specimen)
+    _only_if_movable(specimen)
     kept = specimen.receptance.copy()
     first = specimen.component.receptance(specimen.lines.copy(), specimen.dofs)
     if first.flags.writeable:
@@ -350,7 +350,7 @@ def _matrices(specimen: SubstructureSpecimen) -> StructuralMatrices | SparseMatr
     return specimen.matrices
 
 
-def _moving(specimen: SubstructureSpecimen) -> None:
+def _only_if_movable(specimen: SubstructureSpecimen) -> None:
     if specimen.component.grounded:
         raise NotApplicable("the part does not move.")
 

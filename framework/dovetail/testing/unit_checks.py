@@ -58,25 +58,25 @@ def check_units_agree_with_the_matrices(specimen: Specimen) -> None:
         if rescaled == options and not known:
             continue
         itself = specimen_of(specimen.model, specimen.options)
-        before = _at_the_ports(itself, "")
+        before = _port_dynamics(itself, "")
         try:
             other = specimen_of(specimen.model, rescaled)
         except Exception:  # limits of options may forbid it
             continue
         looked = True
-        if not _alike(itself, before, _at_the_ports(other, name), name):
+        if not _agree(itself, before, _port_dynamics(other, name), name):
             broken.append(name)
     if not looked:
         raise NotApplicable("no option has a unit, or options with units cannot be changed.")
     if isinstance(specimen, JointSpecimen) and broken:
-        _blame_a_parameter(specimen)
+        _check_parameter_units(specimen)
     if broken:
         problem = f"in another unit of {' or '.join(broken)} it is another component: a unit is wrong or missing."
         remedy = 'Give constants as options with their units, by dovetail.InUnit("m"), and check those of parameters.'
         raise Reservation(problem, remedy)
 
 
-def _at_the_ports(specimen: Specimen, name: str) -> NDArray[np.complex128]:
+def _port_dynamics(specimen: Specimen, name: str) -> NDArray[np.complex128]:
     """Return a joint's dynamic stiffness at its ports, or a part's receptance, in the changed unit."""
     if isinstance(specimen, SubstructureSpecimen):
         lines = FREQUENCY * _factor("Hz", name)
@@ -89,7 +89,7 @@ def _at_the_ports(specimen: Specimen, name: str) -> NDArray[np.complex128]:
     return condensed(specimen.stiffness(WIDE * _factor("Hz", name), theta), on_ports)
 
 
-def _alike(specimen: Specimen, before: NDArray[np.complex128], after: NDArray[np.complex128], name: str) -> bool:
+def _agree(specimen: Specimen, before: NDArray[np.complex128], after: NDArray[np.complex128], name: str) -> bool:
     """Compare the result in the changed unit with the converted result in the original unit."""
     dofs = np.array(specimen.dofs if isinstance(specimen, SubstructureSpecimen) else range(before.shape[-1]))
     stiffness = _factor("N/m", name) * _factor("m", name) ** np.add.outer(dofs % 2, dofs % 2)
@@ -98,7 +98,7 @@ def _alike(specimen: Specimen, before: NDArray[np.complex128], after: NDArray[np
     return bool(np.abs(unit_free(after - converted, scale)).max(initial=0.0) <= SETTINGS.wrong)
 
 
-def _blame_a_parameter(specimen: JointSpecimen) -> None:
+def _check_parameter_units(specimen: JointSpecimen) -> None:
     """Look for a parameter that is an entry of a matrix, perhaps times a simple fraction, but has another unit."""
     component = specimen.component
     on_ports = component.size - component.internal_dofs

@@ -118,14 +118,14 @@ def _candidates(
     ranking *= -2.0
     ranking += squares
     spared = min(count + SETTINGS.spare, len(rows))
-    columns = _columns_with_the_least(ranking, spared)
+    columns = _columns_of_smallest(ranking, spared)
     nearby = np.take_along_axis(ranking, columns, axis=1)
     chosen = np.argpartition(nearby, spared - 1, axis=1)[:, :spared]
     border = np.take_along_axis(nearby, chosen, axis=1).max(axis=1).astype(np.float64)
     return np.sort(np.take_along_axis(columns, chosen, axis=1), axis=1), border
 
 
-def _columns_with_the_least(ranking: NDArray[Any], count: int) -> NDArray[np.intp]:
+def _columns_of_smallest(ranking: NDArray[Any], count: int) -> NDArray[np.intp]:
     """Return columns (n_points, n) that include those of the `count` smallest values of each row.
 
     They are the groups of columns with the `count` smallest minima, or all columns if these groups contain most of

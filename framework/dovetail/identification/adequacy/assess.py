@@ -173,11 +173,11 @@ def _reasons(
             f"The measurement shows errors of natural frequencies of {100.0 * needed:.2g} %, more than the "
             f"{100.0 * allowed:.2g} % that are allowed."
         )
-    yield from _missed_in_words(target, fit, estimated)
+    yield from _missed_resonances(target, fit, estimated)
     yield f"Of {fit.starts} searches {fit.agreeing} ended in the same fit, none in a better one."
 
 
-def _missed_in_words(target: Observations, fit: Fit, estimated: FitWithError) -> Iterator[str]:
+def _missed_resonances(target: Observations, fit: Fit, estimated: FitWithError) -> Iterator[str]:
     """Yield which resonances of the measurement the model lacks.
 
     A peak beside a resonance of the model, which has none in that FRF, is no other resonance.

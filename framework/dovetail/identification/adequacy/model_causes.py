@@ -100,7 +100,7 @@ def nearest_points(
     (n_params,) array
         The parameters [SI] whose amplitudes are the most similar.
     """
-    elsewhere = _places(assembly)
+    elsewhere = _movable_nodes(assembly)
     if not elsewhere:
         return
     drawn = assembly.from_unit(np.random.default_rng(0).random((_SETTINGS.samples, len(assembly.parameters))))
@@ -134,13 +134,13 @@ def _measured_at(assembly: Assembly, place: Node, *, with_force: bool) -> Assemb
     return Assembly(replace(assembly.description, responses=(there,)))
 
 
-def _places(assembly: Assembly) -> list[Node]:
+def _movable_nodes(assembly: Assembly) -> list[Node]:
     """Return all nodes that can move, apart from the response's own."""
     response = assembly.description.response
     substructures = assembly.description.substructures.items()
     places = [(name, node) for name, model in substructures for node in range(len(model.nodes))]
     places.remove((response.substructure, response.node))
-    return [place for place in places if _moves(assembly, place)]
+    return [place for place in places if _can_move(assembly, place)]
 
 
 def _distances(
@@ -173,7 +173,7 @@ def _point(assembly: Assembly, place: Node) -> Point:
     return place[0], len(DIRECTIONS) * place[1] + DIRECTIONS.index(direction)
 
 
-def _moves(assembly: Assembly, place: Node) -> bool:
+def _can_move(assembly: Assembly, place: Node) -> bool:
     substructure, dof = _point(assembly, place)
     return bool(assembly.graph.substructure_dofs(substructure)[dof] >= 0)
 

@@ -233,12 +233,12 @@ def _estimates(
         apart = replace(size, natural_frequency=max(size.natural_frequency, least), damping=float(damping))
         if word_for(apart) != "does not fit":  # peaks may have been taken for each other
             size = apart
-        told = _Linearised(problem, fraction, size).with_other(size)  # by the averages that intervals will use
-        if word_for(told) == "does not fit":
+        estimate = _Linearised(problem, fraction, size).with_other(size)  # by the averages that intervals will use
+        if word_for(estimate) == "does not fit":
             size = _Linearised(problem, fraction, typical_model_error(width), most).estimate_beside_others()
             moderate = _Linearised(problem, fraction, size).with_other(size)
-            told = told if word_for(moderate) == "does not fit" else moderate
-        yield width, told
+            estimate = estimate if word_for(moderate) == "does not fit" else moderate
+        yield width, estimate
 
 
 def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError:
@@ -246,11 +246,11 @@ def _most_plausible(estimates: Iterable[tuple[float, ModelError]]) -> ModelError
 
     Estimates with which the model fits are preferred.
     """
-    told = list(estimates)
-    plausible = [size for width, size in told if size.natural_frequency <= _SETTINGS.consistent * width]
+    by_width = list(estimates)
+    plausible = [size for width, size in by_width if size.natural_frequency <= _SETTINGS.consistent * width]
     plausible = [size for size in plausible if word_for(size) != "does not fit"] or plausible
     if not plausible:
-        return told[-1][1]
+        return by_width[-1][1]
     limit = max(_SETTINGS.unexplained, _SETTINGS.consistent * min(size.other for size in plausible))
     return next(size for size in plausible if size.other <= limit)
 

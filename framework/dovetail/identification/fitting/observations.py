@@ -320,9 +320,9 @@ class MeasuredLines:
                 messages.append(
                     f"The measurement{where} lacks lines between {_listed(gaps)}: nothing was compared there."
                 )
-        return (*messages, *self._unlike_reciprocals())
+        return (*messages, *self._reciprocity_warnings())
 
-    def _unlike_reciprocals(self) -> Iterable[str]:
+    def _reciprocity_warnings(self) -> Iterable[str]:
         """Yield a warning for each pair of reciprocal FRFs that differ by more than their random error.
 
         FRFs with a calibration are left out: they may differ.

@@ -150,7 +150,7 @@ class _Refinement:
         self._expected = _SETTINGS.first_starts + _SETTINGS.first_carried + 1
         self._progress = progress
 
-    def _tell(self) -> None:
+    def _report_search(self) -> None:
         """Report one more search; further batches are not counted in the total before they begin."""
         self._searches += 1
         self._progress("fit", self._searches, max(self._expected, self._searches + 1))
@@ -158,10 +158,10 @@ class _Refinement:
     def run(self, starts: Sequence[NDArray[np.float64]]) -> Fit:
         began = time.perf_counter()
         ends = self._searched(self._first_batch(starts))
-        minima = self._told_apart(ends[: _SETTINGS.first_carried])
+        minima = self._compared(ends[: _SETTINGS.first_carried])
         best = self._reweighted(self._fitted(minima.position[:1]))
         if not self._is_noise(best, _SETTINGS.doubtful):
-            minima, best = self._further(self._with(minima, ends[_SETTINGS.first_carried :]))
+            minima, best = self._search_further(self._extended(minima, ends[_SETTINGS.first_carried :]))
         chi_squared = self._chi_squared(best)
         discrepancy = background = 0.0
         if not self._is_noise(best):
@@ -185,14 +185,14 @@ class _Refinement:
             seconds=time.perf_counter() - began,
         )
 
-    def _further(self, minima: Minima) -> tuple[Minima, Minima]:
+    def _search_further(self, minima: Minima) -> tuple[Minima, Minima]:
         """Search further until a fit reaches the noise, or enough searches agree that none will.
 
         Returns all minima, and the best one fitted on all lines.
         """
         profiled = np.inf
         for batch in range(1, _SETTINGS.more_batches + 2):
-            minima = self._told_apart(minima.position)  # the weights have changed
+            minima = self._compared(minima.position)  # the weights have changed
             best = self._reweighted(self._fitted(minima.position[:1]))
             if self._is_noise(best, _SETTINGS.doubtful):
                 break
@@ -201,14 +201,14 @@ class _Refinement:
             if batch > last:
                 break
             enough = count_agreeing(minima.cost) >= _SETTINGS.enough_agreeing
-            if enough and batch >= _SETTINGS.least_batches and not self._missed(best).size:
+            if enough and batch >= _SETTINGS.least_batches and not self._missed_resonances(best).size:
                 break
             along = self._along_axes(best.position[0])
             similar = self._most_similar(_SETTINGS.more_starts, _SETTINGS.more_candidates)
             further = len(along) + len(similar) + _SETTINGS.carried
             self._expected = self._searches + further + len(minima.cost) + 1
             ends = self._searched(np.concatenate([along, similar]))
-            minima = self._with(minima, ends[: _SETTINGS.carried])
+            minima = self._extended(minima, ends[: _SETTINGS.carried])
             if batch >= first_profiled and profiled > highest_agreeing(minima.cost[0]):
                 profiled = minima.cost[0]
                 minima = self._with_profiles(minima)
@@ -258,8 +258,8 @@ class _Refinement:
             return minima
         self._starts += len(ends)
         for problem in problems:
-            ends = self._ends(problem, ends)
-        return self._with(minima, self._told_apart(ends).position[:1])
+            ends = self._search_ends(problem, ends)
+        return self._extended(minima, self._compared(ends).position[:1])
 
     @property
     def _search(self) -> FrfResiduals:
@@ -270,12 +270,12 @@ class _Refinement:
     def _searched(self, batch: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches by logarithms of amplitudes ended, the most promising first."""
         self._starts += len(batch)
-        return self._with_delays(self._ends(self._search, batch))
+        return self._with_delays(self._search_ends(self._search, batch))
 
-    def _ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _search_ends(self, problem: FrfResiduals, start: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where searches end, the most promising first."""
         tolerance, most_steps = _SETTINGS.search_tolerance, _SETTINGS.search_steps
-        minima = minimise(problem, start, tolerance=tolerance, most_steps=most_steps, tell=self._tell)
+        minima = minimise(problem, start, tolerance=tolerance, most_steps=most_steps, tell=self._report_search)
         self._steps += int(minima.steps.sum())
         return minima.position[np.argsort(minima.cost, kind="stable")]
 
@@ -294,13 +294,13 @@ class _Refinement:
             position = tried[np.argmin(costs, axis=0), np.arange(len(position))]
         return position
 
-    def _told_apart(self, start: NDArray[np.float64]) -> Minima:
+    def _compared(self, start: NDArray[np.float64]) -> Minima:
         """Fit on some of the lines, which suffice to compare the minima."""
         residual = self._target.weighted(self._variance + self._model_variance, self._used).at(self._some)
         return self._minimised(FrfResiduals(self._model_of_some, residual), start)
 
-    def _with(self, minima: Minima, ends: NDArray[np.float64]) -> Minima:
-        return Minima.ranked(minima, self._told_apart(ends)) if len(ends) else minima
+    def _extended(self, minima: Minima, ends: NDArray[np.float64]) -> Minima:
+        return Minima.ranked(minima, self._compared(ends)) if len(ends) else minima
 
     def _fitted(self, start: NDArray[np.float64]) -> Minima:
         """Fit on all lines."""
@@ -310,7 +310,7 @@ class _Refinement:
     def _minimised(self, problem: FrfResiduals, start: NDArray[np.float64]) -> Minima:
         with_prior = WithPrior(problem, self._assembly)
         tolerance, most_steps = _SETTINGS.fit_tolerance, _SETTINGS.fit_steps
-        minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, tell=self._tell)
+        minima = minimise(with_prior, start, tolerance=tolerance, most_steps=most_steps, tell=self._report_search)
         self._steps += int(minima.steps.sum())
         return Minima.ranked(minima)
 
@@ -342,7 +342,7 @@ class _Refinement:
         self._variance = from_scatter
         return best
 
-    def _missed(self, best: Minima) -> NDArray[np.float64]:
+    def _missed_resonances(self, best: Minima) -> NDArray[np.float64]:
         return missed_resonances(self._target, self._variance, self._values(best))
 
     def _with_discrepancy(self, best: Minima, minima: Minima) -> tuple[Minima, tuple[float, float]]:
@@ -353,7 +353,7 @@ class _Refinement:
             relative, background = self._target.discrepancy(values, self._variance, self._used)
             magnitude = np.maximum(np.abs(values), self._target.amplitude)
             self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
-            starts = self._told_apart(starts).position
+            starts = self._compared(starts).position
             best = self._fitted(starts[:1])
             if np.all(np.abs(self._model_variance - before) <= _SETTINGS.settled * self._model_variance):
                 break

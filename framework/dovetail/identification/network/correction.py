@@ -46,7 +46,7 @@ _LEAST_VARIANCE, _LEAST_AMPLITUDE = 1e-8, 1e-30
 """Lower limits, which prevent divisions by zero."""
 _ROWS = 64
 """FRFs whose Jacobians are in memory at a time, on each core."""
-_STEPS, _FEWEST_LINES, _BENT = (4, 2), 250, 0.01
+_STEPS, _FEWEST_LINES, _LARGEST_SMOOTHING = (4, 2), 250, 0.01
 """Steps of the lines that are kept; the first is taken that leaves enough lines, and with which a parabola fitted to as
 many lines on either side deviates by no more than this from three of four peaks, in logarithms."""
 _TRIALS = 100
@@ -83,8 +83,8 @@ class GaussNewtonFeatures:
         peaks, lines = scipy.signal.argrelmax(logarithms, axis=-1), logarithms.shape[-1]
 
         def follows(step: int) -> bool:
-            bent = np.abs(_averaged(logarithms, step) - logarithms)[peaks]
-            return not len(bent) or bool(np.quantile(bent, 0.75) <= _BENT)
+            smoothing = np.abs(_averaged(logarithms, step) - logarithms)[peaks]
+            return not len(smoothing) or bool(np.quantile(smoothing, 0.75) <= _LARGEST_SMOOTHING)
 
         step = next((step for step in _STEPS if lines >= step * _FEWEST_LINES and follows(step)), 1)
         return GaussNewtonFeatures(

@@ -126,8 +126,8 @@ class Network:
         PluginError
             The regressor fails, or returns anything else than finite draws.
         """
-        told = self.tell(amplitude[np.newaxis])
-        return None if told is None else self.target_scaling.inverse(told.samples[0])
+        distribution = self.tell(amplitude[np.newaxis])
+        return None if distribution is None else self.target_scaling.inverse(distribution.samples[0])
 
     def tell(self, amplitude: NDArray[np.floating]) -> TargetDistribution | None:
         """Return what is known of the targets of FRFs (n_samples, n_responses n_freq), or None from values alone.
@@ -137,28 +137,28 @@ class Network:
         PluginError
             As of `predict_samples`.
         """
-        return self._told(*self._last(amplitude))
+        return self._distribution(*self._last(amplitude))
 
     def _last(self, amplitude: NDArray[np.floating]) -> tuple[FittedRegressor, NDArray[np.float32]]:
         """Return the last regressor, after all corrections, and its features."""
         regressor, features = self.regressor, self._features(amplitude)
         for correction in self.corrections:
-            told = self._told(regressor, features)
-            if told is None:
+            distribution = self._distribution(regressor, features)
+            if distribution is None:
                 raise PluginError(no_distribution(self.recipes[1]))
-            regressor, features = correction.regressor, correction.features(amplitude, told)
+            regressor, features = correction.regressor, correction.features(amplitude, distribution)
         return regressor, features
 
-    def _told(self, regressor: FittedRegressor, features: NDArray[np.float32]) -> TargetDistribution | None:
+    def _distribution(self, regressor: FittedRegressor, features: NDArray[np.float32]) -> TargetDistribution | None:
         """Return the distribution that a regressor predicts; it must have finite draws for each row."""
         recipe = self.recipes[1]
         label = component_label(recipe)
         with plugin_errors(regressor, label):
-            told = regressor.predict_distribution(features)
-            if told is None:
+            distribution = regressor.predict_distribution(features)
+            if distribution is None:
                 return None
-            check_contract(told, recipe, TargetDistribution, "predict_distribution")
-            samples = told.samples if isinstance(told.samples, np.ndarray) else np.empty(0)
+            check_contract(distribution, recipe, TargetDistribution, "predict_distribution")
+            samples = distribution.samples if isinstance(distribution.samples, np.ndarray) else np.empty(0)
             if samples.ndim != 3 or len(samples) != len(features) or samples.shape[1] < FEWEST_DRAWS:
                 accepted = f"an array ({len(features)}, {FEWEST_DRAWS} or more, {len(self.target_scaling.lower)})"
                 raise PluginError(Fault(label, f"its distribution has the shape {samples.shape}.", accepted))
@@ -166,7 +166,7 @@ class Network:
             check_rows(samples.reshape(rows * draws, width), label, rows * draws, len(self.target_scaling.lower))
             if not np.isfinite(samples).all():
                 raise PluginError(Fault(label, "its distribution is not finite.", "finite numbers"))
-        return told
+        return distribution
 
     def _features(self, amplitude: NDArray[np.floating]) -> NDArray[np.float32]:
         label = component_label(self.recipes[0])

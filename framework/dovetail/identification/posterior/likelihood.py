@@ -145,13 +145,13 @@ def build_likelihood(
         displaced = errors[: len(shapes["natural_frequency"])]  # the first kind
         displaced = model_error.quantities / model_error.natural_frequency * displaced
         of_parts = added(quantity_derivatives(assembly, fit.theta, lines))
-        errors = np.concatenate([errors, _as_large(of_parts, displaced)])
+        errors = np.concatenate([errors, _scaled_to_errors(of_parts, displaced)])
     variance = fit.variance + unshaped_deviation(target, values, model_error) ** 2
     by_line = None if needs_average(model_error) else target.weighted(variance, fit.used)
     return Likelihood(target, variance, model.at(lines), residual, by_line, errors)
 
 
-def _as_large(derivatives: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _scaled_to_errors(derivatives: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Scale derivatives by quantities of parts (k, m) so that each is as large as errors (n, m) are together."""
     wanted = max(float(np.linalg.norm(errors)), np.finfo(float).tiny)
     sizes = np.linalg.norm(derivatives, axis=1, keepdims=True)

@@ -35,7 +35,7 @@ def find_reader(path: Path, content: bytes, registry: Registry, name: str | None
     if name is not None:
         return _made(registry.find("reader", name).component)
     offers = registry.readers().get(path.suffix.lower(), [])
-    takers = [offer for offer in offers if _takes(_made(offer.component), content)]
+    takers = [offer for offer in offers if _accepts(_made(offer.component), content)]
     if len(takers) > 1:
         remedy = "Say which with 'reader', or --reader on the command line."
         problem = "several readers take this file."
@@ -50,7 +50,7 @@ def _made(component: type[Component]) -> FrfReader:
     return reader
 
 
-def _takes(reader: FrfReader, content: bytes) -> bool:
+def _accepts(reader: FrfReader, content: bytes) -> bool:
     with plugin_errors(reader, _label(reader)):
         return bool(reader.sniff(content[:_HEAD]))
 
@@ -128,8 +128,8 @@ def _chosen(path: Path, recorded: Sequence[RecordedFrf], options: ReadOptions) -
         (number, frf)
         for number, frf in enumerate(recorded, start=1)
         if options.index in (None, number)
-        and _is_meant(frf.response, options.response)
-        and _is_meant(frf.force, options.force)
+        and _matches(frf.response, options.response)
+        and _matches(frf.force, options.force)
     ]
     if len(fitting) == 1:
         return fitting[0]
@@ -141,7 +141,7 @@ def _chosen(path: Path, recorded: Sequence[RecordedFrf], options: ReadOptions) -
     raise MeasurementError(Fault(str(path), problem, remedy="Choose it by its number, for example --index 1."))
 
 
-def _is_meant(stated: str, wanted: str | None) -> bool:
+def _matches(stated: str, wanted: str | None) -> bool:
     return wanted is None or stated.lower().replace("+", "") == wanted.lower().replace("+", "")
 
 
