@@ -45,7 +45,7 @@ def spindle_flange(
         kg; its effect is removed from each test.
     rotations : {"model", "difference"}
         Source of the rotations: the holder's model, which needs no approximation; or first-order finite differences of
-        the measured translations at a (Eq. 16), whose error grows with the square of the distance over the wavelength.
+        the measured translations at a (Eq. 16), whose error is proportional to the distance from a to b.
 
     Returns
     -------

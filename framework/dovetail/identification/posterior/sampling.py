@@ -264,12 +264,12 @@ def draw(
     if form == "laplace":
         approximation = LaplaceApproximation.at(posterior, modes[0])
         return approximation.draw(count, seed), even, approximation.unreliable
-    random, places = np.random.default_rng([seed, 8]), LinearisedPoints.at(posterior, modes)
-    tangent_map = TangentMap(posterior, places.at_rows(np.array([0])))
-    target, components = random.standard_normal((count, modes.shape[1])), tangent_map.components(places.residuals)
+    random, starts = np.random.default_rng([seed, 8]), LinearisedPoints.at(posterior, modes)
+    tangent_map = TangentMap(posterior, starts.at_rows(np.array([0])))
+    target, components = random.standard_normal((count, modes.shape[1])), tangent_map.components(starts.residuals)
     nearest = np.argmin(np.sum((target[:, np.newaxis] - components) ** 2, axis=2), axis=1)
-    points, converged = tangent_map.solve(target, places.at_rows(nearest), _SETTINGS.iterations)
-    points = points.at_rows(np.flatnonzero(converged)) if converged.any() else places
+    points, converged = tangent_map.solve(target, starts.at_rows(nearest), _SETTINGS.iterations)
+    points = points.at_rows(np.flatnonzero(converged)) if converged.any() else starts
     squares = np.sum(tangent_map.components(points.residuals) ** 2, axis=1)
     log_weight = points.log_posterior + squares / 2.0 - tangent_map.log_determinant(points)
     weight = np.exp(log_weight - log_weight.max())
