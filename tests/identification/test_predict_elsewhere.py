@@ -68,6 +68,27 @@ def test_a_joint_that_is_damped_in_another_way_is_refused(
         dovetail.predict(dovetail.load(description), result)
 
 
+def test_a_joint_of_another_name_that_is_damped_in_another_way_is_refused(
+    sdof: dovetail.Assembly, result: dovetail.Identification
+) -> None:
+    description = json.loads(sdof.description.text)
+    description["joints"] = {"clamp": {**description["joints"]["mount"], "structural_damping": "20 Hz"}}
+    with pytest.raises(ParameterError, match="its structural damping was none where it was identified, and is 20 Hz"):
+        dovetail.predict(dovetail.load(description), result)
+
+
+def test_a_joint_that_stands_in_both_assemblies_is_not_taken_for_another(
+    sdof: dovetail.Assembly, result: dovetail.Identification
+) -> None:
+    known = {"k": {"value": 1e6}, "c": {"value": 5.0}}
+    with pytest.raises(ParameterError) as caught:
+        dovetail.predict(another(sdof, {"mount": known, "side": {}}), result)
+    assert [fault.where for fault in caught.value.faults] == ["parameters side.k, side.c"]
+    other = another(sdof, {"clamp": {}, "side": known})
+    expected = exact(other, result.theta[0] + 1e6, result.theta[1] + 5.0)
+    np.testing.assert_allclose(dovetail.predict(other, result).values, expected, rtol=1e-9)
+
+
 def test_what_the_other_description_fixes_stays(sdof: dovetail.Assembly, result: dovetail.Identification) -> None:
     other = another(sdof, {"mount": {"c": {"value": 7.0}}})
     np.testing.assert_allclose(dovetail.predict(other, result).values, exact(other, result.theta[0], 7.0), rtol=1e-9)

@@ -128,8 +128,9 @@ def _print(assembly: Assembly, batch: Batch) -> None:
     table(headers, rows, numbers=headers[2:], split=True)
     if not batch.results:
         return
-    heading("Estimates and 90 % intervals")
     texts = {name: parameter_rows(result, None) for name, result in batch.results.items()}
+    known = any(row.interval for rows in texts.values() for row in rows)
+    heading("Estimates and 90 % intervals" if known else "Estimates")
     cells = [
         [same[0].name, same[0].unit, *(_text(row.estimate, row.interval) for row in same)]
         for same in zip(*texts.values(), strict=True)

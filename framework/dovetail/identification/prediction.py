@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,11 +95,12 @@ def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, fl
     values = _values(result)
     names = assembly.description.identified_parameters
     matched: dict[str, float] = {}
-    faults, missing = _changed_damping(assembly, result), []
+    sources: dict[str, str | None] = {}
+    faults, missing = [], []
     for parameter, (joint, name) in zip(assembly.parameters, names, strict=True):
         shared = joint not in assembly.description.joints or sum(other == name for _, other in names) > 1
         value = _match(values, joint, name, shared)
-        if value is None:
+        if value is None or (value.joint != joint and value.joint in assembly.description.joints):
             missing.append(parameter.name)
         elif value.unit not in (None, parameter.unit):
             faults.append(
@@ -106,6 +108,8 @@ def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, fl
             )
         else:
             matched[parameter.name] = value.value
+            sources[joint] = value.joint
+    faults.extend(_changed_damping(assembly, result, sources))
     if missing:
         noun, them = ("parameter", "it") if len(missing) == 1 else ("parameters", "them")
         problem = f"assembly '{assembly.name}' needs {them}, and the identification does not hold {them}."
@@ -117,18 +121,37 @@ def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, fl
     return matched
 
 
-def _changed_damping(assembly: Assembly, result: AnyIdentification | Mapping[str, float]) -> list[Fault]:
-    """Return a fault for each joint whose structural damping is not the one with which it was identified."""
-    identified = {} if isinstance(result, Mapping) else json.loads(result.provenance.get("description", "{}"))
+def _changed_damping(
+    assembly: Assembly, result: AnyIdentification | Mapping[str, float], sources: Mapping[str, str | None]
+) -> list[Fault]:
+    """Return a fault for each joint whose structural damping is not the one with which it was identified.
+
+    Parameters
+    ----------
+    assembly, result
+        As in `predict`.
+    sources : mapping of str to str or None
+        The identified joint from which each owner of parameters takes its values.
+    """
+    identified = _described_joints(result)
     faults = []
-    for name, section in (identified.get("joints") or {}).items():
-        stated, joint = section.get("structural_damping"), assembly.description.joints.get(name)
+    for name, source in sources.items():
+        joint = assembly.description.joints.get(name)
+        if joint is None or source not in identified:
+            continue
+        stated = identified[source].get("structural_damping")
         before = None if stated is None else to_si(stated, "Hz")
-        if joint is not None and joint.identified and joint.structural_damping != before:
+        if joint.structural_damping != before:
             kinds = ["none" if at is None else f"{at:g} Hz" for at in (before, joint.structural_damping)]
             problem = f"its structural damping was {kinds[0]} where it was identified, and is {kinds[1]} here."
             faults.append(Fault(f"joint {name}", problem, remedy="State the same 'structural_damping' here."))
     return faults
+
+
+def _described_joints(result: AnyIdentification | Mapping[str, float]) -> dict[str, Any]:
+    """Return the sections of the joints of the description with which a result was identified, by their names."""
+    described = {} if isinstance(result, Mapping) else json.loads(result.provenance.get("description", "{}"))
+    return described.get("joints") or {}
 
 
 @dataclass(frozen=True)

@@ -160,7 +160,9 @@ def load_result(path: str | Path) -> AnyIdentification:
     if file.is_dir():
         file = file / RESULT_FILE
         if not file.exists():
-            raise DovetailError(Fault(str(path), f"this folder has no {RESULT_FILE}, so 'identify' did not write it."))
+            problem = f"this folder has no {RESULT_FILE}, which 'identify' writes for a single measurement."
+            remedy = "Of a batch, name one of its files, such as measured.csv.json."
+            raise DovetailError(Fault(str(path), problem, remedy=remedy))
     content = read_bounded(file)
     try:
         if _MODAL.search(content[:_HEAD]):
