@@ -189,3 +189,30 @@ def test_its_file_is_taken_from_the_description_that_says_it(parts, flange_file,
 def test_a_missing_file_is_a_fault_of_the_description(parts, tmp_path):
     with pytest.raises(DescriptionError, match=r"substructures.spindle\n.*there is no such file"):
         dovetail.load(on_flange(parts, tmp_path / "none.npz"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "where"),
+    [
+        ({"rotation": True}, {}, "displacement per force"),
+        ({}, {"accelerometer_mass": -1e-3}, "accelerometer_mass"),
+        ({}, {"rotations": "modell"}, "rotations"),
+    ],
+)
+def test_a_flange_is_not_determined_from_what_cannot_be(kind, options, where):
+    steel = {"young": 206e9, "density": 7850.0, "poisson": 0.3}
+    sections = [{"length": 0.1, "outer": 0.03, "elements": 10}]
+    holder = dovetail.load(
+        {
+            "dovetail": 1,
+            "name": "holder",
+            "frequency": {"start": 50.0, "stop": 500.0, "step": 5.0},
+            "substructures": {"holder": {"model": "timoshenko_beam", "material": steel, "sections": sections}},
+            "response": {"at": "holder", "position": 0.0},
+        }
+    )
+    values = np.full(len(holder.frequency), 1e-7 + 0j)
+    plain = dovetail.Frf(holder.frequency, values, "receptance")
+    tests = plain, dovetail.Frf(holder.frequency, values, "receptance", **kind), plain
+    with pytest.raises(dovetail.DovetailError, match=where):
+        dovetail.spindle_flange(holder, tests, (0.0, 0.04), 0.1, **options)

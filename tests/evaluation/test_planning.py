@@ -158,3 +158,8 @@ def test_nodes_of_a_part_with_unknown_options_are_ranked_too(collet):
     assert len(plan(dovetail.load(description), ["tool"], samples=3).points) == len(
         plan(collet, ["tool"], samples=3).points
     )
+
+
+def test_a_plan_over_no_samples_is_refused(sdof):
+    with pytest.raises(dovetail.ParameterError, match="samples"):
+        dovetail.plan(sdof, samples=0)

@@ -55,15 +55,20 @@ def spindle_flange(
     Raises
     ------
     MeasurementError
-        A test is on other lines or has no phase.
+        A test is on other lines, has no phase, or is of a rotation or by a moment.
     ParameterError
-        The holder has parameters to identify, or a and b are the same node.
+        The holder has parameters to identify, a and b are the same node, a negative mass, or no such `rotations`.
 
     References
     ----------
     Processes 14 (2026) 1875, doi:10.3390/pr14121875, Eqs. 16 to 18; with ``"model"`` the same decoupling with two
     translations instead of a translation and a rotation.
     """
+    if rotations not in ROTATIONS:
+        raise ParameterError(Fault("rotations", f"there is no '{rotations}'.", " | ".join(ROTATIONS)))
+    if not 0.0 <= accelerometer_mass < np.inf:
+        problem = f"the accelerometer's mass is {accelerometer_mass:g} kg."
+        raise ParameterError(Fault("accelerometer_mass", problem, "0 kg or more"))
     part = holder.description.response.substructure
     if holder.parameters:
         unknown = listing(parameter.name for parameter in holder.parameters)
@@ -112,6 +117,8 @@ def _without_accelerometer(
     for frf in tests:
         if not frf.has_phase:
             raise MeasurementError(Fault(frf.label, "the coupling needs a phase, and this is an amplitude alone."))
+        if frf.rotation or frf.by_moment:
+            raise MeasurementError(Fault(frf.label, f"it is a {frf.kind}.", "a displacement per force"))
         if frf.frequency.shape != frequency.shape or not np.allclose(frf.frequency, frequency):
             raise MeasurementError(Fault(frf.label, "the test is not on the lines of the holder's description."))
     omega = 2.0 * np.pi * frequency

@@ -166,6 +166,8 @@ def plan(
         raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to measure for."))
     if not noise > 0:
         raise ParameterError(Fault("noise", f"{noise:g} is no noise.", "more than 0"))
+    if samples < 1:
+        raise ParameterError(Fault("samples", f"{samples} are too few to average over.", "1 or more"))
     candidates = _candidates(assembly, substructures)
     theta = latin_hypercube(assembly, samples, seed)
     natural, _ = natural_in_band(assembly, count=_MOST_MODES)

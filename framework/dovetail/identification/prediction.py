@@ -269,6 +269,8 @@ def predict_band(
 
 def predicted_band(assembly: Assembly, result: AnyIdentification, level: float = LEVEL, seed: int = 0) -> Band:
     """Return the same as `predict_band`, without a warning."""
+    if not 0.0 < level < 1.0:
+        raise ParameterError(Fault("level", f"{level:g} is no probability.", "more than 0 and less than 1"))
     posterior = result.posterior
     if posterior is None:
         problem = f"the joint was identified by the method '{result.method}', which does not say how sure it is."

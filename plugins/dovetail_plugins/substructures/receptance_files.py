@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +53,7 @@ def from_archive(file: str) -> KnownReceptance:
     except DovetailError:
         archive = {}  # what is wrong with it, `read_receptance` says in its own words
     if "nodes" not in archive and "directions" not in archive:
-        return KnownReceptance(read_receptance(path), {"m1": 0.0}, (0, 1))
+        return KnownReceptance(_reciprocal(read_receptance(path)), {"m1": 0.0}, (0, 1))
     missing = [name for name in ("frequency", "receptance") if name not in archive]
     if missing:
         raise DovetailError(Fault(file, f"there is no '{missing[0]}'; there is: {', '.join(sorted(archive)[:12])}."))
@@ -70,7 +70,12 @@ def from_archive(file: str) -> KnownReceptance:
     pairs = zip(table.nodes, table.directions, strict=True)
     dofs = tuple(2 * index_of[node] + _DIRECTIONS.index(direction) for node, direction in pairs)
     chosen = whole.values[:, table.rows[:, np.newaxis], table.rows]
-    return KnownReceptance(_matrix(whole.frequency, chosen, file), nodes, dofs)
+    return KnownReceptance(_reciprocal(_matrix(whole.frequency, chosen, file)), nodes, dofs)
+
+
+def _reciprocal(matrix: ReceptanceMatrix) -> ReceptanceMatrix:
+    """Return the mean of both directions, since the coupling takes a part to be reciprocal."""
+    return replace(matrix, values=(matrix.values + np.swapaxes(matrix.values, 1, 2)) / 2.0)
 
 
 def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, str, str]]) -> KnownReceptance:
