@@ -52,11 +52,12 @@ def test_from_any_format_round_and_back(run, analyser, tmp_path):
 
 @pytest.mark.parametrize(("to", "unit"), [("receptance", "m/N"), ("um/N", "um/N"), ("mm/s/N", "mm/s/N")])
 def test_to_another_quantity_or_unit(run, analyser, tmp_path, to, unit):
-    run("convert", analyser, tmp_path / "a.csv", *NAMES, "--to", to)
+    said = run("convert", analyser, tmp_path / "a.csv", *NAMES, "--to", to).stdout
     lines = (tmp_path / "a.csv").read_text().splitlines()
     assert (f"# unit: {unit}" in lines) == (to != "receptance")
     back = dovetail.read_frf(tmp_path / "a.csv")
     assert back.quantity == {"receptance": "receptance", "um/N": "receptance", "mm/s/N": "mobility"}[to]
+    assert f"Hz, {back.quantity}" in said
     np.testing.assert_allclose(back.to("accelerance").values, accelerance(AXIS), rtol=1e-12)
 
 

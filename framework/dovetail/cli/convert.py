@@ -73,6 +73,7 @@ def convert(
     """
     import dovetail
     from dovetail.frf import QUANTITIES
+    from dovetail.measurement.frf_units import meaning_of_unit
     from dovetail.report.svg import FIGURE_SUFFIXES
 
     check_new_files([target], (*_WRITTEN, *FIGURE_SUFFIXES), overwrite)
@@ -94,8 +95,8 @@ def convert(
     if other_frfs:
         frf = dovetail.remove_accelerometer_mass(frf, accelerometer_mass, **other_frfs)
     wanted = next((known for known in QUANTITIES if known == to), None)
-    if wanted is not None:
-        frf = frf.to(wanted)
+    if to is not None:
+        frf = frf.to(wanted or meaning_of_unit(to, "--to").quantity)
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.suffix.lower() in FIGURE_SUFFIXES:
         write_figures([frf], [target], overwrite=overwrite)

@@ -65,8 +65,9 @@ def plan(
     ]
     table(headers, rows, numbers=headers[1:-1])
     first = ranking.points[ranking.first]
-    heading(f"Together with {first.substructure} at {first.position * 1e3:g} mm")
-    table(headers, [_row(point, "") for point in ranking.seconds[:_SHOWN]], numbers=headers[1:-1])
+    if ranking.seconds:
+        heading(f"Together with {first.substructure} at {first.position * 1e3:g} mm")
+        table(headers, [_row(point, "") for point in ranking.seconds[:_SHOWN]], numbers=headers[1:-1])
     say()
     say("1: the measurement tells all; 0: it tells nothing that the range does not say.")
     if ranking.responses:
