@@ -129,3 +129,29 @@ def test_values_by_name_do_as_well(sdof: dovetail.Assembly) -> None:
     other = another(sdof)
     for values in ({"k": 1e6, "c": 5.0}, {"mount.k": 1e6, "mount.c": 5.0}):
         np.testing.assert_allclose(dovetail.predict(other, values).values, exact(other, 1e6, 5.0), rtol=1e-9)
+
+
+def test_the_sign_that_the_measurement_told_is_predicted(sdof: dovetail.Assembly) -> None:
+    description = json.loads(sdof.description.text)
+    description["response"]["calibration"] = {"sign": "unknown"}
+    assembly = dovetail.load(description)
+    values = -sdof.frf({"k": 1e6, "c": 20.0})
+    noise = 1e-3 * np.abs(values).mean() * np.random.default_rng(0).standard_normal((2, len(values)))
+    frf = dovetail.Frf(sdof.frequency, values + noise[0] + 1j * noise[1], "accelerance")
+    identified = dovetail.identify(assembly, frf, "refined", cause_seconds=0.0)
+    assert identified.known["response.sign"] == -1.0
+    np.testing.assert_allclose(dovetail.predict(assembly, identified).values, values, rtol=0.01)
+    with pytest.raises(ParameterError, match="level"):
+        dovetail.predict_band(assembly, dovetail.identify(assembly, frf, form="laplace"), level=1.5)
+
+
+def test_one_odd_measurement_does_not_end_a_batch(sdof: dovetail.Assembly) -> None:
+    good = dovetail.Frf(sdof.frequency, sdof.frf({"k": 1e6, "c": 20.0}), "accelerance", label="good")
+    odd = dovetail.Frf(sdof.frequency, np.full(len(sdof.frequency), 1e-30 + 0j), "accelerance", label="odd")
+    batch = dovetail.identify_many(sdof, [good, odd], processes=1, cause_seconds=0.0)
+    assert "good" in batch.results
+
+
+def test_a_mass_is_not_taken_off_a_displacement_per_moment_by_itself() -> None:
+    with pytest.raises(dovetail.MeasurementError, match="drive-point"):
+        dovetail.remove_accelerometer_mass(dovetail.Frf([1.0, 2.0], [1.0, 1.0], "accelerance", moment=True), 0.001)

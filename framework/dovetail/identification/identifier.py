@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from dovetail.assembly import AssemblySource, as_assembly
 from dovetail.dataset import Dataset
 from dovetail.errors import DovetailError
@@ -269,6 +271,9 @@ def identify_many(
         except DovetailError as error:
             logging.getLogger(__name__).info("%s: failed", names[index])
             return str(error)
+        except np.linalg.LinAlgError as error:
+            logging.getLogger(__name__).info("%s: failed", names[index])
+            return f"{names[index]}\n  its values are beyond what can be solved for: {error}."
 
     outcomes: dict[int, Identification | str] = {}
     workers = 1 if model is not None else processes or cores()

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
+from dovetail.assembly.calibration import unknown_signs, with_signs
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.posterior import LEVEL, error_shapes
@@ -65,7 +66,19 @@ def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, f
     """Return the same as `predict`, without a warning: the callers show the note of the FRF."""
     values, caveat = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.caveat
     response, label = assembly.description.response, f"{assembly.name}, predicted"
-    return response.frf(assembly.frequency, assembly.frf(values), label=label, note=caveat)
+    frf = _with_signs(assembly, _known(result)).frf(values)
+    return response.frf(assembly.frequency, frf, label=label, note=caveat)
+
+
+def _known(result: AnyIdentification | Mapping[str, float]) -> Mapping[str, float]:
+    return result if isinstance(result, Mapping) else result.known
+
+
+def _with_signs(assembly: Assembly, known: Mapping[str, float]) -> Assembly:
+    """Return the assembly with the signs that were told from the measurement, where its own are unknown."""
+    names = unknown_signs(assembly.description)
+    signs = {name: known[f"{name}.sign"] for name in names if f"{name}.sign" in known}
+    return Assembly(with_signs(assembly.description, signs)) if signs else assembly
 
 
 def _warn(result: AnyIdentification | Mapping[str, float]) -> None:
@@ -255,7 +268,7 @@ def predict_band(
     Raises
     ------
     ParameterError
-        The result has no posterior, or does not hold what the assembly needs.
+        The result has no posterior, or does not hold what the assembly needs; or `level` is no probability.
 
     Warns
     -----
@@ -292,6 +305,7 @@ def predicted_band(assembly: Assembly, result: AnyIdentification, level: float =
 
 def _frfs(assembly: Assembly, result: AnyIdentification, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return the FRFs (n, n_freq) of the assembly with samples (n, p) of the identified joint."""
+    assembly = _with_signs(assembly, result.known)
     samples: list[dict[str, float]] = []
     for row in theta.tolist():
         values = zip(result.parameters.values(), row, strict=True)

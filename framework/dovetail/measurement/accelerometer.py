@@ -112,6 +112,9 @@ def _with_mass(
     if drive is None:
         if to_response is not None or from_force is not None:
             raise MeasurementError(Fault(frf.label, "the drive-point FRF at the accelerometer is missing."))
+        if frf.by_moment:
+            problem = f"this is a {frf.kind}, no drive-point FRF: that at the accelerometer is missing."
+            raise MeasurementError(Fault(frf.label, problem))
         denominator = 1.0 + sign * mass * values
         return _replace_values(measured, values / denominator, 1.0 / denominator**2).to(frf.quantity)
     denominator = 1.0 + sign * mass * drive.to("accelerance").values

@@ -312,7 +312,8 @@ class _Linearised:
         known = np.concatenate([change for name, change in changes.items() if name not in KINDS])
         both = np.concatenate([*(changes[kind] for kind in KINDS), residuals[np.newaxis]])
         cross = known @ both.T
-        products = both @ both.T - cross.T @ np.linalg.solve(np.eye(len(known)) + known @ known.T, cross)
+        inner = np.linalg.pinv(np.eye(len(known)) + known @ known.T, hermitian=True)  # it may be huge, and singular
+        products = both @ both.T - cross.T @ inner @ cross
         gram, along = products[:-1, :-1], products[:-1, -1]
         counts = [len(changes[kind]) for kind in KINDS]
         for _ in range(_SETTINGS.em_steps):
