@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import replace
 from functools import partial
@@ -271,10 +272,22 @@ def test_nothing_to_identify_and_too_few_lines(sdof, assemblies):
         dovetail.identify(sdof, beyond, "refined")
 
 
-def test_a_model_without_a_response_is_wrong_by_the_whole_measurement(sdof):
-    """Not by many times itself: a gain that is sought made a model so small that its errors hid the measurement."""
-    target = Observations.of(sdof, noisy(sdof, sdof.frf(sdof.from_unit(np.array([0.5, 0.5]))), 1e-3, 2))
-    every = np.ones(len(target.frequency), dtype=bool)
-    vanishing = 1e-6 * sdof.frf(sdof.from_unit(np.array([0.7, 0.5])))
-    relative, background = target.discrepancy(vanishing, target.variance(), every)
-    assert max(relative, background) < 1.5
+@pytest.mark.parametrize("gain", [1.0, {"range": [1e-4, 1e3], "scale": "log"}])
+def test_errors_of_a_model_with_a_sought_gain_are_relative_to_the_measurement_too(sdof, monkeypatch, gain):
+    """Relative to the model's own amplitude, which a gain may take away, they would explain any measurement."""
+    description = json.loads(sdof.description.text)
+    description["response"]["calibration"] = {"gain": gain}
+    assembly = dovetail.load(description)
+    foreign = np.abs(sdof.frf(sdof.from_unit(np.array([0.9, 0.5])))) + np.linspace(0.0, 10.0, 600)
+    seen = []
+
+    def discrepancy(target, model, magnitude, variance, used):
+        seen.append((np.abs(model), magnitude, target.amplitude))
+        return estimate(target, model, magnitude, variance, used)
+
+    estimate = Observations.discrepancy
+    monkeypatch.setattr(Observations, "discrepancy", discrepancy)
+    refine(assembly, dovetail.Frf(sdof.frequency, foreign, "accelerance", has_phase=False))
+    for model, magnitude, measured in seen:
+        np.testing.assert_array_equal(magnitude, model if gain == 1.0 else np.maximum(model, measured))
+    assert seen

@@ -203,20 +203,19 @@ class Observations:
         return np.repeat(levels, self.counts)
 
     def discrepancy(
-        self, model: NDArray[np.complex128], variance: NDArray[np.float64], used: NDArray[np.bool_]
+        self,
+        model: NDArray[np.complex128],
+        magnitude: NDArray[np.float64],
+        variance: NDArray[np.float64],
+        used: NDArray[np.bool_],
     ) -> tuple[float, float]:
         """Return the most likely errors of a model's values (n_lines,), in addition to the random error.
 
-        Returns
-        -------
-        relative, background : float
-            Standard deviations relative to the larger amplitude of model and measurement on each line (if it were the
-            model's alone, a vanishing model would fit best), and to the level of its response.
+        They are standard deviations relative to a magnitude (n_lines,), and to the level of each response.
         """
-        magnitude = np.maximum(np.maximum(np.abs(model), self.amplitude)[used] ** 2, np.finfo(float).tiny)
-        level = np.maximum(self.level[used] ** 2, np.finfo(float).tiny)
+        size, level = (np.maximum(each[used] ** 2, np.finfo(float).tiny) for each in (magnitude, self.level))
         least = _LEAST_DISCREPANCY**2 * float(level.min())
-        background, relative = most_likely_parts(self.squares(model)[used], level, magnitude, least, variance[used])
+        background, relative = most_likely_parts(self.squares(model)[used], level, size, least, variance[used])
         return float(np.sqrt(relative)), float(np.sqrt(background))
 
     def isolated(self, size: NDArray[np.float64]) -> NDArray[np.bool_]:

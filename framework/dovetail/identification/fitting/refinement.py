@@ -350,8 +350,10 @@ class _Refinement:
         starts = np.concatenate([best.position, minima.position[1 : _SETTINGS.refitted]])
         for _ in range(_SETTINGS.most_discrepancies):
             before, values = self._model_variance, self._values(best)
-            relative, background = self._target.discrepancy(values, self._variance, self._used)
-            magnitude = np.maximum(np.abs(values), self._target.amplitude)
+            magnitude = np.abs(values)
+            if any(parameter.name.endswith(".gain") for parameter in self._assembly.parameters):
+                magnitude = np.maximum(magnitude, self._target.amplitude)  # or a vanishing model would fit best
+            relative, background = self._target.discrepancy(values, magnitude, self._variance, self._used)
             self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
             starts = self._compared(starts).position
             best = self._fitted(starts[:1])
