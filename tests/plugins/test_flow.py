@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from mass_on_mount import mass_on_mount
 from numpy.typing import NDArray
 
 import dovetail
@@ -16,27 +17,16 @@ from dovetail_plugins.regressors.mlp import MLP
 pytest.importorskip("zuko")
 
 SMALL = {"hidden": (32,), "transforms": 1, "units": 32, "dropout": 0.0, "batch_size": 200, "learning_rate": 1e-2}
-BLOCK = {
-    "dovetail": 1,
-    "name": "block",
-    "frequency": {"start": 150, "stop": 600, "step": 2},
-    "substructures": {"mass": {"model": "lumped", "masses": [{"mass": 1.0}]}, "base": {"model": "ground"}},
-    "joints": {
-        "mount": {
-            "model": "spring_damper",
-            "direction": "x",
-            "connect": {"a": {"to": "mass", "at": 0}, "b": {"to": "base", "at": 0}},
-            "parameters": {"k": {"range": [1e6, 1e7]}, "c": {"range": [20, 200]}},
-        }
-    },
-    "response": {"at": "mass", "position": 0, "quantity": "accelerance"},
-    "identification": {
+BLOCK = mass_on_mount(
+    {"start": 150, "stop": 600, "step": 2},
+    {"k": {"range": [1e6, 1e7]}, "c": {"range": [20, 200]}},
+    {
         "samples": 2000,
         "reducer": {"model": "pca", "n_components": 20},
         "regressor": {"model": "flow", **SMALL, "hidden": [64], "max_epochs": 30, "patience": 8},
         "augmentation": {"additive": 0.0, "multiplicative": 0.1},
     },
-}
+)
 
 
 def parabola(count: int, seed: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from mass_on_mount import mass_on_mount
 from pydantic import Field
 from typer.testing import CliRunner
 
@@ -24,22 +25,11 @@ from dovetail.measurement import noisy_frf
 from dovetail.registry import Registry
 
 PLUGIN = Path(__file__).with_name("unusual_learners.py")
-BLOCK = {
-    "dovetail": 1,
-    "name": "block",
-    "frequency": {"start": 10, "stop": 600, "step": 5},
-    "substructures": {"mass": {"model": "lumped", "masses": [{"mass": 1.0}]}, "base": {"model": "ground"}},
-    "joints": {
-        "mount": {
-            "model": "spring_damper",
-            "direction": "x",
-            "connect": {"a": {"to": "mass", "at": 0}, "b": {"to": "base", "at": 0}},
-            "parameters": {"k": {"range": [1e5, 1e7], "scale": "log"}, "c": {"range": [5.0, 100.3]}},
-        }
-    },
-    "response": {"at": "mass", "position": 0, "quantity": "accelerance"},
-    "identification": {"samples": 60, "seed": 0, "test_fraction": 0.2},
-}
+BLOCK = mass_on_mount(
+    {"start": 10, "stop": 600, "step": 5},
+    {"k": {"range": [1e5, 1e7], "scale": "log"}, "c": {"range": [5.0, 100.3]}},
+    {"samples": 60, "seed": 0, "test_fraction": 0.2},
+)
 TRUTH = np.array([1e6, 30.0])
 
 

@@ -71,7 +71,7 @@ def _words(kind: str, wanted: str) -> dict[str, str]:
         "kind": kind,
         "name": name,
         "title": name.replace("_", " "),
-        "model": "".join(word.capitalize() for word in name.split("_")),
+        "model": model,
         "package": f"dovetail_{name}",
         "distribution": f"dovetail-{name.replace('_', '-')}",
         "version": __version__,

@@ -268,11 +268,10 @@ def identify_many(
     def work(index: int) -> Identification | str:
         try:
             return identify(loaded, frfs[index], method, model=model, **options)
-        except DovetailError as error:
+        except (DovetailError, np.linalg.LinAlgError) as error:
             logging.getLogger(__name__).info("%s: failed", names[index])
-            return str(error)
-        except np.linalg.LinAlgError as error:
-            logging.getLogger(__name__).info("%s: failed", names[index])
+            if isinstance(error, DovetailError):
+                return str(error)
             return f"{names[index]}\n  its values are beyond what can be solved for: {error}."
 
     outcomes: dict[int, Identification | str] = {}

@@ -50,6 +50,8 @@ __all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin"]
 
 _LEAST_GAIN = 25.0
 """Decrease of the sum of squares, per parameter, from which another fit is clearly better: five standard deviations."""
+_LEAST_PART = 0.5
+"""The same in parts of the better fit's sum of squares, which errors of the model make large for any fit."""
 _CANNOT_TELL = (
     "This model cannot tell whether the measurement is like what it was trained on, since it is of an earlier version "
     "or takes several responses: use the method 'refined' to be sure."
@@ -342,7 +344,7 @@ def _best_fit_warnings(
     theta = refine(assembly, frfs, [fit.theta], seed=seed, progress=progress).theta
     best = fit_at(assembly, target, assembly.to_unit(theta), starts=1, agreeing=1, steps=0, seconds=0.0)
     gain = (fit.chi_squared - best.chi_squared) * fit.degrees_of_freedom
-    if gain <= max(_LEAST_GAIN * len(theta), 0.5 * best.chi_squared * fit.degrees_of_freedom):
+    if gain <= max(_LEAST_GAIN * len(theta), _LEAST_PART * best.chi_squared * fit.degrees_of_freedom):
         return ()
     return (
         f"The estimate of the method '{name}' is not the best fit: its chi-squared is {fit.chi_squared:.3g} per degree "

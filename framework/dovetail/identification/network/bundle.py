@@ -199,7 +199,7 @@ def _write(folder: Path, trained: TrainedNetwork, states: Mapping[Section, State
     files: dict[Section, TensorFile] = {}
     values: dict[Section, dict[str, PlainValue]] = {}
     for section, state in states.items():
-        arrays, values[section] = _split_state(section, state)
+        arrays, values[section] = _split_state(f"state of the {section}", state)
         files[section] = _write_tensors(folder / f"{section}.safetensors", arrays)
     manifest = Manifest(
         format=FORMAT,
@@ -234,22 +234,22 @@ def _packed_description(folder: Path, assembly: Assembly) -> str:
 def _states(trained: TrainedNetwork) -> dict[Section, State]:
     network = trained.network
     states: dict[Section, State] = {
-        "reducer": plugin_state(network.reducer, network.recipes[0]),
+        "reducer": _plugin_state(network.reducer, network.recipes[0]),
         "feature_scaling": network.feature_scaling.state(),
-        "regressor": plugin_state(network.regressor, network.recipes[1]),
+        "regressor": _plugin_state(network.regressor, network.recipes[1]),
         "target_scaling": network.target_scaling.state(),
         "check": _check_state(trained),
     }
     if network.corrections:
         for correction in network.corrections:
-            plugin_state(correction.regressor, network.recipes[1])
+            _plugin_state(correction.regressor, network.recipes[1])
         states["corrections"] = correction_states(network.corrections)
     if trained.novelty is not None:
         states["novelty"] = trained.novelty.state()
     return states
 
 
-def plugin_state(fitted: FittedReducer | FittedRegressor, recipe: Reducer | Regressor) -> State:
+def _plugin_state(fitted: FittedReducer | FittedRegressor, recipe: Reducer | Regressor) -> State:
     """Return the state of what a plugin fitted, from which it can be restored.
 
     Raises
@@ -284,8 +284,8 @@ def _check_state(trained: TrainedNetwork) -> State:
     return {"amplitude": amplitude, "theta": trained.predict_parameters(amplitude)}
 
 
-def _split_state(section: str, state: State) -> tuple[dict[str, NDArray[np.generic]], dict[str, PlainValue]]:
-    """Split a state into arrays and plain values, and refuse anything else."""
+def _split_state(where: str, state: State) -> tuple[dict[str, NDArray[np.generic]], dict[str, PlainValue]]:
+    """Split a state into arrays and plain values, and refuse anything else, which is reported at `where`."""
     arrays: dict[str, NDArray[np.generic]] = {}
     values: dict[str, PlainValue] = {}
     for name, value in state.items():
@@ -297,7 +297,6 @@ def _split_state(section: str, state: State) -> tuple[dict[str, NDArray[np.gener
             kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
             problem = f"'{name}' is {kind}, which a bundle cannot hold."
             accepted = "arrays of numbers, int, float, str and bool"
-            where = section if "'" in section else f"state of the {section}"
             raise PluginError(Fault(where, problem, accepted))
     return arrays, values
 

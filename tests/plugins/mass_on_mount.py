@@ -1,0 +1,27 @@
+"""A mass on a spring and a damper to the ground, for tests of learners and methods."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def mass_on_mount(
+    frequency: dict[str, Any], parameters: dict[str, Any], identification: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the description, with these sections."""
+    return {
+        "dovetail": 1,
+        "name": "block",
+        "frequency": frequency,
+        "substructures": {"mass": {"model": "lumped", "masses": [{"mass": 1.0}]}, "base": {"model": "ground"}},
+        "joints": {
+            "mount": {
+                "model": "spring_damper",
+                "direction": "x",
+                "connect": {"a": {"to": "mass", "at": 0}, "b": {"to": "base", "at": 0}},
+                "parameters": parameters,
+            }
+        },
+        "response": {"at": "mass", "position": 0, "quantity": "accelerance"},
+        "identification": identification,
+    }
