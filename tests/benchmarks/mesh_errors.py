@@ -78,7 +78,8 @@ def displacement(assembly: dovetail.Assembly, factor: int, joints: int) -> float
     for fraction, coarse, fine in zip(fractions, assembly.frf(theta), finer(assembly, factor).frf(theta), strict=True):
         variance = np.full(len(coarse), (NOISE * coarse.std()) ** 2)
         plain = Weighted(coarse, variance, np.sqrt(2.0 / variance), True)
-        shapes = np.concatenate(list(error_shapes([assembly.frequency], [coarse], TYPICAL).values()))
+        frf = dovetail.Frf(assembly.frequency, coarse, assembly.description.response.quantity)
+        shapes = np.concatenate(list(error_shapes([frf], [coarse], TYPICAL).values()))
         errors = plain.jacobian(coarse[np.newaxis], shapes[np.newaxis])[0]
         jacobian = FrfResiduals(assembly, plain).linearise(fraction[np.newaxis]).jacobian[0]
         jacobian, residuals = marginalised(jacobian, errors), marginalised(plain.of(fine[np.newaxis]), errors)[0]

@@ -60,7 +60,8 @@ class Poles:
         """Return those within the assembly's lines."""
         axis = np.linspace(*assembly.frequency[[0, -1]], _LINES)
         frf = assembly.on(axis).frf(theta)
-        found = fit_resonances([axis], [frf])
+        quantity = assembly.description.response.quantity
+        found = fit_resonances([dovetail.Frf(axis, frf, quantity)], [frf])
         strongest = np.abs(found.near[0]).argmax(axis=1)
         visible = np.abs(found.near[0]).max(axis=1) > _VISIBLE * np.abs(frf)[strongest]
         within = (found.poles.real > axis[0]) & (found.poles.real < axis[-1])

@@ -24,7 +24,7 @@ def test_the_study_by_one_command(run, bench, tmp_path):
 def test_on_a_dataset_and_as_json(run, bench, tmp_path):
     data = tmp_path / "data.zarr"
     run("generate", bench.description, "-o", data, "--samples", 40)
-    arguments = ["robustness", bench.description, "--data", data, "--models", "none", "--levels", "0.1", "--json"]
+    arguments = ["robustness", bench.description, "--data", data, "--models", "none", "--levels", "10%", "--json"]
     (row,) = json.loads(run(*arguments).stdout)
     assert (row["model"], row["level"]) == ("none", 0.1)
 
@@ -33,9 +33,9 @@ def test_on_a_dataset_and_as_json(run, bench, tmp_path):
     ("arguments", "code", "found"),
     [
         (["--models", "umpa"], 1, "Did you mean 'umap'?"),
-        (["--levels", "0,a"], 2, "'a' is not a number"),
-        (["--levels", "-0.1"], 2, "negative or not finite"),
-        (["--levels", "nan"], 2, "negative or not finite"),
+        (["--levels", "0,a"], 2, "'a' is no number"),
+        (["--levels", "-0.1"], 2, "'-0.1' is not 0 or more"),
+        (["--levels", "nan"], 2, "'nan' is not 0 or more"),
     ],
 )
 def test_wrong_options_are_refused_before_any_work(run, bench, monkeypatch, arguments, code, found):

@@ -17,6 +17,7 @@ def arguments(assemblies, tmp_path):
 def test_three_tests_become_a_file(run, arguments, assemblies, tmp_path):
     printed = run(*arguments).stdout
     assert "3451 lines from 100 to 7000 Hz, rotations by model." in printed
+    assert "An error of 1 % in each test is one of 2" in printed
     shipped = dovetail.read_receptance(assemblies / "campaign" / "measurements" / "spindle_flange.npz")
     np.testing.assert_allclose(dovetail.read_receptance(tmp_path / "flange.npz").values, shipped.values, rtol=1e-6)
 

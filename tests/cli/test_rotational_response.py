@@ -85,7 +85,7 @@ def test_no_accelerometer_mass_is_removed_from_a_rotation(run, turned, tmp_path)
         "  the response of 'turned' is a rotation per moment, from which no mass can be removed.\n"
         "  Leave it out.\n"
     )
-    with pytest.raises(MeasurementError, match="changes no rotation per moment"):
+    with pytest.raises(MeasurementError, match="this is a rotation per moment"):
         remove_accelerometer_mass(replace(frf, rotation=True), 0.001)
     assert np.array_equal(remove_accelerometer_mass(replace(frf, rotation=True), 0.0).values, frf.values)
 

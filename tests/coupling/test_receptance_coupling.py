@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import dovetail
 from dovetail.coupling import couple, decouple, difference_receptance
+from dovetail.coupling.spindle import error_gain
 from dovetail.errors import DescriptionError, FileError, MeasurementError, ParameterError
 from dovetail.measurement import add_accelerometer_mass
 
@@ -123,6 +125,30 @@ def test_a_holder_that_is_not_known_and_a_single_point_are_refused(parts):
         dovetail.spindle_flange(unknown, struck(whole), (0.0, 0.024), 0.072)
     with pytest.raises(ParameterError, match="the points a and b are the same"):
         dovetail.spindle_flange(stub, struck(whole), (0.024, 0.024), 0.072)
+
+
+def test_errors_of_the_tests_come_out_larger_by_the_stated_gain(parts):
+    """Against the scatter of flanges from tests with noise; points further apart make it smaller."""
+    stub, _, whole = parts
+    level, random = 1e-5, np.random.default_rng(0)
+    medians = []
+    for distance in (0.024, 0.048):
+        tests = struck(whole, b=distance)
+        exact = dovetail.spindle_flange(stub, tests, (0.0, distance), 0.072).values
+        squares = []
+        for _ in range(100):
+            noise = random.standard_normal((2, 3, len(whole.frequency))) / np.sqrt(2.0)
+            noisy = tuple(
+                replace(frf, values=frf.values * (1.0 + level * (real + 1j * imaginary)))
+                for frf, real, imaginary in zip(tests, *noise, strict=True)
+            )
+            flange = dovetail.spindle_flange(stub, noisy, (0.0, distance), 0.072).values
+            squares.append(np.abs(np.diagonal(flange / exact - 1.0, axis1=1, axis2=2) / level) ** 2)
+        gain = error_gain(stub, tests, (0.0, distance), 0.072)
+        np.testing.assert_allclose(np.sqrt(np.mean(squares, axis=0)), gain, rtol=0.5)
+        np.testing.assert_allclose(np.median(np.sqrt(np.mean(squares, axis=0)) / gain, axis=0), 1.0, rtol=0.05)
+        medians.append(np.median(gain, axis=0))
+    assert np.all(medians[1] < 0.5 * medians[0])
 
 
 @pytest.fixture

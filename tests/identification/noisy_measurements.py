@@ -10,6 +10,11 @@ import dovetail
 from dovetail.measurement import noisy_frf
 
 
+def frf_on(frequency: np.ndarray, quantity: dovetail.frf.quantity.Quantity = "receptance") -> dovetail.Frf:
+    """Return an FRF of this quantity that is 1 at each frequency."""
+    return dovetail.Frf(frequency, np.ones(len(frequency)), quantity)
+
+
 def noisy(
     assembly: dovetail.Assembly,
     values: np.ndarray,

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from noisy_measurements import noisy
+from noisy_measurements import frf_on, noisy
 
 import dovetail
 from dovetail.errors import ParameterError
@@ -114,7 +114,7 @@ def test_a_modulus_that_is_off(collet, torque_100, modulus):
 def told_of_moved_resonance(chain, theta, number, ratio, damping=1.0):
     """What is told at the true parameters if one resonance of the measurement is elsewhere, how far, and its peaks."""
     values, axis = chain.frf(theta), chain.frequency
-    resonances = fit_resonances([axis], [values])
+    resonances = fit_resonances([frf_on(axis, "accelerance")], [values])
     pole, near = resonances.poles[number], resonances.near[0][number]
     other = ratio * complex(pole.real, damping * pole.imag)
     moved = values + near * (axis - pole) / (axis - other) - near
@@ -158,7 +158,7 @@ def test_heights_of_misplaced_peaks_tell_how_far_damping_is_off(chain):
     """All resonances are 2 % higher, many of their widths, with a quarter of the damping: the residuals forget that."""
     theta, axis = chain.vector(TRUTH), chain.frequency
     values = chain.frf(theta)
-    resonances = fit_resonances([axis], [values])
+    resonances = fit_resonances([frf_on(axis, "accelerance")], [values])
     moved = values.copy()
     for pole, near in zip(resonances.poles, resonances.near[0], strict=True):
         moved += near * (axis - pole) / (axis - 1.02 * complex(pole.real, 0.25 * pole.imag)) - near

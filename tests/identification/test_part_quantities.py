@@ -37,7 +37,7 @@ def test_each_quantity_is_off_by_as_much_as_displaced_resonances_are_large(sdof)
     with_parts = replace(error, quantities=error.natural_frequency)
     plain, parts = (build_likelihood(sdof, frf, fit, allowed).errors for allowed in (error, with_parts))
     assert parts[:-1] == pytest.approx(plain)
-    shapes = error_shapes([frf.frequency], [sdof.frf(fit.theta)], error)["natural_frequency"]
+    shapes = error_shapes([frf], [sdof.frf(fit.theta)], error)["natural_frequency"]
     displaced = np.sqrt(2.0 * np.sum(np.abs(shapes) ** 2 / fit.variance))
     assert np.linalg.norm(parts[-1]) == pytest.approx(displaced)
 

@@ -224,7 +224,7 @@ def test_errors_of_the_model_scale_residuals_to_their_sum_of_squares(sdof):
     frf = noisy(sdof, sdof.frf(), 0.05, 1)
     residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
     misfit, values = FrfResiduals(sdof, residual), sdof.frf()
-    shapes = np.concatenate(list(error_shapes([sdof.frequency], [values], typical_model_error(2e-3)).values()))
+    shapes = np.concatenate(list(error_shapes([frf], [values], typical_model_error(2e-3)).values()))
     errors = residual.jacobian(values[None], shapes[None])[0]
     places = np.random.default_rng(0).random((5, 2))
     scaled = MarginalisedResiduals(misfit, errors).linearise(places)

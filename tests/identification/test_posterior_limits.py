@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from noisy_measurements import frf_on
 
 from dovetail.identification.posterior import ModelError, Posterior, error_shapes, typical_model_error
 from dovetail.identification.posterior import randomize_then_optimize as rto
@@ -22,7 +23,7 @@ HATS = np.stack([np.interp(FREQUENCY, np.linspace(100.0, 200.0, 6), height) for 
 def test_the_errors_of_a_flat_frf_have_the_stated_sizes():
     """Of docs/uncertainty.md, over the error of natural frequencies: magnitude 20, phase 2; nothing else errs."""
     flat = np.full(501, 3.0 + 4.0j)
-    shapes = error_shapes([FREQUENCY], [flat], typical_model_error(1e-3))
+    shapes = error_shapes([frf_on(FREQUENCY)], [flat], typical_model_error(1e-3))
     assert not shapes["natural_frequency"].any()
     assert shapes["damping"].shape == shapes["higher"].shape == (0, 501)
     np.testing.assert_allclose(shapes["magnitude"], 20e-3 * HATS * flat, rtol=1e-9)
@@ -44,7 +45,7 @@ def test_the_errors_at_a_resonance_have_the_stated_sizes():
         "magnitude": 20.0 * sizes,
         "phase": 2.0j * sizes,
     }
-    shapes = error_shapes([FREQUENCY], [frf], typical_model_error(level))
+    shapes = error_shapes([frf_on(FREQUENCY)], [frf], typical_model_error(level))
     higher = shapes.pop("higher")
     assert shapes.keys() == expected.keys()
     for kind, errors in shapes.items():
@@ -67,7 +68,7 @@ def test_a_pole_far_outside_the_frequencies_is_no_resonance(natural, loss, count
     """From half the lowest frequency to 1.2 times the highest, as far as the FRF still shows the pole."""
     pole = natural * (1.0 + 0.5j * loss)
     frf = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
-    poles = fit_resonances([FREQUENCY], [frf]).poles
+    poles = fit_resonances([frf_on(FREQUENCY)], [frf]).poles
     assert (len(poles) == 1) is counted
     if counted:
         assert poles[0] == pytest.approx(pole, rel=1e-4)
@@ -77,7 +78,7 @@ def test_a_pole_far_outside_the_frequencies_is_no_resonance(natural, loss, count
 def test_what_is_damped_too_much_is_no_resonance(loss, counted):
     pole = 150.0 * (1.0 + 0.5j * loss)
     frf = 1.0 / (FREQUENCY - pole) - 1.0 / (FREQUENCY + np.conj(pole))
-    assert (len(fit_resonances([FREQUENCY], [frf]).poles) == 1) is counted
+    assert (len(fit_resonances([frf_on(FREQUENCY)], [frf]).poles) == 1) is counted
 
 
 def posterior_of(*columns, weight=None, normal=()):

@@ -127,8 +127,16 @@ def test_a_parameter_in_another_unit_is_refused(sdof: dovetail.Assembly, result:
 
 def test_values_by_name_do_as_well(sdof: dovetail.Assembly) -> None:
     other = another(sdof)
-    for values in ({"k": 1e6, "c": 5.0}, {"mount.k": 1e6, "mount.c": 5.0}):
+    stated: list[dict[str, Any]] = [
+        {"k": 1e6, "c": 5.0},
+        {"mount.k": 1e6, "mount.c": np.float32(5.0)},
+        {"k": "1 MN/m", "c": "5 N s/m"},
+    ]
+    for values in stated:
         np.testing.assert_allclose(dovetail.predict(other, values).values, exact(other, 1e6, 5.0), rtol=1e-9)
+    for wrong in ("stiff", "1 mm", None):
+        with pytest.raises(ParameterError, match="parameter k"):
+            dovetail.predict(other, {"k": wrong, "c": 5.0})
 
 
 def test_the_sign_that_the_measurement_told_is_predicted(sdof: dovetail.Assembly) -> None:
@@ -143,6 +151,21 @@ def test_the_sign_that_the_measurement_told_is_predicted(sdof: dovetail.Assembly
     np.testing.assert_allclose(dovetail.predict(assembly, identified).values, values, rtol=0.01)
     with pytest.raises(ParameterError, match="level"):
         dovetail.predict_band(assembly, dovetail.identify(assembly, frf, form="laplace"), level=1.5)
+
+
+def test_a_predicted_frf_lies_within_its_band_in_every_quantity(sdof: dovetail.Assembly) -> None:
+    """Also far below the resonance, where the accelerance is ten thousand times smaller than at its peak."""
+    frf = dovetail.noisy_frf(sdof.simulate({"k": 2.5e6, "c": 60.0}), 0.01, 0)
+    result = dovetail.identify(sdof, frf, form="laplace", cause_seconds=0.0)
+    above = []
+    for quantity in ("accelerance", "receptance"):
+        description = json.loads(another(sdof).description.text)
+        description["response"]["quantity"] = quantity
+        other = dovetail.load(description)
+        band, amplitude = dovetail.predict_band(other, result), dovetail.predict(other, result).amplitude
+        assert np.all((band.lower < amplitude) & (amplitude < band.upper))
+        above.append(band.upper / amplitude)
+    np.testing.assert_allclose(above[0], above[1], rtol=0.02)
 
 
 def test_one_odd_measurement_does_not_end_a_batch(sdof: dovetail.Assembly) -> None:

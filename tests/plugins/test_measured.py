@@ -91,6 +91,34 @@ def test_what_is_measured_is_reciprocal_and_passive_and_met_at_its_lines(tmp_pat
     assert [(node.label, node.position) for node in part.nodes] == [("m1", 0.0)]
 
 
+def test_sharp_resonances_between_coarse_lines_are_met(tmp_path):
+    """A loss factor of 0.003 and lines as far apart as the resonances are wide: a spline missed them by 80 %."""
+
+    def beam_receptance(step):
+        description = {"dovetail": 1, "name": "beam", "frequency": {"start": 50.0, "stop": 2998.0, "step": step}}
+        part = {**beam(0.5), "material": {**STEEL, "loss_factor": 0.003}}
+        response = {"at": "beam", "position": 0.0}
+        alone = dovetail.load({**description, "substructures": {"beam": part}, "response": response})
+        return alone.frequency, alone.receptance(None, POINT, POINT)
+
+    (coarse, known), (fine, exact) = beam_receptance(4.0), beam_receptance(0.5)
+    model = components().find("substructure", "measured").component
+    part = model(model.Config(file=written(tmp_path, known, coarse)["file"]))
+    error = np.abs(part.receptance(fine, [0, 1]) - exact)
+    assert np.all(error.max(axis=0) < 0.01 * np.abs(exact).max(axis=0))
+
+
+def test_receptances_of_opposite_signs_in_both_directions_are_refused(tmp_path):
+    """The rotation with the other sign in one of the two: their mean is nothing."""
+    values = receptance()
+    values[:, 1, 0] *= -1.0
+    with pytest.raises(dovetail.DovetailError, match="of x by a load in rz has the opposite sign"):
+        coupled(written(tmp_path, values))
+    noise = np.random.default_rng(0).standard_normal((len(FREQUENCY), 2, 2))
+    values[:, 0, 1], values[:, 1, 0] = 1e-9 * noise[:, 0, 1], 1e-9 * noise[:, 1, 0]  # not coupled, but for noise
+    coupled(written(tmp_path, values))
+
+
 @pytest.mark.parametrize("line", [0, 100])
 def test_a_singular_receptance_is_one_clear_error(line, tmp_path):
     """Rotations drawn from the displacements: the rows depend on each other."""
@@ -167,7 +195,9 @@ def test_damaged_files_are_refused_with_their_name(content, tmp_path):
 
 def test_lines_beyond_the_measured_ones_are_one_clear_error(tmp_path):
     part = written(tmp_path, receptance()[20:], FREQUENCY[20:])
-    with pytest.raises(dovetail.DovetailError, match="it covers 250 to 3000 Hz, and 50 to 3000 Hz are wanted"):
+    with pytest.raises(
+        dovetail.DovetailError, match="the measurement covers 250 to 3000 Hz, and 50 to 3000 Hz are wanted"
+    ):
         coupled(part).frf()
 
 

@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import typer
 from typer.core import TyperGroup
@@ -16,12 +16,16 @@ from dovetail.cli.terminal import say, tell, waiting
 from dovetail.errors import DovetailError, Fault
 from dovetail.plain_text import terminal_text
 
+if TYPE_CHECKING:
+    from dovetail.identification.result_file import AnyIdentification
+
 __all__ = [
     "INTERRUPTED",
     "NOT_BELIEVED",
     "Believable",
     "Commands",
     "exit_unless_believable",
+    "measurement_names",
     "report_bug",
     "say_caveat",
 ]
@@ -109,6 +113,12 @@ def say_caveat(result: Believable) -> None:
     """Print the caveat of a result, if it has one, before its numbers."""
     if result.caveat:
         say(f"Warning: {result.caveat}")
+
+
+def measurement_names(result: AnyIdentification) -> str:
+    """Return the names of the measurements from which a joint was identified, each once, with commas."""
+    further = [response.measured.label for response in getattr(result, "further", ())]
+    return ", ".join(dict.fromkeys([result.measured.label, *further]))
 
 
 def exit_unless_believable(result: Believable) -> None:

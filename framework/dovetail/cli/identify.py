@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
-from dovetail.cli.commands import exit_unless_believable
+from dovetail.cli.commands import exit_unless_believable, measurement_names
 from dovetail.cli.completion import complete_files, complete_methods
 from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method
 from dovetail.cli.reading import (
@@ -281,8 +281,7 @@ def _print(result: Identification, truth: Truth | None) -> None:
     from dovetail.identification.posterior import NOT_BELIEVED
     from dovetail.report.content import adequacy_sentences, fit_sentence, mode_rows, parameter_rows, warnings_of
 
-    measured = ", ".join(dict.fromkeys(response.measured.label for response in result.responses))
-    title(f"{result.provenance['assembly']}: joint identified from {measured} ({result.method})")
+    title(f"{result.provenance['assembly']}: joint identified from {measurement_names(result)} ({result.method})")
     for sentence in adequacy_sentences(result):
         say(sentence if result.believable else f"Warning: {sentence}")
     _print_parameters(result, parameter_rows(result, truth), with_truth=truth is not None)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts, part
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
@@ -25,7 +25,10 @@ def plan(
         typer.Option("--at", metavar="SUBSTRUCTURE", help="Whose nodes may be struck. May be repeated."),
     ] = None,
     noise: Annotated[
-        float, typer.Option(metavar="PART", help="Noise of every line over the described FRF's standard deviation.")
+        float,
+        typer.Option(
+            metavar="PART", parser=part, help="Noise of every line over the described FRF's standard deviation."
+        ),
     ] = 0.01,
     beside_described: Annotated[
         bool,

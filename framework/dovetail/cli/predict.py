@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dovetail.cli.commands import exit_unless_believable, say_caveat
+from dovetail.cli.commands import exit_unless_believable, measurement_names, say_caveat
 from dovetail.cli.frf_files import FrfFiles, check_frf_files, write_frf_files
 from dovetail.cli.natural_frequencies import natural_frequencies, say_natural_frequencies
 from dovetail.cli.options import AsJson, AssemblyFile, Overwrite, PluginFiles, PointNumber, at_point, check_new_files
@@ -65,7 +65,7 @@ def predict(
     else:
         from dovetail.identification.posterior import NOT_BELIEVED
 
-        title(f"{loaded.name}: predicted with the joint identified from {identified.measured.label}")
+        title(f"{loaded.name}: predicted with the joint identified from {measurement_names(identified)}")
         say_caveat(identified)
         doubt = "" if identified.believable else NOT_BELIEVED
         rows = [(p.name, quantity_text(values[p.name], p), doubt) for p in loaded.parameters]

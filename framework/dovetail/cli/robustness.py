@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts
+from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts, part
 from dovetail.cli.terminal import print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
@@ -21,17 +21,8 @@ _FILES = ("robustness.json", "robustness.csv", "robustness.png")
 
 
 def _levels(text: str) -> tuple[float, ...]:
-    levels = tuple(_level(part) for part in text.split(","))
-    if any(not 0 <= level < math.inf for level in levels):
-        raise typer.BadParameter(f"'{text}' holds a level that is negative or not finite.", param_hint="--levels")
-    return levels
-
-
-def _level(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise typer.BadParameter(f"'{text}' is not a number.", param_hint="--levels") from None
+    """Parse fractions with commas."""
+    return tuple(part(level) for level in text.split(","))
 
 
 def robustness(
@@ -40,7 +31,12 @@ def robustness(
         str | None, typer.Option(metavar="NAMES", help="Reducers, with commas; 'pca+robust' is trained with noise.")
     ] = None,
     levels: Annotated[
-        str, typer.Option(metavar="LEVELS", help="Noise over the data's standard deviation, with commas.")
+        Any,
+        typer.Option(
+            metavar="LEVELS",
+            parser=_levels,
+            help="Noise over the data's standard deviation, with commas, such as 0,1%.",
+        ),
     ] = "0,0.01,0.02,0.05,0.1,0.15,0.2",
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the noise.")] = 0,
     data: Annotated[
@@ -64,7 +60,7 @@ def robustness(
     from dovetail.evaluation.robustness import variant
     from dovetail.registry import components
 
-    chosen, noise = [name.strip() for name in models.split(",")] if models else [], _levels(levels)
+    chosen, noise = [name.strip() for name in models.split(",")] if models else [], levels
     loaded, registry = dovetail.load(assembly, plugins=plugin or ()), components(plugin or ())
     note_doubts(loaded)
     for name in chosen:

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from dovetail.atomic_files import read_bounded, write_whole
 from dovetail.errors import Fault, MeasurementError
+from dovetail.frf import Frf
 from dovetail.measurement.formats import npz
+from dovetail.measurement.resampling import on_grid
 
 __all__ = ["ReceptanceMatrix", "read_receptance", "write_receptance"]
 
@@ -52,23 +54,21 @@ class ReceptanceMatrix:
             raise MeasurementError("the frequencies of a receptance matrix must be positive and increase.")
 
     def at(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the receptance on other lines, interpolated by cubic splines.
+        """Return the receptance on other lines, interpolated as `on_grid` does.
 
         Raises
         ------
         MeasurementError
-            The lines extend beyond the known ones.
+            The lines extend beyond the known ones, or these are too far apart to tell a receptance on the diagonal
+            between them.
         """
-        from scipy.interpolate import CubicSpline
-
-        first, last = self.frequency[0], self.frequency[-1]
-        if frequency.min() < first * (1 - 1e-9) or frequency.max() > last * (1 + 1e-9):
-            wanted = f"{frequency.min():g} to {frequency.max():g} Hz are wanted."
-            remedy = "Narrow 'frequency' in the description."
-            problem = f"it covers {first:g} to {last:g} Hz, and {wanted}"
-            raise MeasurementError(Fault(self.note or "receptance matrix", problem, remedy=remedy))
-        spline = CubicSpline(self.frequency, self.values)
-        return np.asarray(spline(np.clip(frequency, first, last)), dtype=np.complex128)
+        lines, numbers = np.unique(frequency, return_inverse=True)
+        values = np.empty((len(lines), *self.values.shape[1:]), dtype=np.complex128)
+        for row, column in np.ndindex(*self.values.shape[1:]):
+            frf = Frf(self.frequency, self.values[:, row, column], "receptance", label=self.note or "receptance matrix")
+            check = row == column  # elsewhere the FRF of DOFs that hardly move together may be nothing but noise
+            values[:, row, column] = on_grid(frf, lines, check_spacing=check).values
+        return values[numbers]
 
 
 def write_receptance(matrix: ReceptanceMatrix, path: str | os.PathLike[str]) -> None:

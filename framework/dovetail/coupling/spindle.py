@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from dataclasses import replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,10 @@ from dovetail.coupling.receptance_matrix import ReceptanceMatrix
 from dovetail.errors import Fault, MeasurementError, ParameterError, listing
 from dovetail.frf import Frf
 
-__all__ = ["ROTATIONS", "Rotations", "difference_receptance", "spindle_flange"]
+__all__ = ["ROTATIONS", "Rotations", "difference_receptance", "error_gain", "spindle_flange"]
+
+_STEP = 1e-6
+"""Relative change of a test for derivatives by differences."""
 
 Rotations = Literal["model", "difference"]
 ROTATIONS: tuple[Rotations, ...] = get_args(Rotations)
@@ -88,6 +92,32 @@ def spindle_flange(
     flange_receptance = decouple(measured, tt, ti, it, ii)
     symmetric = (flange_receptance + flange_receptance.swapaxes(1, 2)) / 2.0
     return ReceptanceMatrix(holder.frequency, symmetric, note=tests[0].note)
+
+
+def error_gain(
+    holder: Assembly, tests: tuple[Frf, Frf, Frf], points: tuple[float, float], flange: float, **options: Any
+) -> NDArray[np.float64]:
+    """Return how large the relative errors of the flange's receptance are, over those of the tests.
+
+    Parameters
+    ----------
+    holder, tests, points, flange, **options
+        As in `spindle_flange`.
+
+    Returns
+    -------
+    (n_freq, 2) array
+        Of the drive-point receptances in x and rz, by independent errors of one relative size in the three tests.
+    """
+
+    def diagonal(aa: Frf, ab: Frf, bb: Frf) -> NDArray[np.complex128]:
+        return np.diagonal(spindle_flange(holder, (aa, ab, bb), points, flange, **options).values, axis1=1, axis2=2)
+
+    aa, ab, bb = tests
+    other_aa, other_ab, other_bb = (replace(frf, values=(1.0 + _STEP) * frf.values) for frf in tests)
+    undisturbed = diagonal(aa, ab, bb)
+    moved = np.stack([diagonal(other_aa, ab, bb), diagonal(aa, other_ab, bb), diagonal(aa, ab, other_bb)])
+    return np.asarray(np.linalg.norm((moved / undisturbed - 1.0) / _STEP, axis=0))
 
 
 def difference_receptance(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
 from dovetail.assembly.calibration import unknown_signs, with_signs
-from dovetail.errors import Fault, ParameterError, listing
+from dovetail.errors import Fault, ParameterError, UnitError, listing
 from dovetail.frf import Frf
 from dovetail.identification.posterior import LEVEL, error_shapes
 from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
@@ -24,7 +24,7 @@ from dovetail.units import to_si
 __all__ = ["Band", "joint_values", "predict", "predict_band", "predicted_band", "predicted_frf"]
 
 
-def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | Mapping[str, float]) -> Frf:
+def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | Mapping[str, float | str]) -> Frf:
     """Predict the FRF of an assembly with a joint that was identified in another.
 
     Parameters
@@ -32,8 +32,9 @@ def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | M
     assembly : Assembly or path
         Or its description; for example another tool in the same holder and joint. Parameters that its description fixes
         keep their values.
-    result : Identification, ModalIdentification, path, or mapping of str to float
-        The identified joint, or where its result was written; or SI values by name, bare or as ``joint.parameter``.
+    result : Identification, ModalIdentification, path, or mapping of str to float or str
+        The identified joint, or where its result was written; or values by name, bare or as ``joint.parameter``:
+        numbers in SI, or texts with units.
 
     Returns
     -------
@@ -62,7 +63,7 @@ def predict(assembly: AssemblySource, result: AnyIdentification | str | Path | M
     return predicted_frf(as_assembly(assembly), joint)
 
 
-def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, float]) -> Frf:
+def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> Frf:
     """Return the same as `predict`, without a warning: the callers show the note of the FRF."""
     values, caveat = joint_values(assembly, result), "" if isinstance(result, Mapping) else result.caveat
     response, label = assembly.description.response, f"{assembly.name}, predicted"
@@ -70,24 +71,24 @@ def predicted_frf(assembly: Assembly, result: AnyIdentification | Mapping[str, f
     return response.frf(assembly.frequency, frf, label=label, note=caveat)
 
 
-def _known(result: AnyIdentification | Mapping[str, float]) -> Mapping[str, float]:
+def _known(result: AnyIdentification | Mapping[str, float | str]) -> Mapping[str, float | str]:
     return result if isinstance(result, Mapping) else result.known
 
 
-def _with_signs(assembly: Assembly, known: Mapping[str, float]) -> Assembly:
+def _with_signs(assembly: Assembly, known: Mapping[str, float | str]) -> Assembly:
     """Return the assembly with the signs that were told from the measurement, where its own are unknown."""
     names = unknown_signs(assembly.description)
-    signs = {name: known[f"{name}.sign"] for name in names if f"{name}.sign" in known}
+    signs = {name: to_si(known[f"{name}.sign"], "1") for name in names if f"{name}.sign" in known}
     return Assembly(with_signs(assembly.description, signs)) if signs else assembly
 
 
-def _warn(result: AnyIdentification | Mapping[str, float]) -> None:
+def _warn(result: AnyIdentification | Mapping[str, float | str]) -> None:
     """Warn whoever called the caller if the joint is not to be believed."""
     if not isinstance(result, Mapping) and result.caveat:
         warnings.warn(f"predicted from {result.measured.label}: {result.caveat}", stacklevel=3)
 
 
-def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, float]) -> dict[str, float]:
+def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, float | str]) -> dict[str, float]:
     """Return the values of an identified joint for the identified parameters of another assembly.
 
     Parameters
@@ -120,8 +121,11 @@ def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, fl
                 Fault(f"parameter {parameter.name}", f"it was identified in {value.unit}.", f"{parameter.unit}")
             )
         else:
-            matched[parameter.name] = value.value
             sources[joint] = value.joint
+            try:
+                matched[parameter.name] = to_si(value.value, parameter.unit)
+            except UnitError as error:
+                faults.append(Fault(f"parameter {parameter.name}", error.faults[0].problem))
     faults.extend(_changed_damping(assembly, result, sources))
     if missing:
         noun, them = ("parameter", "it") if len(missing) == 1 else ("parameters", "them")
@@ -135,7 +139,7 @@ def joint_values(assembly: Assembly, result: AnyIdentification | Mapping[str, fl
 
 
 def _changed_damping(
-    assembly: Assembly, result: AnyIdentification | Mapping[str, float], sources: Mapping[str, str | None]
+    assembly: Assembly, result: AnyIdentification | Mapping[str, float | str], sources: Mapping[str, str | None]
 ) -> list[Fault]:
     """Return a fault for each joint whose structural damping is not the one with which it was identified.
 
@@ -161,7 +165,7 @@ def _changed_damping(
     return faults
 
 
-def _described_joints(result: AnyIdentification | Mapping[str, float]) -> dict[str, Any]:
+def _described_joints(result: AnyIdentification | Mapping[str, float | str]) -> dict[str, Any]:
     """Return the sections of the joints of the description with which a result was identified, by their names."""
     described = {} if isinstance(result, Mapping) else json.loads(result.provenance.get("description", "{}"))
     return described.get("joints") or {}
@@ -171,16 +175,17 @@ def _described_joints(result: AnyIdentification | Mapping[str, float]) -> dict[s
 class _Value:
     joint: str | None
     name: str
-    value: float
+    value: float | str
     unit: str | None = None
 
     def __str__(self) -> str:
         return f"{self.joint}.{self.name}" if self.joint else self.name
 
 
-def _values(result: AnyIdentification | Mapping[str, float]) -> list[_Value]:
+def _values(result: AnyIdentification | Mapping[str, float | str]) -> list[_Value]:
     if isinstance(result, Mapping):
-        return [_Value(*_split_name(name), float(value)) for name, value in result.items()]
+        plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in result.items()}
+        return [_Value(*_split_name(name), value) for name, value in plain.items()]
     identified = [
         _Value(*_split_name(name), value, p.unit)
         for p in result.parameters.values()
@@ -294,7 +299,8 @@ def predicted_band(assembly: Assembly, result: AnyIdentification, level: float =
         values = _frfs(assembly, result, posterior.theta[draws])
     else:
         values = _linearised_frfs(assembly, result, posterior.fraction[draws], posterior.mode)
-    shapes = error_shapes([assembly.frequency], [predicted_frf(assembly, result).values], posterior.model_error)
+    predicted = predicted_frf(assembly, result)
+    shapes = error_shapes([predicted], [predicted.values], posterior.model_error)
     errors = np.concatenate(list(shapes.values()))
     values = values + random.standard_normal((len(values), len(errors))) @ errors
     scatter = random.standard_normal((*values.shape, 2)) @ [1.0, 1.0j] / np.sqrt(2.0)

@@ -130,7 +130,8 @@ def _with_mass(
 def _check(other: Frf, frf: Frf) -> None:
     lines, wanted = other.frequency, frf.frequency
     if other.rotation:
-        raise MeasurementError(f"{other.label}: a mass at the drive point changes no rotation per moment.")
+        problem = f"this is a {other.kind}; the accelerometer's mass can be removed from displacements."
+        raise MeasurementError(Fault(other.label, problem))
     if not other.has_phase:
         raise MeasurementError(
             Fault(

@@ -46,7 +46,7 @@ class Settings:
 _SETTINGS = Settings()
 
 
-def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
+def on_grid(frf: Frf, frequency: ArrayLike, *, check_spacing: bool = True) -> Frf:
     """Interpolate a measured FRF to other frequencies.
 
     A cubic is fitted through the four nearest lines of H, or of 1/H where that is clearly smoother. Near a resonance,
@@ -63,6 +63,8 @@ def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
         The measurement.
     frequency : (n_grid,) array
         Hz, strictly increasing, within the measured range.
+    check_spacing : bool
+        Whether to refuse measured lines that are too far apart.
 
     Returns
     -------
@@ -83,7 +85,8 @@ def on_grid(frf: Frf, frequency: ArrayLike) -> Frf:
         raise MeasurementError(Fault(frf.label, "the grid is not a list of finite frequencies."))
     _check_cover(frf, grid)
     inside = np.clip(grid, frf.frequency[0], frf.frequency[-1])
-    _check_spacing(frf, inside)
+    if check_spacing:
+        _check_spacing(frf, inside)
     known = frf.random_variance
     variance = known if known is not None and np.all(np.isfinite(known)) else None
     if frf.has_phase:

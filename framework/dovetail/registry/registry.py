@@ -224,7 +224,10 @@ class Registry:
             del sys.modules[name]
             if isinstance(error, KeyboardInterrupt):
                 raise
-            raise PluginError(Fault(_failing_line(error, file), reason_of(error))) from error
+            remedy = ""
+            if isinstance(error, ModuleNotFoundError) and str(error.name).split(".")[0] == file.parent.name:
+                remedy = f"The file is part of the package '{file.parent.name}': install it (pip install -e FOLDER)."
+            raise PluginError(Fault(_failing_line(error, file), reason_of(error), remedy=remedy)) from error
         self.add(module, str(path), strict=True)
         self._files.add(file.resolve())
 

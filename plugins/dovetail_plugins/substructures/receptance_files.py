@@ -17,6 +17,9 @@ __all__ = ["KnownReceptance", "from_archive", "from_sets"]
 
 _DIRECTIONS = ("x", "rz")
 
+_MOST_ANTISYMMETRIC = 2.0
+"""Ratio of the difference of two reciprocal receptances to their sum above which a sign is wrong; of noise it is 1."""
+
 
 @dataclass(frozen=True, eq=False)
 class KnownReceptance:
@@ -53,7 +56,7 @@ def from_archive(file: str) -> KnownReceptance:
     except DovetailError:
         archive = {}  # what is wrong with it, `read_receptance` says in its own words
     if "nodes" not in archive and "directions" not in archive:
-        return KnownReceptance(_reciprocal(read_receptance(path)), {"m1": 0.0}, (0, 1))
+        return KnownReceptance(_reciprocal(read_receptance(path), ("x", "rz"), file), {"m1": 0.0}, (0, 1))
     missing = [name for name in ("frequency", "receptance") if name not in archive]
     if missing:
         raise DovetailError(Fault(file, f"there is no '{missing[0]}'; there is: {', '.join(sorted(archive)[:12])}."))
@@ -70,12 +73,29 @@ def from_archive(file: str) -> KnownReceptance:
     pairs = zip(table.nodes, table.directions, strict=True)
     dofs = tuple(2 * index_of[node] + _DIRECTIONS.index(direction) for node, direction in pairs)
     chosen = whole.values[:, table.rows[:, np.newaxis], table.rows]
-    return KnownReceptance(_reciprocal(_matrix(whole.frequency, chosen, file)), nodes, dofs)
+    names = [f"{node} {direction}" for node, direction in zip(table.nodes, table.directions, strict=True)]
+    return KnownReceptance(_reciprocal(_matrix(whole.frequency, chosen, file), names, file), nodes, dofs)
 
 
-def _reciprocal(matrix: ReceptanceMatrix) -> ReceptanceMatrix:
-    """Return the mean of both directions, since the coupling takes a part to be reciprocal."""
-    return replace(matrix, values=(matrix.values + np.swapaxes(matrix.values, 1, 2)) / 2.0)
+def _reciprocal(matrix: ReceptanceMatrix, names: Sequence[str], file: str) -> ReceptanceMatrix:
+    """Return the mean of both directions, since the coupling takes a part to be reciprocal.
+
+    Raises
+    ------
+    DovetailError
+        Two receptances that should be equal have opposite signs.
+    """
+    mirrored = np.swapaxes(matrix.values, 1, 2)
+    apart, together = (np.linalg.norm(both, axis=0) for both in (matrix.values - mirrored, matrix.values + mirrored))
+    opposite = np.argwhere(apart > _MOST_ANTISYMMETRIC * together)
+    if len(opposite):
+        first, second = (names[dof] for dof in opposite[0])
+        problem = (
+            f"the receptance of {first} by a load in {second} has the opposite sign of that of {second} by a load in "
+            f"{first}, and by reciprocity they are equal."
+        )
+        raise DovetailError(Fault(file, problem, remedy="Check the signs of rotations and moments."))
+    return replace(matrix, values=(matrix.values + mirrored) / 2.0)
 
 
 def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, str, str]]) -> KnownReceptance:
@@ -105,15 +125,13 @@ def from_sets(file: str, nodes: Mapping[str, float], frfs: Sequence[tuple[int, s
         if not frf.has_phase or frf.rotation:
             raise DovetailError(Fault(where, "it is no complex FRF of a displacement per force."))
         values[:, index_of[out], index_of[into]] = frf.values
-    mirrored = np.swapaxes(values, 1, 2)
-    values = np.where(np.isnan(values), mirrored, np.where(np.isnan(mirrored), values, 0.5 * (values + mirrored)))
+    values = np.where(np.isnan(values), np.swapaxes(values, 1, 2), values)
     for out, row in index_of.items():
         for into, column in index_of.items():
             if np.isnan(values[0, row, column]):
                 raise DovetailError(Fault(file, f"no set is between '{out}' and '{into}'."))
-    return KnownReceptance(
-        _matrix(frequency, values, file), dict(nodes), tuple(2 * index for index in index_of.values())
-    )
+    matrix = _reciprocal(_matrix(frequency, values, file), list(nodes), file)
+    return KnownReceptance(matrix, dict(nodes), tuple(2 * index for index in index_of.values()))
 
 
 def _numbers(array: NDArray[np.generic], kind: str, file: str) -> NDArray[np.generic]:

@@ -51,11 +51,15 @@ class Settings:
     finest_part: float = 0.02
     """Of the mains frequency, above which lines are too coarse to tell."""
     fewest_hums: int = 2
+    fewest_lines: int = 3
+    """Of one FRF, in which a resonance shows."""
     exceeds: float = 2.0
     """Ratio of the error that the measurement shows to the one allowed above which this is reported."""
 
 
 _SETTINGS = Settings()
+
+_FEW_LINES = "So few lines show no resonance: intervals allow for no error of natural frequencies or damping."
 
 _LATE = "The time for causes ended before all were tried; '--cause-seconds' (in Python cause_seconds) gives more."
 
@@ -109,11 +113,12 @@ def assess(
     """
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     noise = is_noise(assembly, target, fit)
+    few = (_FEW_LINES,) if max(target.counts) < _SETTINGS.fewest_lines else ()
     if noise and target.residual_count(fit.used) <= len(fit.theta):
         reason = "The measurement has no more values than there are unknowns: nothing is left to judge the fit by."
-        return Adequacy("not judged", allowed=model_error, reasons=(reason,)), fit
+        return Adequacy("not judged", allowed=model_error, reasons=(reason, *few)), fit
     if noise and not model_error:
-        return Adequacy("to the noise", allowed=model_error), fit
+        return Adequacy("to the noise", allowed=model_error, reasons=few), fit
     start = assembly.to_unit(fit.theta)
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):
@@ -184,7 +189,7 @@ def _missed_resonances(target: Observations, fit: Fit, estimated: FitWithError) 
     """
     missed = np.unique(missed_resonances(target, fit.variance, estimated.values))
     near = np.clip(_SETTINGS.displaced * estimated.size.natural_frequency, *_SETTINGS.near)
-    modelled = fit_resonances([frf.frequency for frf in target.frfs], target.split(estimated.values)).poles.real
+    modelled = fit_resonances(target.frfs, target.split(estimated.values)).poles.real
     missed = missed[np.all(np.abs(modelled[:, np.newaxis] - missed) > near * missed, axis=0)]
     if not len(missed):
         return

@@ -199,7 +199,7 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
         theta = part.fit(part.assembly, part.target.frfs, [trials.best, trials.shape]).theta
         fitted = part.target.split(part.values(theta))
         of_response |= dict(zip(numbers, fitted, strict=True))
-        resonances.append(fit_resonances([frf.frequency for frf in part.target.frfs], fitted))
+        resonances.append(fit_resonances(part.target.frfs, fitted))
     words = f"each of {len(resonances)} measurements at one point fitted alone"
     first, last = (found.poles.real for found in (resonances[0], resonances[-1]))
     if len(first) and len(last):
@@ -319,7 +319,7 @@ def try_damping(trials: Trials) -> Iterator[Candidate]:
 def try_window(trials: Trials) -> Iterator[Candidate]:
     """Yield the fit without the damping that an exponential window adds equally to all resonances."""
     values = trials.target.split(trials.values(trials.unchanged.theta))
-    resonances = fit_resonances([frf.frequency for frf in trials.target.frfs], values)
+    resonances = fit_resonances(trials.target.frfs, values)
     if not len(resonances.poles):
         return
 

@@ -125,7 +125,7 @@ class _Problem:
 
     def shapes(self, values: NDArray[np.complex128], size: ModelError) -> dict[str, NDArray[np.complex128]]:
         """Return the changes of the model's FRFs by its errors, by kind."""
-        return error_shapes(self.axes, self.target.split(values), size)
+        return error_shapes(self.target.frfs, self.target.split(values), size)
 
     def peaks_apart(self, fraction: NDArray[np.float64]) -> tuple[float, float, float]:
         """Return limits of the relative error of natural frequencies, and the error of heights, from the peaks (rms).
@@ -137,7 +137,7 @@ class _Problem:
         show it for a peak that is misplaced by more than its width.
         """
         values = self.target.split(self.values(fraction))
-        resonances, with_peak = fit_resonances(self.axes, values).poles, set[int]()
+        resonances, with_peak = fit_resonances(self.target.frfs, values).poles, set[int]()
         poles, widths = resonances.real, 2.0 * resonances.imag
         apart, beyond, heights, alone = list[float](), list[float](), list[float](), 0
         for frf, fitted in zip(self.target.frfs, values, strict=True):

@@ -91,7 +91,7 @@ def weigh(
     deviation = unshaped_deviation(target, values, size)
     if not needs_average(size):
         return np.arange(len(values)), target.weighted(variance + deviation**2, used)
-    poles = fit_resonances([frf.frequency for frf in target.frfs], target.split(values)).poles
+    poles = fit_resonances(target.frfs, target.split(values)).poles
     width = _SETTINGS.width * size.natural_frequency
     lines, averaged = [], []
     responses = zip(target.frfs, *map(target.split, (variance, used, deviation)), strict=True)

@@ -133,8 +133,7 @@ def build_likelihood(
     """
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     values = model.frf(fit.theta[np.newaxis])[0]
-    axes = [frf.frequency for frf in target.frfs]
-    shapes = error_shapes(axes, target.split(values), model_error)
+    shapes = error_shapes(target.frfs, target.split(values), model_error)
     lines, residual = weigh(model, target, fit.variance, fit.used, values, model_error)
 
     def added(changes: NDArray[np.complex128]) -> NDArray[np.float64]:

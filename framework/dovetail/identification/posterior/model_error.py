@@ -15,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import AAA
 
+from dovetail.frf import Frf
+from dovetail.frf.quantity import conversion
+
 __all__ = [
     "KINDS",
     "MODEL_ERROR",
@@ -159,14 +162,15 @@ TYPICAL = typical_model_error(MODEL_ERROR)
 
 @dataclass(frozen=True, eq=False)
 class Resonances:
-    """Resonances of FRFs, which are sums ``r / (f - p) - conj(r) / (f + conj(p))`` over them, and a background.
+    """Resonances of FRFs, whose receptances are sums ``r / (f - p) - conj(r) / (f + conj(p))``, and a background.
 
     Parameters
     ----------
     poles : (n,) complex array
         Natural frequencies [Hz], ascending; the imaginary part is the real part times half the loss factor.
     terms : tuple of (n, n_freq) complex arrays
-        Contribution of each resonance to the FRF of each response; 0 if it is beyond the response's frequencies.
+        Contribution of each resonance to the FRF of each response, in its quantity; 0 if it is beyond the response's
+        frequencies.
     near : tuple of (n, n_freq) complex arrays
         The first of its two terms, which is large near the resonance.
     relative : tuple of (n, n_freq) complex arrays
@@ -218,15 +222,15 @@ class Resonances:
         return np.concatenate([near * step / (1.0 - step) for near, step in pairs], axis=1)
 
 
-def fit_resonances(axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]]) -> Resonances:
+def fit_resonances(frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]]) -> Resonances:
     """Find the resonances in FRFs of one structure.
 
     Parameters
     ----------
-    axes : sequence of (n_freq,) arrays
-        Hz; the frequencies of each response.
+    frfs : sequence of Frf
+        Their frequencies and quantities, one for each response.
     values : sequence of (n_freq,) complex arrays
-        The FRF of each response.
+        The FRF of each response, in place of the values in `frfs`.
 
     Returns
     -------
@@ -238,17 +242,22 @@ def fit_resonances(axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray
     The poles are those of a rational function fitted to a mixture of the FRFs with the same frequencies (AAA:
     Nakatsukasa, Sete and Trefethen, The AAA algorithm for rational approximation, 2018). Poles from FRFs with different
     frequencies are the same resonance if their distance is less than a quarter of its width. The residues follow by
-    linear least squares.
+    linear least squares. Both are fitted to mobilities, in which resonances far apart are most alike in height, so that
+    the result does not depend on the quantity.
     """
-    poles = _common_poles(axes, values)
+    axes = [frf.frequency for frf in frfs]
+    derivatives = [conversion(frf.frequency, "mobility", frf.quantity) for frf in frfs]
+    mobilities = [frf / factor for frf, factor in zip(values, derivatives, strict=True)]
+    poles = _common_poles(axes, mobilities)
     near, terms, relative = [], [], []
-    for frequency, frf in zip(axes, values, strict=True):
+    for frequency, mobility, derivative in zip(axes, mobilities, derivatives, strict=True):
         residues = np.zeros(len(poles), dtype=np.complex128)
         within = _is_within(poles, frequency)
-        residues[within] = _residues(frequency, frf, poles[within])
+        residues[within] = _residues(frequency, mobility, poles[within])
         distance, mirrored = frequency - poles[:, np.newaxis], frequency + np.conj(poles)[:, np.newaxis]
-        near.append(residues[:, np.newaxis] / distance)
-        terms.append(near[-1] - np.conj(residues)[:, np.newaxis] / mirrored)
+        factor = derivative * conversion(frequency, "receptance", "mobility")
+        near.append(factor * residues[:, np.newaxis] / distance)
+        terms.append(near[-1] - factor * np.conj(residues)[:, np.newaxis] / mirrored)
         relative.append(poles[:, np.newaxis] / distance)
     return Resonances(poles, tuple(terms), tuple(near), tuple(relative))
 
@@ -287,30 +296,31 @@ def _is_within(poles: NDArray[np.complex128], frequency: NDArray[np.float64]) ->
 
 
 def _residues(
-    frequency: NDArray[np.float64], values: NDArray[np.complex128], poles: NDArray[np.complex128]
+    frequency: NDArray[np.float64], mobility: NDArray[np.complex128], poles: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Return the residues (n,) of one FRF, fitted together with a constant and a term in frequency squared."""
+    """Return the residues (n,) of one receptance, fitted together with a free body, a spring and a mass in parallel."""
     near, mirrored = 1.0 / (frequency - poles[:, np.newaxis]), 1.0 / (frequency + np.conj(poles)[:, np.newaxis])
-    background = np.stack([np.ones(len(frequency)), (frequency / frequency[-1]) ** 2]).astype(np.complex128)
+    background = (frequency / frequency[-1]) ** np.array([[-2.0], [0.0], [2.0]])
     shapes = np.concatenate([near - mirrored, 1j * (near + mirrored), background])
+    shapes = shapes * conversion(frequency, "receptance", "mobility")
     columns = np.concatenate([shapes.real, shapes.imag], axis=1).T
     lengths = np.linalg.norm(columns, axis=0)
-    target = np.concatenate([values.real, values.imag])
+    target = np.concatenate([mobility.real, mobility.imag])
     coefficients = np.linalg.lstsq(columns / lengths, target, rcond=1e-12)[0] / lengths
     return np.asarray(coefficients[: len(poles)] + 1j * coefficients[len(poles) : 2 * len(poles)])
 
 
 def error_shapes(
-    axes: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.complex128]], size: ModelError
+    frfs: Sequence[Frf], values: Sequence[NDArray[np.complex128]], size: ModelError
 ) -> dict[str, NDArray[np.complex128]]:
     """Return the changes of one structure's FRFs by one standard deviation of each error, by the kind of error.
 
     Parameters
     ----------
-    axes : sequence of (n_freq,) arrays
-        Hz; the frequencies of each response.
+    frfs : sequence of Frf
+        Their frequencies and quantities, one for each response.
     values : sequence of (n_freq,) complex arrays
-        The FRF of each response.
+        The FRF of each response, in place of the values in `frfs`.
     size : ModelError
 
     Returns
@@ -326,11 +336,12 @@ def error_shapes(
     phase vary smoothly over the frequency axis, as six hat functions. In addition, each resonance has an independent
     error, which also moves the antiresonances.
     """
+    axes = [frf.frequency for frf in frfs]
     counts = [len(frequency) for frequency in axes]
-    if max(counts) < 2 or not any(size.to_dict().values()):
+    if not any(size.to_dict().values()):
         return {kind: np.zeros((0, sum(counts)), dtype=np.complex128) for kind in KINDS}
     band = float(min(axis[0] for axis in axes)), float(max(axis[-1] for axis in axes))
-    resonances, hats = fit_resonances(axes, values), [hat_functions(frequency, band) for frequency in axes]
+    resonances, hats = fit_resonances(frfs, values), [hat_functions(frequency, band) for frequency in axes]
     level, alone = size.natural_frequency, _SETTINGS.individual * size.natural_frequency
     displaced, together = resonances.displaced(level), hat_functions(resonances.poles.real, band)
     of_response = zip(hats, values, resonances.terms, strict=True)
@@ -378,5 +389,7 @@ def hat_functions(frequency: NDArray[np.float64], band: tuple[float, float] | No
         Hz; the first and the last of the six, those of `frequency` by default.
     """
     low, high = (frequency[0], frequency[-1]) if band is None else band
+    if low == high:  # a single line, at the first of the six
+        return np.outer(np.eye(_SETTINGS.hat_functions)[0], np.ones(len(frequency)))
     peaks = np.linspace(low, high, _SETTINGS.hat_functions)
     return np.stack([np.interp(frequency, peaks, height) for height in np.eye(_SETTINGS.hat_functions)])
