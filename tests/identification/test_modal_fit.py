@@ -12,7 +12,7 @@ import pytest
 from scipy.linalg import eig
 
 import dovetail
-from dovetail.synthesis import DampedModes, assembly_matrices
+from dovetail.synthesis import DampedModes, assembly_matrices, natural_frequencies
 
 CHAIN: dict[str, Any] = {
     "dovetail": 1,
@@ -77,19 +77,24 @@ def test_the_poles_are_those_of_the_dense_system_and_so_are_their_derivatives():
     damped = DampedModes(assembly.graph)
     random = np.random.default_rng(3)
     for fraction in (*random.random((3, 4)), np.array([0.3, 0.5, 0.6, 0.99])):
-        theta = assembly.by_joint(assembly.from_unit(fraction))
-        matrices = assembly_matrices(assembly.graph, theta)
+        vector = assembly.from_unit(fraction)
+        theta, matrices = (
+            assembly.by_joint(vector[np.newaxis]),
+            assembly_matrices(assembly.graph, assembly.by_joint(vector)),
+        )
         active = np.flatnonzero(matrices.M.diagonal())
         M, K, C, D = (getattr(matrices, name)[np.ix_(active, active)] for name in "MKCD")
         one, zero = np.eye(len(M)), np.zeros_like(M)
         dense = eig(np.block([[zero, one], [-K - 1j * D, -C]]), np.block([[one, zero], [zero, M]]), right=False)
-        poles, derivatives = damped.at(theta, 5)
+        ((poles, derivatives),) = damped.at(theta, 5)
         assert len(poles) >= 4
         for pole in poles:
             assert min(abs(dense - pole)) < 1e-6 * abs(pole)
-        step = 1e-4 * theta["c"][1]
-        ahead, behind = ({**theta, "c": theta["c"] + sign * step * np.eye(len(theta["c"]))[1]} for sign in (1, -1))
-        slope = (damped.at(ahead, 5)[0] - damped.at(behind, 5)[0]) / (2 * step)
+        step = 1e-4 * theta["c"][0, 1]
+        moved = theta["c"] + step * np.array([[1.0], [-1.0]]) * np.eye(theta["c"].shape[1])[1]
+        both = {name: np.repeat(at, 2, axis=0) for name, at in theta.items()} | {"c": moved}
+        (ahead, _), (behind, _) = damped.at(both, 5)
+        slope = (ahead - behind) / (2 * step)
         np.testing.assert_allclose(derivatives["c"][:, 1], slope, atol=1e-5 * abs(slope).max())
 
 
@@ -100,7 +105,8 @@ def test_a_rigid_joint_has_no_parameters_and_the_derivatives_by_the_others_stay(
     welded["joints"]["weld"] = {"model": "rigid", "connect": ends}
     whole["substructures"]["third"]["masses"][0]["mass"] = "2 kg"
     (poles, by_joint), (expected, expected_by_joint) = (
-        DampedModes(assembly.graph).at(assembly.by_joint(), 3) for assembly in map(dovetail.load, (welded, whole))
+        next(DampedModes(assembly.graph).at(assembly.by_joint(assembly.from_unit(np.full((1, 4), 0.5))), 3))
+        for assembly in map(dovetail.load, (welded, whole))
     )
     np.testing.assert_allclose(poles, expected, rtol=1e-9)
     np.testing.assert_allclose(by_joint["c"], expected_by_joint["c"], rtol=1e-9)
@@ -181,3 +187,27 @@ def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):
     again = pickle.loads(pickle.dumps(result))
     assert again.to_dict() == result.to_dict()
     assert again.parameters == result.parameters
+
+
+@pytest.mark.parametrize("few", [0, 100])
+def test_rigid_bodies_have_no_poles(few, monkeypatch):
+    """Two masses on a spring and a damper in the air, by iteration and from all poles."""
+    monkeypatch.setattr(natural_frequencies, "_FEW_DOFS", few)
+    floating = copy.deepcopy(CHAIN)
+    del floating["joints"]["a"], floating["joints"]["b"], floating["substructures"]["wall"]
+    del floating["substructures"]["first"]
+    assembly = dovetail.load(floating)
+    theta = assembly.from_unit(np.random.default_rng(0).random((5, 2)))
+    mass = 1.0 / (1.0 / 1.0 + 1.0 / 1.5)
+    for (k, c), (poles, _) in zip(theta, DampedModes(assembly.graph).at(assembly.by_joint(theta), 2), strict=True):
+        decay = c / 2.0 / mass
+        assert poles == pytest.approx([-decay + 1j * np.sqrt(k / mass - decay**2)], rel=1e-9)
+
+
+def test_iteration_finds_the_poles_that_are_found_all_at_once(assemblies, monkeypatch):
+    assembly = dovetail.load(assemblies / "bolted_lap_beam.yaml")
+    theta = assembly.by_joint(assembly.from_unit(np.random.default_rng(0).random((4, len(assembly.parameters)))))
+    iterated = [poles[:5] for poles, _ in DampedModes(assembly.graph).at(theta, 10)]
+    monkeypatch.setattr(natural_frequencies, "_FEW_DOFS", 1000)
+    at_once = [poles[:5] for poles, _ in DampedModes(assembly.graph).at(theta, 10)]
+    np.testing.assert_allclose(iterated, at_once, rtol=1e-8)

@@ -47,7 +47,7 @@ def test_poles_of_a_damper_in_series_with_a_spring(damper_at_the_mass):
     )
     expected = np.roots([1000.0 / 3e6, 1.0, 1000.0 * (1.0 + 1e6 / 3e6), 1e6])
     theta = assembly.by_joint(np.array([[1e6]]))
-    poles, _ = DampedModes(assembly.graph).at({name: values[0] for name, values in theta.items()}, 3)
+    ((poles, _),) = DampedModes(assembly.graph).at(theta, 3)
     np.testing.assert_allclose(poles, expected[expected.imag > 0], rtol=1e-9)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -113,14 +114,16 @@ class _ModalResiduals:
         other.deviation = self.deviations(error)
         return other
 
-    def poles(self, theta: NDArray[np.float64], *, differentiate: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the model's poles (k,), and their derivatives (k, p) by the parameters."""
+    def poles(
+        self, theta: NDArray[np.float64], *, differentiate: bool = False
+    ) -> Iterator[tuple[NDArray[Any], NDArray[Any]]]:
+        """Yield the model's poles (k,) for each row of theta (n, p), and their derivatives (k, p) by the parameters."""
         count = 2 * len(self.measured.frequency) + _SETTINGS.further_modes
         highest = _SETTINGS.reach * float(self.measured.frequency[-1])
-        at = self.assembly.by_joint(theta)
-        poles, by_joint = self._modes.at(at, count, highest=highest, differentiate=differentiate)
-        none = np.zeros((len(poles), len(theta)), dtype=np.complex128)
-        return poles, sum((d @ self._slopes[name].T for name, d in by_joint.items()), none)
+        by_joint = self.assembly.by_joint(theta)
+        for poles, changes in self._modes.at(by_joint, count, highest=highest, differentiate=differentiate):
+            none = np.zeros((len(poles), theta.shape[1]), dtype=np.complex128)
+            yield poles, sum((change @ self._slopes[name].T for name, change in changes.items()), none)
 
     def matched(self, poles: NDArray[np.complex128]) -> NDArray[np.intp]:
         """Return the pole of each mode of the table, -1 for none, by the least sum of log distances."""
@@ -132,28 +135,32 @@ class _ModalResiduals:
 
     def residuals(self, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return residuals (n, m) at fractions of the ranges (n, p)."""
-        return np.stack([self._at(row, differentiate=False)[0] for row in fraction])
+        return np.stack([residuals for residuals, _ in self._at(fraction, differentiate=False)])
 
     def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
         """Return residuals and derivatives at fractions of the ranges (n, p)."""
-        residuals, jacobians = zip(*(self._at(row, differentiate=True) for row in fraction), strict=True)
+        residuals, jacobians = zip(*self._at(fraction, differentiate=True), strict=True)
         return Linearisation(np.stack(residuals), np.stack(jacobians))
 
-    def _at(self, fraction: NDArray[np.float64], *, differentiate: bool) -> tuple[NDArray[Any], NDArray[Any]]:
+    def _at(
+        self, fraction: NDArray[np.float64], *, differentiate: bool
+    ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
         theta = self.assembly.from_unit(fraction)
-        poles, derivatives = self.poles(theta, differentiate=differentiate)
-        slope = [float(p.slope(np.array(at))) for p, at in zip(self.assembly.parameters, theta, strict=True)]
-        # a mode that the model lacks has the frequency and the damping 0
-        found = self.matched(poles)
-        s, ds = np.append(poles, 0.0)[found], np.vstack([derivatives * slope, np.zeros_like(theta)])[found]
-        size = np.maximum(np.abs(s), np.finfo(float).tiny)
-        of_size = (np.conj(s)[:, None] * ds).real / size[:, None]
-        values, jacobian = [np.abs(s) / (2.0 * np.pi)], [of_size / (2.0 * np.pi)]
-        if len(self.groups) == 2:
-            values.append(-s.real / size)
-            jacobian.append((-ds.real + (s.real / size)[:, None] * of_size) / size[:, None])
-        residuals = (np.concatenate(values) - self.target) / self.deviation
-        return residuals, (np.concatenate(jacobian) / self.deviation[:, None]).T
+        slopes = np.stack(
+            [p.slope(column) for p, column in zip(self.assembly.parameters, theta.T, strict=True)], axis=1
+        )
+        for slope, (poles, derivatives) in zip(slopes, self.poles(theta, differentiate=differentiate), strict=True):
+            # a mode that the model lacks has the frequency and the damping 0
+            found = self.matched(poles)
+            s, ds = np.append(poles, 0.0)[found], np.vstack([derivatives * slope, np.zeros_like(slope)])[found]
+            size = np.maximum(np.abs(s), np.finfo(float).tiny)
+            of_size = (np.conj(s)[:, None] * ds).real / size[:, None]
+            values, jacobian = [np.abs(s) / (2.0 * np.pi)], [of_size / (2.0 * np.pi)]
+            if len(self.groups) == 2:
+                values.append(-s.real / size)
+                jacobian.append((-ds.real + (s.real / size)[:, None] * of_size) / size[:, None])
+            residuals = (np.concatenate(values) - self.target) / self.deviation
+            yield residuals, (np.concatenate(jacobian) / self.deviation[:, None]).T
 
 
 def identify_from_modes(
@@ -193,7 +200,7 @@ def identify_from_modes(
     began = time.perf_counter()
     seed = assembly.description.identification.seed if seed is None else seed
     residuals = _ModalResiduals(assembly, measured, _SETTINGS.rough)
-    middle, _ = residuals.poles(assembly.from_unit(np.full(len(assembly.parameters), 0.5)))
+    ((middle, _),) = residuals.poles(assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5)))
     if len(middle) < len(measured.frequency):
         problem = f"the table has {len(measured.frequency)} modes, the model of '{assembly.name}' has {len(middle)}."
         raise MeasurementError(Fault(measured.label, problem, remedy="Leave out those that are no bending modes."))
@@ -280,7 +287,7 @@ def _result(
     seed: int,
 ) -> ModalIdentification:
     assembly, measured = residuals.assembly, residuals.measured
-    poles, _ = residuals.poles(best)
+    ((poles, _),) = residuals.poles(best[np.newaxis])
     row_of = {int(pole): row for row, pole in enumerate(residuals.matched(poles))}
     columns = [[] if values is None else values.tolist() for values in (measured.frequency, measured.damping_ratio)]
     modes = []

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eig, eigh
+from scipy.linalg import eigh
 from scipy.sparse.csgraph import connected_components
 
 from dovetail.errors import DovetailError
 from dovetail.interfaces import SparseMatrices, StructuralMatrices
 from dovetail.synthesis.graph import Graph
-from dovetail.synthesis.joint_evaluation import joint_jacobian, joint_matrices
+from dovetail.synthesis.joint_evaluation import Theta, joint_jacobian, joint_matrices, sample_count
 from dovetail.synthesis.reference import assembly_matrices
 
 __all__ = ["DampedModes", "elastic_frequencies", "elastic_shapes"]
@@ -32,6 +32,10 @@ _SAME_POLE = 1e-6
 """Relative difference below which two poles are the same."""
 _LEAST_TURN = 0.5
 """Imaginary part of a pole over its magnitude below which it is overdamped: a damping ratio above 0.87."""
+_FEW_DOFS = 16
+"""Number of DOFs up to which computing all poles takes less time than iterating from the undamped modes."""
+_MOST_ENTRIES = 2**20
+"""Entries of the matrices of all parameter vectors that are computed at once."""
 _CONVERGED = 1e-6
 """Relative change of a pole in the last step; convergence is cubic, so that another step would change nothing."""
 _MOST_ITERATIONS = 12
@@ -167,7 +171,7 @@ class DampedModes:
             problem = f"the assembly has {size:,} DOFs; damped modes are computed for {_MOST_DOFS:,} or fewer."
             raise DovetailError(problem)
         every = [getattr(fixed, name) for name in "MKCD"]
-        self._fixed = [matrix.toarray() if isinstance(fixed, SparseMatrices) else matrix for matrix in every]
+        self._fixed = np.stack([matrix.toarray() if isinstance(fixed, SparseMatrices) else matrix for matrix in every])
         self._joints = [
             (name, connection.model, (graph.joint_dofs(name)[:, None] == np.arange(size)).astype(np.float64))
             for name, connection in graph.connections.items()
@@ -175,18 +179,13 @@ class DampedModes:
         self._moving: tuple[NDArray[np.bool_], NDArray[np.intp]] | None = None
 
     def at(
-        self,
-        theta: Mapping[str, NDArray[np.float64]],
-        count: int,
-        *,
-        highest: float = np.inf,
-        differentiate: bool = True,
-    ) -> tuple[NDArray[np.complex128], dict[str, NDArray[np.complex128]]]:
-        """Return the poles of the lowest elastic modes, and their derivatives.
+        self, theta: Theta, count: int, *, highest: float = np.inf, differentiate: bool = True
+    ) -> Iterator[tuple[NDArray[np.complex128], dict[str, NDArray[np.complex128]]]]:
+        """Yield the poles of the lowest elastic modes, and their derivatives, for each parameter vector.
 
         Parameters
         ----------
-        theta : mapping of str to (n_params,) array
+        theta : mapping of str to (n, n_params) array
             All parameters of each joint, by the joint's name.
         count : int
         highest : float
@@ -194,8 +193,8 @@ class DampedModes:
         differentiate : bool
             Whether derivatives are computed.
 
-        Returns
-        -------
+        Yields
+        ------
         poles : (<= count,) array
             1/s, with positive imaginary parts, by increasing magnitude; without overdamped modes.
         derivatives : dict of str to (<= count, n_params) array
@@ -203,54 +202,101 @@ class DampedModes:
 
         Notes
         -----
-        Rayleigh quotient iteration for (s^2 M + s C + K + iD) x = 0 from each mode of the undamped assembly. If it
-        fails or finds the same pole twice, the QZ algorithm computes all poles. Derivatives are
-        -x^T (dZ/dp) x / x^T (dZ/ds) x.
+        Of (s^2 M + s C + K + iD) x = 0. Of few DOFs, all poles of all vectors are computed at once. Of more, Rayleigh
+        quotient iteration starts from each mode of the undamped assembly; if it fails or finds the same pole twice, all
+        poles are computed. Derivatives are -x^T (dZ/dp) x / x^T (dZ/ds) x.
         """
-        matrices = [matrix.copy() for matrix in self._fixed]
-        for name, model, L in self._joints:
-            of_joint = joint_matrices(name, model, theta[name][None]).sets[0]
-            for matrix, kind in zip(matrices, "MKCD", strict=True):
-                matrix += L.T @ getattr(of_joint, kind)[0] @ L
-        M, K, C, D = matrices
-        active = self._active(M, K, C, D)
-        M, C, A = (matrix[np.ix_(active, active)] for matrix in (M, C, K + 1j * D))
-        undamped = list(islice(_dense_modes(A.real, M), count))
-        undamped = undamped[: 1 + sum(frequency <= highest for frequency, _ in undamped)]
-        poles, X = _poles(A, C, M, undamped)
-        slopes = np.array([x @ (C + 2.0 * s * M) @ x for s, x in zip(poles, X, strict=True)])
-        derivatives = {}
-        for name, model, L in self._joints if differentiate else ():
-            x, columns = X @ L[:, active].T, []
-            for d in joint_jacobian(name, model, theta[name][None]).sets if model.parameters else ():
-                m, k, c, eta = (np.einsum("ni,ij,nj->n", x, getattr(d, kind)[0], x) for kind in "MKCD")
-                columns.append(-(k + 1j * eta + poles * (c + poles * m)) / slopes)
-            derivatives[name] = np.stack(columns, axis=-1) if columns else np.empty((len(poles), 0), np.complex128)
-        return poles, derivatives
+        rows = max(1, _MOST_ENTRIES // self._fixed[0].size)
+        for first in range(0, sample_count(theta), rows):
+            chunk = {name: vectors[first : first + rows] for name, vectors in theta.items()}
+            matrices, by_joint = self._matrices(chunk), self._derivatives(chunk) if differentiate else {}
+            for row, (poles, X) in enumerate(self._modes(matrices, count, highest)):
+                M, _, C, _ = matrices[:, row]
+                s = poles[:, np.newaxis]
+                slopes = np.sum(X * (X @ C + 2.0 * s * (X @ M)), axis=1)[:, np.newaxis]
+                derivatives = {}
+                for name, (L, changes) in by_joint.items():
+                    x = X @ L.T
+                    m, k, c, eta = np.einsum("ni,apij,nj->anp", x, changes[:, :, row], x)
+                    derivatives[name] = -(k + 1j * eta + s * (c + s * m)) / slopes
+                yield poles, derivatives
 
-    def _active(self, M: Any, K: Any, C: Any, D: Any) -> NDArray[np.intp]:
+    def _matrices(self, theta: Theta) -> NDArray[np.float64]:
+        """Return M, K, C and D of the assembly for each parameter vector, (4, n, d, d)."""
+        matrices = np.repeat(self._fixed[:, np.newaxis], sample_count(theta), axis=1)
+        for name, model, L in self._joints:
+            of_joint = joint_matrices(name, model, theta[name]).sets[0]
+            for matrix, kind in zip(matrices, "MKCD", strict=True):
+                matrix += L.T @ getattr(of_joint, kind) @ L
+        return matrices
+
+    def _derivatives(self, theta: Theta) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Return each joint's DOFs, rows (j, d), and the derivatives (4, n_params, n, j, j) of its matrices."""
+        derivatives = {}
+        for name, model, L in self._joints:
+            sets = joint_jacobian(name, model, theta[name]).sets if model.parameters else ()
+            changes = np.array([[getattr(change, kind) for change in sets] for kind in "MKCD"])
+            derivatives[name] = L, changes.reshape(4, len(sets), sample_count(theta), len(L), len(L))
+        return derivatives
+
+    def _modes(
+        self, matrices: NDArray[np.float64], count: int, highest: float
+    ) -> Iterator[tuple[NDArray[np.complex128], NDArray[np.complex128]]]:
+        """Yield poles (<= count,) and shapes (<= count, d) for each row of matrices (4, n, d, d)."""
+        pattern, few = (matrices != 0).any(axis=0), matrices.shape[-1] <= _FEW_DOFS
+        together = few and (pattern == pattern[:1]).all()
+        for rows in [slice(None)] if together else [slice(row, row + 1) for row in range(len(pattern))]:
+            active = self._active(pattern[rows][0], np.diagonal(matrices[0, rows][0]))
+            M, K, C, D = matrices[:, rows][..., active[:, np.newaxis], active]
+            modes = _all_poles if few else _lowest_poles
+            for poles, shapes in modes(K + 1j * D, C, M, count, highest):
+                X = np.zeros((len(poles), matrices.shape[-1]), dtype=np.complex128)
+                X[:, active] = shapes
+                yield poles, X
+
+    def _active(self, pattern: NDArray[np.bool_], inertia: NDArray[np.float64]) -> NDArray[np.intp]:
         """Return the DOFs that move, from the previous call if the same entries are zero."""
-        pattern, inertia = (K != 0) | (M != 0) | (C != 0) | (D != 0), np.diag(M)
         if self._moving is None or not np.array_equal(self._moving[0], pattern):
             self._moving = pattern, _dofs_with_inertia(pattern, inertia)
         return self._moving[1]
 
 
-def _poles(A: Any, C: Any, M: Any, undamped: list[tuple[float, NDArray[np.float64]]]) -> tuple[Any, Any]:
-    """Return poles (n,) and shapes (n, d) of A + s C + s^2 M from the undamped frequencies [Hz] and shapes."""
-    starts = np.array([2j * np.pi * frequency for frequency, _ in undamped], dtype=np.complex128)
-    shapes = np.array([shape for _, shape in undamped], dtype=np.complex128).reshape(len(undamped), len(M))
-    poles, shapes = _refined(A, C, M, starts, shapes)
-    apart = np.abs(poles[:, None] - poles) + np.abs(poles) * np.eye(len(poles))
-    if not ((poles.imag > _LEAST_TURN * np.abs(poles)).all() and (apart > _SAME_POLE * np.abs(poles)).all()):
-        one, zero = np.eye(len(M)), np.zeros_like(M)
-        values, vectors = eig(np.block([[zero, one], [-A, -C]]), np.block([[one, zero], [zero, M]]))
-        turning = np.isfinite(values) & (values.imag > _LEAST_TURN * np.abs(values))
-        kept = turning & (np.abs(values) > np.abs(starts[0]) / 2.0)  # rigid-body modes have poles at or near zero
-        poles, shapes = _refined(A, C, M, values[kept], vectors[: len(M), kept].T)
-        poles, shapes = poles[np.isfinite(poles)], shapes[np.isfinite(poles)]
-    order = np.argsort(np.abs(poles))[: len(undamped)]
-    return poles[order], shapes[order]
+def _all_poles(A: Any, C: Any, M: Any, count: int, highest: float) -> Iterator[tuple[Any, Any]]:
+    """Yield poles (<= count,) and shapes (<= count, d) of each of the stacked A + s C + s^2 M (n, d, d).
+
+    With s = z + z / v and a positive z, v is an eigenvalue of a companion matrix, also with massless DOFs or rigid
+    bodies.
+    """
+    inertia, stiffness = (np.diagonal(part.real, axis1=1, axis2=2).sum(axis=1) for part in (M, A))
+    z = np.sqrt(np.where(stiffness > 0.0, stiffness / inertia, 1.0))[:, np.newaxis, np.newaxis]
+    below = -np.linalg.solve(A + z * (C + z * M), np.concatenate([z**2 * M, z * (C + 2.0 * z * M)], axis=2))
+    above = np.broadcast_to(np.eye(M.shape[1], 2 * M.shape[1], M.shape[1]), below.shape)
+    values, vectors = np.linalg.eig(np.concatenate([above, below], axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):  # massless DOFs have infinite poles
+        poles = z[:, 0] * (1.0 + 1.0 / values)
+    for s, X, K in zip(poles, vectors[:, : M.shape[1]].swapaxes(1, 2), A.real, strict=True):
+        strain, largest = np.sum(X.conj() * (X @ K), axis=1).real, np.sum(np.abs(X) * (np.abs(X) @ np.abs(K)), axis=1)
+        turning = np.isfinite(s) & (s.imag > _LEAST_TURN * np.abs(s)) & (strain > _STRAIN_FLOOR * largest)
+        lowest = np.flatnonzero(turning)[np.argsort(np.abs(s[turning]))][:count]
+        lowest = lowest[: 1 + np.count_nonzero(np.abs(s[lowest]) <= 2.0 * np.pi * highest)]
+        yield s[lowest], X[lowest]
+
+
+def _lowest_poles(A: Any, C: Any, M: Any, count: int, highest: float) -> Iterator[tuple[Any, Any]]:
+    """Yield the same as `_all_poles`, where iteration from each mode of the undamped assembly finds as many poles."""
+    for row, (stiffness, damping, mass) in enumerate(zip(A, C, M, strict=True)):
+        undamped = list(islice(_dense_modes(stiffness.real, mass), count))
+        undamped = undamped[: 1 + sum(frequency <= highest for frequency, _ in undamped)]
+        starts = np.array([2j * np.pi * frequency for frequency, _ in undamped], dtype=np.complex128)
+        shapes = np.array([shape for _, shape in undamped], dtype=np.complex128).reshape(len(undamped), len(mass))
+        poles, shapes = _refined(stiffness, damping, mass, starts, shapes)
+        apart = np.abs(poles[:, None] - poles) + np.abs(poles) * np.eye(len(poles))
+        if (poles.imag > _LEAST_TURN * np.abs(poles)).all() and (apart > _SAME_POLE * np.abs(poles)).all():
+            order = np.argsort(np.abs(poles))
+            yield poles[order], shapes[order]
+        else:
+            alone = slice(row, row + 1)
+            yield from _all_poles(A[alone], C[alone], M[alone], count, highest)
 
 
 def _refined(A: Any, C: Any, M: Any, s: Any, X: Any) -> tuple[Any, Any]:
