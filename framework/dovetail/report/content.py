@@ -299,7 +299,8 @@ def fit_sentence(fit: Fit) -> str:
         source = "assumed to be 1 % of the largest value, since fewer than 10 lines do not tell it"
     return (
         f"Chi-squared {fit.chi_squared:.3g} per degree of freedom ({fit.degrees_of_freedom}) over the random error, "
-        f"{source}; {fit.starts} start{"s" * (fit.starts != 1)}, {fit.steps} steps, {number(fit.seconds, 2, padded=False)} s."
+        f"{source}; {fit.starts} start{'s' * (fit.starts != 1)}, {fit.steps} steps, "
+        f"{number(fit.seconds, 2, padded=False)} s."
     )
 
 
