@@ -104,11 +104,7 @@ def _print(done: Comparison) -> None:
     title(done.title)
     say_caveat(done)
     tables = _tables(done)
-    for name, words in (
-        ("coherence", "Mean coherence"),
-        ("frequencies", "Resonances: errors in per cent"),
-        ("times", "Time [s]"),
-    ):
+    for name, words in _HEADINGS.items():
         heading(words)
         header, rows = tables[name]
         table(header, [[str(cell) for cell in row] for row in rows], numbers=header[1:-1])
