@@ -27,7 +27,6 @@ __all__ = [
     "Frequency",
     "InUnit",
     "Mass",
-    "Position",
     "dimension",
     "format_quantity",
     "is_unit",
@@ -212,7 +211,6 @@ class InUnit:
             raise PydanticCustomError("unit", "{reason}", {"reason": error.faults[0].problem}) from None
 
 
-Position = Annotated[float, InUnit("m")]
 Mass = Annotated[float, Field(ge=0), InUnit("kg")]
 Frequency = Annotated[float, Field(gt=0), InUnit("Hz")]
 

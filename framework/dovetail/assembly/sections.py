@@ -268,7 +268,7 @@ class AugmentationSection(_Section):
     gain: _Level = 0.0
     bad_lines: Annotated[_Number, Field(ge=0, le=1)] = 0.0
     stretch: Annotated[_Number, Field(ge=0, le=0.1)] = 0.0
-    mass: Annotated[Mass, Field(ge=0)] = 0.0
+    mass: Mass = 0.0
     copies: Annotated[_Count, Field(ge=1, le=1000)] = 8
     fresh: bool = False
     reuse: Annotated[_Count, Field(ge=1, le=1000)] = 1

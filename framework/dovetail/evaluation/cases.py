@@ -16,7 +16,7 @@ from dovetail.documents.tree import format_value, plain_values
 from dovetail.documents.validation import validate
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf
-from dovetail.units import InUnit
+from dovetail.units import Mass
 
 __all__ = ["FORMAT", "Case", "Cases", "JointSource", "Measurement", "read_cases"]
 
@@ -109,12 +109,9 @@ class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-_Mass = Annotated[float, Field(ge=0), InUnit("kg")]
-
-
 class _Measured(_Section):
     file: str
-    accelerometer_mass: _Mass | None = None
+    accelerometer_mass: Mass | None = None
     quantity: str | None = None
     unit: str | None = None
     index: Annotated[int, Field(ge=1)] | None = None
@@ -151,7 +148,7 @@ class _Case(_Section):
 class _File(_Section):
     title: str = "Validation"
     series: str = ""
-    accelerometer_mass: _Mass = 0.0
+    accelerometer_mass: Mass = 0.0
     cases: Annotated[dict[str, Any], Field(min_length=1)]
 
 
