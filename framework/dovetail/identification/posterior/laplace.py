@@ -16,7 +16,6 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.posterior.likelihood import (
-    MarginalisedResiduals,
     PosteriorResiduals,
     build_likelihood,
     check_options,
@@ -143,7 +142,7 @@ def laplace_posterior(
     progress("modes", 0, 1)
     began = time.perf_counter()
     likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)
-    residuals = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
+    residuals = likelihood.posterior
     modes = maximise_posterior(residuals, start_near(best)[np.newaxis], tolerance=_SETTINGS.tolerance)
     approximation = LaplaceApproximation.at(residuals, modes[0])
     z, weight = approximation.draw(samples, seed), np.full(samples, 1.0 / samples)
@@ -195,8 +194,7 @@ def half_about_the_fit(
     target, values = Observations.of(assembly, measured), ModelFrfs.of(assembly).frf(fit.theta[np.newaxis])[0]
     pairs = zip(target.frfs, target.split(values), strict=True)
     of_fit = [replace(frf, values=own if frf.has_phase else np.abs(own)) for frf, own in pairs]
-    likelihood = build_likelihood(assembly, of_fit, fit, model_error)
-    residuals = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
+    residuals = build_likelihood(assembly, of_fit, fit, model_error).posterior
     start = start_near(assembly.to_unit(fit.theta))[np.newaxis]
     mode = maximise_posterior(residuals, start, tolerance=_SETTINGS.tolerance)[0]
     both, halves, second = z.copy(), weight / weight.sum(), slice(1, None, 2)

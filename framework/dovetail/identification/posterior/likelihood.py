@@ -106,6 +106,11 @@ class Likelihood:
         """The residuals as functions of the parameters."""
         return FrfResiduals(self.model, self.residual)
 
+    @property
+    def posterior(self) -> PosteriorResiduals:
+        """The residuals with the model's errors marginalised, and those of the prior."""
+        return PosteriorResiduals(MarginalisedResiduals(self.misfit, self.errors))
+
     def frf(self, fraction: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the model's FRFs (n, f) at fractions of the ranges (n, p)."""
         return self.model.frf(self.model.assemblies[0].from_unit(fraction))

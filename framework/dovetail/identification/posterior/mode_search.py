@@ -81,8 +81,7 @@ def likelihood_at_mode(
     if not model_error.quantities:
         return build_likelihood(assembly, measured, fit, model_error), fraction
     likelihood = build_likelihood(assembly, measured, fit, replace(model_error, quantities=0.0))
-    posterior = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, likelihood.errors))
-    mode = maximise_posterior(posterior, start_near(fraction)[np.newaxis])[0]
+    mode = maximise_posterior(likelihood.posterior, start_near(fraction)[np.newaxis])[0]
     fraction = unit_from_normal(mode)
     there = replace(fit, theta=assembly.from_unit(fraction))
     return build_likelihood(assembly, measured, there, model_error), fraction
@@ -129,8 +128,8 @@ def search_modes(
     def tell() -> None:
         progress("modes", next(searches), total)
 
-    first: dict[str, Any] = {"tolerance": _SETTINGS.first_tolerance, "most_steps": _SETTINGS.first_steps}
-    near = minimise(logarithms, points, **first, tell=tell).position
+    tolerance, most_steps = _SETTINGS.first_tolerance, _SETTINGS.first_steps
+    near = minimise(logarithms, points, tolerance=tolerance, most_steps=most_steps, tell=tell).position
 
     def tempered(weight: float) -> PosteriorResiduals:
         return PosteriorResiduals(MarginalisedResiduals(misfit, some_errors, weight * full_weight))
@@ -141,9 +140,8 @@ def search_modes(
         cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
     both = np.concatenate([direct, cooled])
     ends = maximise_posterior(tempered(1.0), both, most_steps=_SETTINGS.rough_steps, **rough)
-    posterior = PosteriorResiduals(MarginalisedResiduals(likelihood.misfit, errors))
     starts = np.concatenate([start_near(best)[np.newaxis], ends[: _SETTINGS.refined_modes]])
-    return maximise_posterior(posterior, starts, tell=tell)
+    return maximise_posterior(likelihood.posterior, starts, tell=tell)
 
 
 def maximise_posterior(
