@@ -95,7 +95,7 @@ def test_fewer_lines_of_the_model_give_the_same_averages(collet, torque_100, wid
     assert len(lines) < 0.5 * len(values)
     for factor in (1.0, 1.0 + width):
         shown = np.interp(collet.frequency / factor, collet.frequency, values)
-        few, every = residual._averaged(shown[np.newaxis, lines])[0], whole._averaged(shown[np.newaxis])[0]
+        few, every = residual.responses[0]._averaged(shown[np.newaxis, lines])[0], whole._averaged(shown[np.newaxis])[0]
         magnitude = whole._averaged(np.abs(shown)[np.newaxis])[0]
         error = np.abs(few - every) / magnitude
         assert error[:-2].max() < 0.01

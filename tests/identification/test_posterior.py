@@ -47,9 +47,8 @@ EXACT = ModelError(0.0)
 
 def exact_likelihood(assembly, frf):
     """The likelihood of a measurement with known noise and of a model without errors."""
-    residual = Weighted.against(frf, frf.variance, np.ones(len(frf.frequency), dtype=bool))
-    none = np.zeros((0, residual.components * len(frf.frequency)))
-    target = Observations.of(assembly, frf)
+    target, every = Observations.of(assembly, frf), np.ones(len(frf.frequency), dtype=bool)
+    residual, none = target.weighted(frf.variance, every), np.zeros((0, target.residual_count(every)))
     return Likelihood(target, frf.variance, ModelFrfs.of(assembly), residual, residual, none)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import combinations
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,6 @@ _RECIPROCITY, _EXCESS = 0.05, 3.0
 """Relative difference of two reciprocal FRFs that is reported, and its ratio to the one that random errors explain."""
 _MOST_GAPS = 5
 """Largest number of gaps that a warning lists."""
-
-_Residual = TypeVar("_Residual", Weighted, LogAmplitude)
 
 
 def one_per_response(assembly: Assembly, measured: Frf | Sequence[Frf]) -> tuple[Frf, ...]:
@@ -179,15 +177,15 @@ class Observations:
         parts = zip(self.frfs, np.split(residuals, ends), counts, strict=True)
         return [normal_residuals(frf, part.reshape(shape)) for frf, part, shape in parts]
 
-    def weighted(self, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> Weighted | StackedResiduals[Weighted]:
+    def weighted(self, variance: NDArray[np.float64], used: NDArray[np.bool_]) -> StackedResiduals[Weighted]:
         """Return the whitened residuals of the lines `used`."""
         responses = zip(self.frfs, self.split(variance), self.split(used), strict=True)
-        return _stacked([Weighted.against(*response) for response in responses], self.counts)
+        return StackedResiduals(tuple(Weighted.against(*response) for response in responses), self.counts)
 
-    def logarithms(self, variance: NDArray[np.float64]) -> LogAmplitude | StackedResiduals[LogAmplitude]:
+    def logarithms(self, variance: NDArray[np.float64]) -> StackedResiduals[LogAmplitude]:
         """Return the residuals of the amplitudes' logarithms."""
         pairs = zip(self.frfs, self.split(variance), strict=True)
-        return _stacked([LogAmplitude(*pair) for pair in pairs], self.counts)
+        return StackedResiduals(tuple(LogAmplitude(*pair) for pair in pairs), self.counts)
 
     def squares(self, model: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return |difference|^2 (n_lines,) from a model's values; without a phase, twice that of the amplitudes."""
@@ -240,10 +238,6 @@ def _estimated(frf: Frf, model: NDArray[np.complex128] | None) -> NDArray[np.flo
 def _from_residuals(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the variance of residuals; for amplitudes, whose errors are not symmetric, that of their scatter."""
     return residual_variance(frf, model, used) if frf.has_phase else _estimated(frf, model)
-
-
-def _stacked(residuals: list[_Residual], counts: tuple[int, ...]) -> _Residual | StackedResiduals[_Residual]:
-    return residuals[0] if len(residuals) == 1 else StackedResiduals(tuple(residuals), counts)
 
 
 @dataclass(frozen=True, eq=False)

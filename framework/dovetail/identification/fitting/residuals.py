@@ -98,7 +98,7 @@ class ModelFrfs:
         """Return FRFs (n, n_lines) at parameter vectors (n, n_params)."""
         if self._together is not None:
             return _end_to_end(self._together.frfs(theta))
-        return _joined([assembly.frf(theta) for assembly in self.assemblies])
+        return _joined([assembly.frf(theta) for assembly in self.assemblies], axis=1)
 
     def frf_jacobian(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return FRFs (n, n_lines) and their derivatives (n, n_lines, n_params)."""
@@ -106,7 +106,7 @@ class ModelFrfs:
             values, derivatives = self._together.jacobian(theta)
             return _end_to_end(values), _end_to_end(derivatives)
         frfs, jacobians = zip(*(assembly.frf_jacobian(theta) for assembly in self.assemblies), strict=True)
-        return _joined(frfs), _joined(jacobians)
+        return _joined(frfs, axis=1), _joined(jacobians, axis=1)
 
     @cached_property
     def _together(self) -> ResponseFrfs | None:
@@ -134,8 +134,9 @@ def _end_to_end(array: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return array.reshape(len(array), -1, *array.shape[3:])
 
 
-def _joined(arrays: Sequence[NDArray[np.complex128]]) -> NDArray[np.complex128]:
-    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=1)
+def _joined(arrays: Sequence[NDArray[Any]], axis: int) -> NDArray[Any]:
+    """Concatenate the arrays of all responses; a single one is not copied."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=axis)
 
 
 class Residual(Protocol):
@@ -268,22 +269,9 @@ class Weighted:
         measured = target.values if target.has_phase else target.amplitude
         return Weighted(measured, variance, used * weight, target.has_phase)
 
-    @property
-    def components(self) -> int:
-        """Residuals of each line: 2 with a phase, 1 without."""
-        return 2 if self.has_phase else 1
-
     def at(self, lines: NDArray[np.intp]) -> Weighted:
         """Return the residuals of some lines."""
         return Weighted(self.measured[lines], self.variance[lines], self.weight[lines], self.has_phase)
-
-    def lines_of(self, residuals: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the indices of the lines to which residuals belong, increasing, each once."""
-        return np.unique(residuals // self.components)
-
-    def residuals_of(self, lines: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the indices of the residuals of some lines."""
-        return np.asarray((self.components * lines[:, np.newaxis] + np.arange(self.components)).ravel())
 
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the residuals (n, m) of FRFs (n, f); with a phase, a line's real part, then its imaginary part."""
@@ -313,7 +301,7 @@ _Kind = TypeVar("_Kind", bound=Residual)
 
 @dataclass(frozen=True, eq=False)
 class StackedResiduals(Generic[_Kind]):
-    """Residuals of several responses, concatenated.
+    """Residuals of one response or several, concatenated.
 
     Parameters
     ----------
@@ -329,17 +317,17 @@ class StackedResiduals(Generic[_Kind]):
     def of(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the residuals (n, m) of FRFs (n, f)."""
         pairs = zip(self.responses, self._split(frf), strict=True)
-        return np.concatenate([residual.of(block) for residual, block in pairs], axis=-1)
+        return _joined([residual.of(block) for residual, block in pairs], axis=-1)
 
     def jacobian(self, frf: NDArray[np.complex128], frf_jacobian: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return their derivatives (n, p, m) from FRFs (n, f) and their derivatives (n, p, f)."""
         blocks = zip(self.responses, self._split(frf), self._split(frf_jacobian), strict=True)
-        return np.concatenate([residual.jacobian(*block) for residual, *block in blocks], axis=-1)
+        return _joined([residual.jacobian(*block) for residual, *block in blocks], axis=-1)
 
     def size(self: StackedResiduals[Weighted], frf: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the size (f,) of each line's residual, as `Weighted.size`."""
         pairs = zip(self.responses, self._split(frf), strict=True)
-        return np.concatenate([residual.size(block) for residual, block in pairs])
+        return _joined([residual.size(block) for residual, block in pairs], axis=-1)
 
     def at(self: StackedResiduals[Weighted], lines: NDArray[np.intp]) -> StackedResiduals[Weighted]:
         """Return the residuals of some lines (increasing indices), without responses that have none of them."""
@@ -358,8 +346,8 @@ class StackedResiduals(Generic[_Kind]):
     @property
     def _lines(self: StackedResiduals[Weighted]) -> NDArray[np.intp]:
         """(m,) the line of each residual."""
-        components = np.repeat([residual.components for residual in self.responses], self.counts)
-        return np.repeat(np.arange(sum(self.counts)), components)
+        of_each = np.repeat([2 if residual.has_phase else 1 for residual in self.responses], self.counts)
+        return np.repeat(np.arange(sum(self.counts)), of_each)
 
     def _split(self, values: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
         return np.split(values, np.cumsum(self.counts)[:-1], axis=-1)

@@ -85,8 +85,8 @@ def weigh(
     lines : (m,) array
         Increasing indices; fewer than all if lines are averaged and resonances are broad.
     residuals : Residual
-        Of single lines (`Weighted`, or those of several responses), or averaged over neighbouring ones, of the FRFs on
-        these lines.
+        Of single lines (`Weighted`), or averaged over neighbouring ones (`AveragedResiduals`), of the FRFs on these
+        lines.
     """
     deviation = unshaped_deviation(target, values, size)
     if not needs_average(size):
@@ -101,15 +101,11 @@ def weigh(
         lines.append(needed)
     firsts = np.cumsum((0, *model.counts))[:-1].tolist()
     numbers = np.concatenate([first + needed for first, needed in zip(firsts, lines, strict=True)])
-    if len(averaged) == 1:
-        return numbers, averaged[0]
     return numbers, StackedResiduals(tuple(averaged), tuple(len(needed) for needed in lines))
 
 
 def with_deviation(averages: Residual, deviations: Sequence[NDArray[np.float64]]) -> Residual:
-    """Return the averages of one or several responses with other standard deviations (n_freq,) of additional errors."""
-    if isinstance(averages, AveragedResiduals):
-        return averages.with_deviation(deviations[0])
+    """Return the averages of all responses with other standard deviations (n_freq,) of additional errors."""
     assert isinstance(averages, StackedResiduals)
     pairs = zip(averages.responses, deviations, strict=True)
     return StackedResiduals(tuple(one.with_deviation(deviation) for one, deviation in pairs), averages.counts)

@@ -88,7 +88,7 @@ class Likelihood:
         On the lines that the residuals need.
     residual : Residual
         Whitened; averaged over neighbouring lines if the model's errors need that.
-    by_line : Weighted or StackedResiduals or None
+    by_line : StackedResiduals or None
         The same residuals if they are of single lines, else None.
     errors : (k, m) array
         Change of the residuals by one standard deviation of each error of the model.
@@ -98,7 +98,7 @@ class Likelihood:
     variance: NDArray[np.float64]
     model: ModelFrfs
     residual: Residual
-    by_line: Weighted | StackedResiduals[Weighted] | None
+    by_line: StackedResiduals[Weighted] | None
     errors: NDArray[np.float64]
 
     @property
@@ -297,7 +297,7 @@ class _ScaledValues:
 
 def _few_lines(
     likelihood: Likelihood,
-    by_line: Weighted | StackedResiduals[Weighted],
+    by_line: StackedResiduals[Weighted],
     basis: NDArray[np.float64],
     origin: NDArray[np.float64],
 ) -> _FewLines:
