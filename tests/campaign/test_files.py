@@ -13,7 +13,7 @@ from models import ACCELEROMETER
 
 import dovetail
 from dovetail.evaluation import read_cases
-from dovetail.identification.resonance_peaks import resonance_peaks
+from dovetail.frf.resonance_peaks import resonance_peaks
 
 NAMES = [test.name for test in TESTS]
 LINE = 1.5625

@@ -11,6 +11,7 @@ from noisy_measurements import frf_on, noisy
 
 import dovetail
 from dovetail.errors import ParameterError
+from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.identification.adequacy.adequacy import word_for
 from dovetail.identification.adequacy.model_error_size import _Linearised, _most_plausible, estimate_model_error
 from dovetail.identification.adequacy.perturbations import list_perturbations
@@ -21,7 +22,6 @@ from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.posterior import ModelError
 from dovetail.identification.posterior.frequency_average import unshaped_deviation
 from dovetail.identification.posterior.model_error import fit_resonances
-from dovetail.identification.resonance_peaks import resonance_peaks
 
 TRUTH = np.array([2e6, 20.0, 1e6, 10.0])
 METHODS = ("refined", "multistart", "posterior")

@@ -10,7 +10,7 @@ import pytest
 import dovetail
 from dovetail.errors import MeasurementError
 from dovetail.frf import Frf
-from dovetail.identification.resonance_peaks import resonance_peaks
+from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.measurement import add_accelerometer_mass, complex_noise, remove_accelerometer_mass
 
 MASS = 1.2e-3

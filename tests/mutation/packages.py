@@ -67,7 +67,7 @@ PACKAGES = {
         ("dovetail/frf/*",),
         (
             *_in("measurement", "frf", "random_variance", "csv_files", "accelerometer_mass", "resampling", "noise"),
-            *_in("measurement", "tables_with_units", "npz_files", "uff_files", "round_trip"),
+            *_in("measurement", "tables_with_units", "npz_files", "uff_files", "round_trip", "resonance_peaks"),
             *_in("coupling", "receptance_coupling"),
             *_in("physics", "synthesis"),
             *_in("identification", "identify_result"),
@@ -96,7 +96,7 @@ PACKAGES = {
         ("dovetail/identification/fitting/*",),
         (
             *_in("identification", "fitting", "fit_limits", "genuine_fits", "adequacy", "laplace", "scaling"),
-            *_in("identification", "resonance_peaks", "several_responses"),
+            *_in("identification", "several_responses"),
         ),
         SLOW,
     ),

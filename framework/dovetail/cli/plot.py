@@ -78,7 +78,7 @@ def plot(
 
 def _summary(frf: Frf) -> dict[str, Any]:
     """Return the properties of an FRF as plain values."""
-    from dovetail.identification.resonance_peaks import resonance_peaks
+    from dovetail.frf.resonance_peaks import resonance_peaks
 
     return {
         "measurement": frf.label,

@@ -21,11 +21,11 @@ from dovetail.evaluation.cases import Case, Cases
 from dovetail.evaluation.robustness import storage_for, variant
 from dovetail.evaluation.validation import PROMINENCE
 from dovetail.frf import Frf, coherence_spectrum
+from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification import Identification, Identifier, identify, train
 from dovetail.identification.fitting import one_per_response
 from dovetail.identification.identify import check_mass, find_method
 from dovetail.identification.methods import METHODS
-from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter
 from dovetail.measurement import check_cover, within_band

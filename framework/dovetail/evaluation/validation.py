@@ -14,10 +14,10 @@ from dovetail.assembly import Assembly, load, natural_in_band
 from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
 from dovetail.frf import Frf, coherence_spectrum
+from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification import Identification, identify
 from dovetail.identification.identify import check_mass
 from dovetail.identification.prediction import joint_values, predicted_frf
-from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import caveats_of
 from dovetail.identification.result_file import AnyIdentification, load_result
 from dovetail.interfaces import IdentificationMethod, Progress, progress_reporter

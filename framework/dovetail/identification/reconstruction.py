@@ -15,10 +15,10 @@ from dovetail.assembly import Assembly
 from dovetail.assembly.description import Tie, follow
 from dovetail.errors import DovetailError, PluginError
 from dovetail.frf import Frf
+from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.fitting import Fit, one_per_response
 from dovetail.identification.parameters import Follower, IdentifiedParameter, is_in_range
-from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.result import AtPoint, Identification, Mode
 from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from dovetail.frf import Frf
+from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.adequacy.adequacy import word_for
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
@@ -34,7 +35,6 @@ from dovetail.identification.posterior.model_error import (
     fit_resonances,
     typical_model_error,
 )
-from dovetail.identification.resonance_peaks import counterpart, resonance_peaks
 from dovetail.interfaces import Progress, silent
 
 __all__ = ["FitWithError", "estimate_model_error", "fit_with_error"]

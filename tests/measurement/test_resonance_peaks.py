@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.identification.reconstruction import _paired_modes as paired_modes
-from dovetail.identification.resonance_peaks import resonance_peaks
 
 FREQUENCY = np.arange(100.0, 9001.0, 2.0)
 NATURAL = np.array([1319.0, 6446.0, 8133.0])

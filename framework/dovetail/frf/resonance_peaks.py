@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from dovetail.frf import Frf
+from dovetail.frf.frf import Frf
 
 __all__ = ["counterpart", "resonance_peaks"]
 
@@ -34,6 +34,9 @@ class Settings:
 
 
 _SETTINGS = Settings()
+
+_MEDIAN_COMPLEX, _MEDIAN_REAL = 1.1774, 0.6745
+"""Median magnitude of noise over the standard deviation of its real part: sqrt(2 ln 2), and the normal quartile."""
 
 
 def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArray[np.float64]:
@@ -93,7 +96,7 @@ def counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np
 def _noise(frf: Frf) -> NDArray[np.float64]:
     """Estimate the standard deviation (n_freq,) of the noise of each value's real part."""
     second = np.abs(np.diff(frf.values if frf.has_phase else frf.values.real, 2))
-    scale = (1.1774 if frf.has_phase else 0.6745) * np.sqrt(6.0)
+    scale = (_MEDIAN_COMPLEX if frf.has_phase else _MEDIAN_REAL) * np.sqrt(6.0)  # a second difference has 6 variances
     count = max(1, len(second) // _SETTINGS.lines)
     middles, levels = ([np.median(part) for part in np.array_split(a, count)] for a in (frf.frequency[1:-1], second))
     return np.asarray(np.interp(frf.frequency, middles, levels) / scale)
