@@ -20,7 +20,7 @@ from dovetail.errors import DovetailError, Fault, ParameterError, listing
 from dovetail.evaluation.cases import Case, Cases
 from dovetail.evaluation.robustness import storage_for, variant
 from dovetail.evaluation.validation import PROMINENCE
-from dovetail.frf import Frf, coherence_spectrum
+from dovetail.frf import Frf, coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification import Identification, Identifier, identify, train
 from dovetail.identification.fitting import one_per_response
@@ -74,8 +74,7 @@ class Compared:
     @property
     def coherence(self) -> NDArray[np.float64]:
         """(n_freq,) agreement of reconstruction and measurement (Eq. 15); of their amplitudes if there is no phase."""
-        model = self.frf.values if self.measured.has_phase else self.frf.amplitude
-        return coherence_spectrum(self.measured.values, model)
+        return coherence_with_model(self.measured, self.frf.values)
 
     @property
     def mean_coherence(self) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from dovetail.assembly import Assembly, load, natural_in_band
 from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.cases import Case, Cases, JointSource
-from dovetail.frf import Frf, coherence_spectrum
+from dovetail.frf import Frf, coherence_with_model
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification import Identification, identify
 from dovetail.identification.identify import check_mass
@@ -95,9 +95,7 @@ class ValidatedCase:
     @property
     def mean_coherence(self) -> float:
         """Mean agreement of prediction and compensated measurement (Eq. 15)."""
-        if not self.compensated.has_phase:
-            return float(coherence_spectrum(self.compensated.amplitude, self.predicted.amplitude).mean())
-        return float(coherence_spectrum(self.compensated.values, self.predicted.values).mean())
+        return float(coherence_with_model(self.compensated, self.predicted.values).mean())
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""A frequency response function: frequency axis, complex values, and their quantity."""
+"""A frequency response function: frequency axis, complex values, and their quantity; and the agreement of two."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dovetail.errors import MeasurementError
 from dovetail.frf.quantity import QUANTITIES, Quantity, conversion, unit_of
 from dovetail.plain_text import html_table, terminal_text
 
-__all__ = ["Frf", "in_bands"]
+__all__ = ["Frf", "coherence_spectrum", "coherence_with_model", "in_bands"]
 
 
 def _frozen(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:
@@ -198,3 +198,33 @@ def in_bands(frequency: NDArray[np.float64], bands: Iterable[tuple[float, float]
     for low, high in bands:
         inside |= (frequency >= low) & (frequency <= high)
     return inside
+
+
+def coherence_spectrum(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
+    """Agreement of two complex FRFs, line by line.
+
+    Parameters
+    ----------
+    first, second : (..., n_freq) complex arrays
+        The two FRFs, of the same quantity.
+
+    Returns
+    -------
+    (..., n_freq) array
+        ``|h1 + h2|^2 / (2 (|h1|^2 + |h2|^2))``: 1 where they are equal or both zero, 0 where they are opposite.
+
+    References
+    ----------
+    Eq. 15 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
+    """
+    h1, h2 = np.asarray(first, dtype=np.complex128), np.asarray(second, dtype=np.complex128)
+    energy = 2.0 * (np.abs(h1) ** 2 + np.abs(h2) ** 2)
+    agreement: NDArray[np.float64] = np.divide(np.abs(h1 + h2) ** 2, energy, out=np.ones_like(energy), where=energy > 0)
+    return agreement
+
+
+def coherence_with_model(measured: Frf, values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the agreement (n_freq,) of a measurement with a model's values; of the amplitudes if it has no phase."""
+    if measured.has_phase:
+        return coherence_spectrum(measured.values, values)
+    return coherence_spectrum(measured.amplitude, np.abs(values))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import DovetailError, Fault
-from dovetail.frf import Frf, coherence_spectrum
+from dovetail.frf import Frf, coherence_with_model
 from dovetail.identification.adequacy.adequacy import Adequacy
 from dovetail.identification.fitting.fit import Fit
 from dovetail.identification.parameters import IdentifiedParameter, TableRow, dataframe, inference_data, parameter_table
@@ -66,9 +66,7 @@ class AtPoint:
 
         Eq. 15 of Processes 14 (2026) 1875, doi:10.3390/pr14121875.
         """
-        if self.measured.has_phase:
-            return coherence_spectrum(self.measured.values, self.frf.values)
-        return coherence_spectrum(self.measured.amplitude, self.frf.amplitude)
+        return coherence_with_model(self.measured, self.frf.values)
 
     @property
     def mean_coherence(self) -> float:

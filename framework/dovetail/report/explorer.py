@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, natural_in_band
 from dovetail.errors import DovetailError, Fault, ParameterError
-from dovetail.frf import Frf, coherence_spectrum
+from dovetail.frf import Frf, coherence_with_model
 from dovetail.identification import Identification, identify
 from dovetail.identification.fitting.observations import MeasuredLines
 from dovetail.identification.provenance import provenance
@@ -124,8 +124,7 @@ class Explorer:
         answer: dict[str, Any] = curve_data(frf)
         if self._measured:
             measured = self._measured[response]
-            model, known = (frf, measured.values) if measured.has_phase else (np.abs(frf), measured.amplitude)
-            answer["coherence"] = float(coherence_spectrum(known, model).mean())
+            answer["coherence"] = float(coherence_with_model(measured, frf).mean())
             answer["misfit"] = _decibels(np.abs(frf), measured.amplitude)
         return answer
 
