@@ -265,7 +265,7 @@ def _check(
 ) -> None:
     """Check everything that could be wrong, before any work."""
     from dovetail.cli.result_files import prepare_folder
-    from dovetail.identification.fitting.observations import MeasuredLines
+    from dovetail.identification.measured_lines import MeasuredLines
     from dovetail.report.truth import read_truth
 
     lines = MeasuredLines.of(assembly, measured)

@@ -19,9 +19,9 @@ from dovetail.assembly.calibration import unknown_signs, with_signs
 from dovetail.assembly.description import Response
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
-from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.observations import MeasuredLines, one_per_response
+from dovetail.identification.fitting import one_per_response, refine
 from dovetail.identification.fitting.random_error import Weights, weighted_variance
+from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.methods import DEFAULT_METHOD, METHODS, by_plugin
 from dovetail.identification.modal_fit import identify_from_modes
 from dovetail.identification.network.bundle import TrainedNetwork

@@ -20,8 +20,9 @@ from dovetail.identification.adequacy import CAUSE_SECONDS, assess
 from dovetail.identification.adequacy.assess import check_limits
 from dovetail.identification.fitting import Fit, Objective, fit_at, multistart, refine
 from dovetail.identification.fitting.fit import fractions_within
-from dovetail.identification.fitting.observations import MeasuredLines, Observations
+from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
+from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.network.bundle import TrainedNetwork
 from dovetail.identification.network.network import FEWEST_DRAWS, check_contract, component_label
 from dovetail.identification.network.preprocessing import accelerance_amplitudes

@@ -18,7 +18,7 @@ from dovetail.assembly import Assembly, natural_in_band
 from dovetail.errors import DovetailError, Fault, ParameterError
 from dovetail.frf import Frf, coherence_with_model
 from dovetail.identification import Identification, identify
-from dovetail.identification.fitting.observations import MeasuredLines
+from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.interfaces import Progress, silent
