@@ -22,7 +22,7 @@ from dovetail.identification.adequacy import model_causes
 from dovetail.identification.adequacy.adequacy import Cause
 from dovetail.identification.adequacy.model_causes import Candidate, nearest_points
 from dovetail.identification.adequacy.perturbations import Perturbation
-from dovetail.identification.adequacy.trials import Trials, values_of
+from dovetail.identification.adequacy.trials import Trials
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
@@ -263,7 +263,7 @@ def _quantities(trials: Trials) -> Iterator[Candidate]:
     """Try another quantity if the ratio of measurement to model follows a power of the frequency."""
     if len(trials.target.frequency) < 2:
         return
-    ratio = np.log(np.abs(values_of(trials.target.frfs)) / np.abs(trials.values(trials.shape)))
+    ratio = np.log(trials.target.amplitude / np.abs(trials.values(trials.shape)))
     axis = np.log(trials.target.frequency)
     low, high = np.array_split(np.argsort(axis), 2)
     span = float(np.median(axis[high]) - np.median(axis[low]))
@@ -280,7 +280,7 @@ def _delays(trials: Trials) -> Iterator[Candidate]:
     change = np.asarray(-1j * angular / angular.max())
     guesses = []
     for start in trials.starts:
-        phase = np.angle(values_of(trials.target.frfs) * np.conj(trials.values(start)))
+        phase = np.angle(trials.target.values * np.conj(trials.values(start)))
         grid = np.linspace(-4.0 * np.pi, 4.0 * np.pi, _SETTINGS.delays)
         agreement = np.cos(phase + np.outer(grid, angular / angular.max())).mean(axis=1)
         guesses.append((float(agreement.max()), float(grid[np.argmax(agreement)]), start))
@@ -341,7 +341,7 @@ def _points(trials: Trials) -> Iterator[Candidate]:
     """Try other points of response and force: those where the model comes nearest to the measurement."""
     if len(trials.target.frfs) > 1:
         return
-    amplitude = np.abs(values_of(trials.target.frfs))
+    amplitude = trials.target.amplitude
     likely = np.stack([trials.best, trials.shape])
     for other, words, start in nearest_points(trials.assembly, amplitude, likely, _SETTINGS.points):
         if trials.is_active and other.description.response.is_drive_point:

@@ -15,7 +15,7 @@ from dovetail.assembly.changed_joints import has_dampers, with_damping
 from dovetail.assembly.description import Place
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
-from dovetail.identification.adequacy.trials import Trial, Trials, values_of
+from dovetail.identification.adequacy.trials import Trial, Trials
 from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.posterior.model_error import Resonances, fit_resonances
 from dovetail.interfaces import DIRECTIONS, Parameter
@@ -229,7 +229,7 @@ def try_exchanges(trials: Trials) -> Iterator[Candidate]:
 def try_missing_resonances(trials: Trials) -> Iterator[Candidate]:
     """Yield the fits with a resonance added where the measurement has one and the model has none."""
     theta = trials.unchanged.theta
-    values, measured = trials.values(theta), values_of(trials.target.frfs)
+    values, measured = trials.values(theta), trials.target.values
     if len(trials.target.frfs) > 1 or not trials.target.frfs[0].has_phase:
         return
     missed = missed_resonances(trials.target, trials.relative * np.abs(measured) ** 2, values)

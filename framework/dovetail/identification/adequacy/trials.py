@@ -22,7 +22,7 @@ from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, R
 from dovetail.identification.fitting.search_lines import search_lines
 from dovetail.identification.posterior.likelihood import MarginalisedResiduals
 
-__all__ = ["MOST_GIVEN_OUT", "LogRatio", "Trial", "Trials", "power_given_out", "values_of"]
+__all__ = ["MOST_GIVEN_OUT", "LogRatio", "Trial", "Trials", "power_given_out"]
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Trials:
         self.target = target.at(lines)
         self.stated = tuple(frf.quantity for frf in measured)
         self.assembly = assembly.on(*(frf.frequency for frf in self.target.frfs))
-        self.relative = fit.variance[lines] / np.maximum(np.abs(values_of(self.target.frfs)) ** 2, fit.variance[lines])
+        self.relative = fit.variance[lines] / np.maximum(self.target.amplitude**2, fit.variance[lines])
         self._used = np.ones(len(lines), dtype=np.bool_)
         self._most = np.inf
 
@@ -234,7 +234,7 @@ class Trials:
         residual: Residual = self._logarithms(target)
         ends: list[tuple[Trial, float]] = []
         for _ in range(_SETTINGS.passes):
-            values = values_of(target.frfs)[np.newaxis]
+            values = target.values[np.newaxis]
             direction = residual.jacobian(values, (change * values)[:, np.newaxis])[0]
             problem = MarginalisedResiduals(FrfResiduals(model, residual), _SETTINGS.free * direction)
             position = self._lowest(problem, position)[np.newaxis]
@@ -243,7 +243,7 @@ class Trials:
             left = residual.of(frf)[0]
             step = -float(left @ direction[0] / (direction[0] @ direction[0]))
             amount += step
-            changed = zip(target.frfs, target.split(values_of(target.frfs) * np.exp(-step * change)), strict=True)
+            changed = zip(target.frfs, target.split(target.values * np.exp(-step * change)), strict=True)
             target = Observations(tuple(replace(measured, values=values) for measured, values in changed))
             ends.append((self._judged(target, theta, frf[0]), amount))
             residual = self._weighted(target, frf[0])
@@ -296,7 +296,7 @@ class Trials:
         return np.asarray(minima.position[np.argmin(minima.cost)])
 
     def _logarithms(self, target: Observations) -> LogRatio:
-        return LogRatio.against(values_of(target.frfs), self.relative, all(frf.has_phase for frf in target.frfs))
+        return LogRatio.against(target.values, self.relative, all(frf.has_phase for frf in target.frfs))
 
     def _variance(self, target: Observations) -> NDArray[np.float64]:
         return np.asarray(self.relative * target.amplitude**2)
@@ -311,7 +311,7 @@ class Trials:
         return self._judged(target, theta, model.frf(theta[np.newaxis])[0])
 
     def _judged(self, target: Observations, theta: NDArray[np.float64], values: NDArray[np.complex128]) -> Trial:
-        measured = values_of(target.frfs)
+        measured = target.values
         variance = self._variance(target)
         least = np.maximum(_SETTINGS.tiny * np.abs(values), _SETTINGS.floor * np.sqrt(variance))
         squares = target.squares(values) * np.maximum(1.0, np.abs(measured) / least) ** 2
@@ -351,11 +351,6 @@ def power_given_out(assembly: Assembly, target: Observations, variance: NDArray[
             given_out -= float(power[power < 0.0].sum())
             total += float(np.abs(power).sum())
     return given_out / total if total else 0.0
-
-
-def values_of(frfs: Sequence[Frf]) -> NDArray[np.complex128]:
-    """Return the values of FRFs, concatenated (n_lines,)."""
-    return np.concatenate([frf.values for frf in frfs])
 
 
 @dataclass(frozen=True, eq=False)

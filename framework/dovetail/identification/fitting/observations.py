@@ -88,8 +88,13 @@ class Observations:
         return np.concatenate([frf.frequency for frf in self.frfs])
 
     @cached_property
+    def values(self) -> NDArray[np.complex128]:
+        """(n_lines,) measured; real where there is no phase."""
+        return np.concatenate([frf.values for frf in self.frfs])
+
+    @cached_property
     def amplitude(self) -> NDArray[np.float64]:
-        """(n_lines,) measured."""
+        """(n_lines,) of the measured values."""
         return np.concatenate([frf.amplitude for frf in self.frfs])
 
     def at(self, lines: NDArray[np.intp]) -> Observations:
