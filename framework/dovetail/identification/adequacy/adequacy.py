@@ -118,13 +118,12 @@ class Adequacy:
 
         Where the model is wrong, a quantity of any part may be the reason.
         """
-        if self.allowed is None and self.size is None:
-            return TYPICAL
         if self.allowed is not None:
             error = typical_model_error(self.allowed)
-        else:
-            assert self.size is not None
+        elif self.size is not None:
             error = self.size.times(_SETTINGS.in_intervals).at_least(TYPICAL)
+        else:
+            return TYPICAL
         return replace(error, quantities=error.natural_frequency)
 
     @property

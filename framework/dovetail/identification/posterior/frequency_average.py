@@ -126,10 +126,15 @@ def _needed_lines(frequency: NDArray[np.float64], poles: NDArray[np.complex128],
     for pole in poles:
         beside = np.abs(frequency - pole.real) - _SETTINGS.wander * width * pole.real
         spacing = np.minimum(spacing, np.maximum(pole.imag, beside) / _SETTINGS.lines_per_width)
-    step = np.gradient(frequency) if len(frequency) > 1 else np.ones(1)
+    step = _steps(frequency)
     density = np.cumsum(step / np.maximum(spacing, step))
     lines = np.searchsorted(density, np.arange(density[0], density[-1]) - 1e-9)
     return np.unique(np.concatenate([lines, [0, len(frequency) - 1]]))
+
+
+def _steps(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the spacing around each line (n_freq,); 1 for a single one."""
+    return np.gradient(frequency) if len(frequency) > 1 else np.ones(1)
 
 
 class AveragedResiduals:
@@ -208,7 +213,7 @@ Average = tuple[float, float]
 
 
 def _averages(frequency: NDArray[np.float64], width: float) -> list[Average]:
-    step = np.gradient(frequency) if len(frequency) > 1 else np.ones(1)
+    step = _steps(frequency)
     averages, line = list[Average](), 0
     while line < len(frequency):
         middle = float(frequency[line])
@@ -224,7 +229,7 @@ def _averages(frequency: NDArray[np.float64], width: float) -> list[Average]:
 
 def _gaussian_weights(frequency: NDArray[np.float64], averages: Sequence[Average]) -> csr_array:
     """Return the weights (n_averages, n_freq) of the lines in the averages; each row sums to 1."""
-    step = np.gradient(frequency) if len(frequency) > 1 else np.ones(1)
+    step = _steps(frequency)
     rows, columns, weights = [], [], []
     for row, (middle, deviation) in enumerate(averages):
         low, high = np.searchsorted(frequency, middle + _SETTINGS.reach * deviation * np.array([-1.0, 1.0]))
