@@ -356,7 +356,7 @@ def _sweep(path: Path) -> None:
             entry.unlink(missing_ok=True)
 
 
-def check_target(target: Path, room: int = _LEAST_ROOM) -> None:
+def check_target(target: Path) -> None:
     """Make sure, before any work, that a folder can be written at `target`, or replaced as a whole.
 
     Raises
@@ -368,7 +368,7 @@ def check_target(target: Path, room: int = _LEAST_ROOM) -> None:
     if _must_stay(folder):
         problem = "the folder in which you work, or a disk of its own, cannot be replaced as a whole."
         raise FileError(Fault(str(target), problem, remedy="Name a folder within it."))
-    check_room(folder.parent, room)
+    check_room(folder.parent)
 
 
 def check_room(folder: Path, room: int = _LEAST_ROOM) -> None:

@@ -76,6 +76,8 @@ class Settings:
     """Number of other points of response, and of force and response, that are fitted: those that come nearest."""
     quantities: int = 4
     """Number of quantities of parts that are fitted: those whose effect is most like the residuals."""
+    step: float = 1e-4
+    """Logarithm of the ratio of two values of a quantity between which this effect is computed."""
     overhangs: tuple[float, ...] = (-0.1, 0.1)
     """Starting values of the fit of an overhang, as logarithms of its ratio to the described one."""
 
@@ -309,11 +311,11 @@ def _parts(trials: Trials) -> Iterator[Candidate]:
         yield from _perturbed(trials, perturbation, (0.0,))
 
 
-def _alignment(trials: Trials, perturbation: Perturbation, step: float = 1e-4) -> float:
+def _alignment(trials: Trials, perturbation: Perturbation) -> float:
     """Return |cos| of the angle between residuals and a perturbation's effect, both without what the joint can do."""
     theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
     frf, jacobian = linearise_frf(ModelFrfs.of(trials.assembly), theta)
-    ahead = residual.of(ModelFrfs.of(perturbation.apply(step)).frf(theta))[0]
+    ahead = residual.of(ModelFrfs.of(perturbation.apply(_SETTINGS.step)).frf(theta))[0]
     residuals = residual.of(frf)[0]
     change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])
     return float(abs(change @ left) / max(np.linalg.norm(change) * np.linalg.norm(left), np.finfo(float).tiny))

@@ -50,6 +50,8 @@ class Settings:
     """Step of the finite differences by an amount, as a fraction of its range."""
     least_overhang: float = 0.05
     """Smallest fraction of the length between the joint and the response, or the end, that remains."""
+    rounding: float = 1e-9
+    """Difference of the matrices of a divided and of the whole substructure up to which the two are the same."""
 
 
 _SETTINGS = Settings()
@@ -330,10 +332,10 @@ def _can_divide(model: SubstructureModel, first: int, last: int) -> bool:
     return _are_equal(matrices.M, of_divided.M) and _are_equal(matrices.K, of_divided.K)
 
 
-def _are_equal(matrix: NDArray[np.float64], other: NDArray[np.float64], tolerance: float = 1e-9) -> bool:
+def _are_equal(matrix: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     """Return whether two symmetric matrices are equal up to rounding, each entry on the scale of its DOFs."""
     scale = np.sqrt(np.abs(np.diag(matrix)))
-    return bool(np.all(np.abs(matrix - other) <= tolerance * np.outer(scale, scale)))
+    return bool(np.all(np.abs(matrix - other) <= _SETTINGS.rounding * np.outer(scale, scale)))
 
 
 def _stretch(model: SubstructureModel, first: int, last: int, factor: float) -> SubstructureModel:
