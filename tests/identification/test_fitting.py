@@ -257,9 +257,11 @@ def test_the_same_seed_gives_the_same_fit(sdof):
         ({"samples": "many"}, "'many' samples are none"),
     ],
 )
-def test_options_that_make_no_sense(sdof, options, message):
+def test_options_that_make_no_sense_are_refused_before_any_work(sdof, options, message):
+    begun = []
     with pytest.raises(ParameterError, match=message):
-        dovetail.identify(sdof, measured_of(sdof, None), **options)
+        dovetail.identify(sdof, measured_of(sdof, None), progress=lambda stage, *_: begun.append(stage), **options)
+    assert not begun
 
 
 def test_nothing_to_identify_and_too_few_lines(sdof, assemblies):

@@ -35,6 +35,7 @@ from dovetail.identification.posterior import (
     laplace_posterior,
     sample_posterior,
 )
+from dovetail.identification.posterior.posterior import check_options
 from dovetail.identification.provenance import provenance, source_of
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
@@ -260,7 +261,7 @@ def by_posterior(
         The description's by default.
     progress : Progress
     """
-    check_limits(form=form)
+    check_options(samples, form)
     limits: dict[str, Any] = {"model_error": model_error, "cause_seconds": cause_seconds}
     fitted = by_refined_fit(measured, trained, start=start, **limits, seed=seed, progress=progress)
     assert fitted.fit is not None

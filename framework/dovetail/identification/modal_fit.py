@@ -23,11 +23,11 @@ from dovetail.identification.fitting.least_squares import Linearisation
 from dovetail.identification.posterior import LEVEL, TYPICAL, Form, ModelError, Posterior, typical_model_error
 from dovetail.identification.posterior.likelihood import (
     PosteriorResiduals,
-    check_options,
     normal_from_unit,
     unit_from_normal,
 )
 from dovetail.identification.posterior.mode_search import maximise_posterior
+from dovetail.identification.posterior.posterior import check_options
 from dovetail.identification.posterior.sampling import draw
 from dovetail.identification.provenance import provenance
 from dovetail.identification.reconstruction import identified_parameters, known_parameters
@@ -195,8 +195,8 @@ def identify_from_modes(
     DovetailError
         The assembly has no matrices, or too many DOFs.
     """
-    check_options(samples)
-    check_limits(model_error, form=form)
+    check_options(samples, form)
+    check_limits(model_error)
     began = time.perf_counter()
     seed = assembly.description.identification.seed if seed is None else seed
     residuals = _ModalResiduals(assembly, measured, _SETTINGS.rough)

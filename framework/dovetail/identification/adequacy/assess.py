@@ -6,13 +6,12 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import Adequacy, word_for
 from dovetail.identification.adequacy.causes import find_causes
@@ -25,7 +24,7 @@ from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
 from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
-from dovetail.identification.posterior import Form, typical_model_error
+from dovetail.identification.posterior import typical_model_error
 from dovetail.identification.posterior.model_error import fit_resonances
 from dovetail.interfaces import Progress, logged
 
@@ -64,16 +63,13 @@ _FEW_LINES = "So few lines show no resonance: intervals allow for no error of na
 _LATE = "The time for causes ended before all were tried; '--cause-seconds' (in Python cause_seconds) gives more."
 
 
-def check_limits(model_error: float | None = None, cause_seconds: float = 0.0, form: str = "samples") -> None:
-    """Make sure that the allowed error of the model, the time for causes and the form of the posterior are valid.
+def check_limits(model_error: float | None, cause_seconds: float = 0.0) -> None:
+    """Make sure that the allowed error of the model and the time for causes are valid.
 
     Raises
     ------
     ParameterError
     """
-    if form not in get_args(Form):
-        problem = f"'{form}' is no form of the posterior."
-        raise ParameterError(Fault("form", problem, listing(get_args(Form)), did_you_mean(form, get_args(Form))))
     if model_error is not None and not (isinstance(model_error, Real) and 0.0 <= model_error < 1.0):
         raise ParameterError(Fault("model_error", f"{model_error!r:.40} is no relative error.", "from 0 to 1"))
     if not (isinstance(cause_seconds, Real) and cause_seconds >= 0.0):

@@ -18,12 +18,11 @@ from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.posterior.likelihood import (
     PosteriorResiduals,
     build_likelihood,
-    check_options,
     unit_from_normal,
 )
 from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, start_near
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
-from dovetail.identification.posterior.posterior import Posterior
+from dovetail.identification.posterior.posterior import Posterior, check_options
 from dovetail.interfaces import Progress, silent
 
 __all__ = ["LaplaceApproximation", "half_about_the_fit", "laplace_posterior"]

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,6 @@ from scipy.linalg import qr
 from scipy.special import ndtr, ndtri
 
 from dovetail.assembly import Assembly
-from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
@@ -38,7 +36,6 @@ __all__ = [
     "PosteriorResiduals",
     "ReducedResiduals",
     "build_likelihood",
-    "check_options",
     "marginalised_squares",
     "normal_from_unit",
     "unit_from_normal",
@@ -160,17 +157,6 @@ def _scaled_to_errors(derivatives: NDArray[np.float64], errors: NDArray[np.float
     wanted = max(float(np.linalg.norm(errors)), np.finfo(float).tiny)
     sizes = np.linalg.norm(derivatives, axis=1, keepdims=True)
     return np.asarray(wanted / np.maximum(sizes, wanted / _SETTINGS.most_off) * derivatives)
-
-
-def check_options(samples: int) -> None:
-    """Make sure that the number of samples is a positive integer.
-
-    Raises
-    ------
-    ParameterError
-    """
-    if not (isinstance(samples, Integral) and samples >= 1):
-        raise ParameterError(Fault("samples", f"{samples!r:.40} samples are none.", "1 or more"))
 
 
 def marginalised_squares(residuals: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:

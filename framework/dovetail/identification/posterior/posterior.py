@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Final, Literal, TypeAlias
+from numbers import Integral
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.errors import Fault, ParameterError, did_you_mean, listing
 from dovetail.identification.posterior.likelihood import PRIOR_PRECISION, normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.model_error import ModelError
 
@@ -21,6 +23,7 @@ __all__ = [
     "Posterior",
     "Verdict",
     "Word",
+    "check_options",
     "drawn_by_weight",
     "quantiles",
     "split_half_difference",
@@ -35,6 +38,20 @@ NOT_BELIEVED: Final = "not believed"
 Word: TypeAlias = Literal["identified", "weakly identified", "not identifiable", "not believed"]
 
 Form: TypeAlias = Literal["samples", "laplace"]
+
+
+def check_options(samples: int, form: str = "samples") -> None:
+    """Make sure that the form of a posterior is one, and the number of its samples a positive integer.
+
+    Raises
+    ------
+    ParameterError
+    """
+    if form not in get_args(Form):
+        problem = f"'{form}' is no form of the posterior."
+        raise ParameterError(Fault("form", problem, listing(get_args(Form)), did_you_mean(form, get_args(Form))))
+    if not (isinstance(samples, Integral) and samples >= 1):
+        raise ParameterError(Fault("samples", f"{samples!r:.40} samples are none.", "1 or more"))
 
 
 @dataclass(frozen=True)

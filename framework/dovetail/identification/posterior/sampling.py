@@ -22,13 +22,12 @@ from dovetail.identification.posterior.likelihood import (
     Likelihood,
     PosteriorResiduals,
     ReducedResiduals,
-    check_options,
     marginalised_squares,
     unit_from_normal,
 )
 from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
-from dovetail.identification.posterior.posterior import Form, Posterior, drawn_by_weight
+from dovetail.identification.posterior.posterior import Form, Posterior, check_options, drawn_by_weight
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, decorrelate
 from dovetail.interfaces import Progress, logged, silent
 
