@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from dovetail.evaluation import Study, Sweep, Trial
@@ -114,21 +115,15 @@ def sweeps_figure(study: Study) -> Figure:
     panels = list(figure.subplots(rows, _COLUMNS, squeeze=False).ravel())
     for axes in panels[len(study.sweeps) :]:
         axes.set_visible(False)
-    for axes, sweep in zip(panels, study.sweeps, strict=False):
-        _draw_sweep(axes, study, sweep)
-    handles = [*panels[0].get_legend_handles_labels()[0], *study_times(panels[0])]
+    times = [_draw_sweep(axes, study, sweep) for axes, sweep in zip(panels, study.sweeps, strict=False)]
+    handles: list[Any] = [handle for axes in (panels[0], times[0]) for handle in axes.get_legend_handles_labels()[0]]
     figure.legend(handles, [handle.get_label() for handle in handles], loc="outside upper right", ncols=3, fontsize=8.5)
     figure.supylabel("Mean absolute error [% of range]", fontsize=9.5, color=INK)
     return figure
 
 
-def study_times(axes: Axes) -> list[Any]:
-    """Return the handles of the bars on the second axis of a panel."""
-    twins = [other for other in axes.figure.axes if other is not axes and other.bbox.bounds == axes.bbox.bounds]
-    return [handle for twin in twins for handle in twin.get_legend_handles_labels()[0]]
-
-
-def _draw_sweep(axes: Axes, study: Study, sweep: Sweep) -> None:
+def _draw_sweep(axes: Axes, study: Study, sweep: Sweep) -> Axes:
+    """Draw the errors of a sweep, and the times on a second axis, which is returned."""
     style_axes(axes)
     positions = list(range(len(sweep.values)))
     answers = [study.trials[number].answer for number in sweep.trials]
@@ -148,6 +143,7 @@ def _draw_sweep(axes: Axes, study: Study, sweep: Sweep) -> None:
     axes.plot(positions, errors, "o-", color=RECONSTRUCTED, linewidth=1.6, markersize=4, label="error, validation")
     axes.set_xticks(positions, [_text(value) for value in sweep.values], fontsize=7.5)
     axes.set_title(sweep.option, fontsize=9, color=INK, loc="left", parse_math=False)
+    return times
 
 
 def search_figure(study: Study) -> Figure:
@@ -163,8 +159,7 @@ def search_figure(study: Study) -> Figure:
     if done:
         numbers, errors = zip(*done, strict=True)
         axes.plot(numbers, errors, "o", color=RECONSTRUCTED, markersize=4, label="trial")
-        least = [min(errors[: place + 1]) for place in range(len(errors))]
-        axes.step(numbers, least, where="post", color=INK, linewidth=1.0, label="least so far")
+        axes.step(numbers, list(accumulate(errors, min)), where="post", color=INK, linewidth=1.0, label="least so far")
     axes.set_xlabel("Trial", fontsize=9.5, color=INK)
     axes.set_ylabel("Mean absolute error [% of range]", fontsize=9.5, color=INK)
     if done or pruned:
