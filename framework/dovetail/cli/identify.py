@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from dovetail.assembly import Assembly
-    from dovetail.frf import Frf
     from dovetail.identification import Identification, Identifier, ModalIdentification
     from dovetail.interfaces import IdentificationMethod
     from dovetail.report.content import ParameterRow
@@ -161,8 +160,9 @@ def identify(
     and says so.
     """
     import dovetail
-    from dovetail.cli.result_files import write_results, writing
+    from dovetail.cli.result_files import prepare_folder, write_results, writing
     from dovetail.identification.identify import check_mass
+    from dovetail.identification.measured_lines import MeasuredLines
     from dovetail.measurement import is_modal_table
     from dovetail.report.truth import read_truth
 
@@ -200,9 +200,13 @@ def identify(
         raise typer.BadParameter("it divides several measurements, and this is one.", param_hint="--scheduler")
     frfs = read_selected(read, measured, index, response, force)
     check_mass(assembly, accelerometer_mass)
-    _check(assembly, frfs, bool(network), truth, output)
-    model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
+    lines = MeasuredLines.of(assembly, frfs)  # what is wrong is said before any work
+    if network:
+        lines.resampled(assembly)
     known = None if truth is None else read_truth(truth, assembly.parameters)
+    if output is not None:
+        prepare_folder(output)
+    model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
     with progress_bars() as progress:
         result = dovetail.identify(assembly, frfs, by, model=model, progress=progress, **options)
     with writing(output, lambda folder: write_results(result, folder, known, assembly)):
@@ -254,27 +258,6 @@ def _identify_from_modes(
         else:
             _print_of_modes(result, known)
     exit_unless_believable(result)
-
-
-def _check(
-    assembly: Assembly,
-    measured: list[Frf],
-    network: bool,
-    truth: Path | None,
-    output: Path | None,
-) -> None:
-    """Check everything that could be wrong, before any work."""
-    from dovetail.cli.result_files import prepare_folder
-    from dovetail.identification.measured_lines import MeasuredLines
-    from dovetail.report.truth import read_truth
-
-    lines = MeasuredLines.of(assembly, measured)
-    if network:
-        lines.resampled(assembly)
-    if truth is not None:
-        read_truth(truth, assembly.parameters)
-    if output is not None:
-        prepare_folder(output)
 
 
 def _print(result: Identification, truth: Truth | None) -> None:
