@@ -202,8 +202,7 @@ def calibrate(
     Parameters
     ----------
     assembly : Assembly or path
-        Or its description.
-        With parameters to seek.
+        Or its description; with parameters to identify.
     cases : int
     noise : float
         Standard deviation of the complex noise over that of the FRF. It is stated to methods that ask.

@@ -132,8 +132,7 @@ def plan(
     Parameters
     ----------
     assembly : Assembly or path
-        Or its description.
-        With parameters to seek.
+        Or its description; with parameters to identify.
     substructures : sequence of str
         Whose nodes may be struck; all by default.
     samples : int

@@ -177,7 +177,7 @@ class Identification(_Answer):
     fit : Fit or None
         How good the fit is; None if nothing was fitted.
     posterior : Posterior or None
-        Samples of the parameters and their uncertainty; with the method "posterior" only.
+        Samples of the parameters and their uncertainty; None where the method tells no uncertainty.
     point : str
         Where the first response is.
     further : tuple of AtPoint

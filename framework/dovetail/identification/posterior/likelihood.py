@@ -48,7 +48,6 @@ class LikelihoodSettings:
 
     most_off: float = 0.3
     """Largest deviation of a quantity of a known part, as the logarithm of the ratio to its described value."""
-
     tolerance: float = 1e-3
     """Root mean square of the part of a residual vector outside the subspace; its noise is 1."""
     error_multiple: float = 3.0
@@ -62,7 +61,7 @@ class LikelihoodSettings:
 _SETTINGS = LikelihoodSettings()
 
 PRIOR_PRECISION = 12.0
-"""Inverse prior variance of a parameter's fraction of its range; the prior is uniform."""
+"""Inverse prior variance of a fraction, a quantile of the parameter's prior, which is uniform from 0 to 1."""
 
 Z_LIMIT = 8.0
 """Largest coordinate z: in double precision it is the end of a parameter's range."""

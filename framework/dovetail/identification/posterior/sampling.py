@@ -83,7 +83,7 @@ def sample_posterior(
     Parameters
     ----------
     assembly : Assembly
-        Its ranges are the prior: uniform on the parameters' scales.
+        The distributions of its parameters over their ranges, uniform or normal on their scales, are the prior.
     measured : Frf or sequence of Frf
         One for each response, on its frequencies in the assembly.
     fit : Fit
