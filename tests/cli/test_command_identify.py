@@ -415,27 +415,27 @@ def test_several_files_are_a_batch(run, bench, tmp_path):
     frf = dovetail.read_frf(bench.measured)
     folder = tmp_path / "measured"
     folder.mkdir()
-    for name, gain in (("a", 1.0), ("b=1", 1.0), ("doubled", 2.0)):
+    for name, gain in (("a", 1.0), ("b=1", 1.0), ("tripled", 3.0)):
         dovetail.write_frf(dataclasses.replace(frf, values=gain * frf.values), folder / f"{name}.csv")
     out = tmp_path / "results"
     done = run("identify", bench.description, folder, "--samples", "60", "-o", out, code=3)
     assert "joint identified from 3 measurements" in done.stdout
     rows = [line.split() for line in done.stdout.splitlines()]
-    assert [row[:1] for row in rows[3:6]] == [["a.csv"], ["b=1.csv"], ["doubled.csv"]]
+    assert [row[:1] for row in rows[3:6]] == [["a.csv"], ["b=1.csv"], ["tripled.csv"]]
     assert "does not fit" in done.stdout
-    assert "Warning: doubled.csv: The model does not fit the measurement" in done.stderr
+    assert "Warning: tripled.csv: The model does not fit the measurement" in done.stderr
     names = {"summary.csv", "summary.html", "parameters.csv", "SHA256SUMS"}
     assert {path.name for path in out.iterdir()} == names | {
-        f"{stem}.{suffix}" for stem in ("a.csv", "b_1.csv", "doubled.csv") for suffix in ("json", "html")
+        f"{stem}.{suffix}" for stem in ("a.csv", "b_1.csv", "tripled.csv") for suffix in ("json", "html")
     }
     page = (out / "summary.html").read_text()
     assert '<a href="b_1.csv.html">b=1.csv</a>' in page
-    assert page.count("not believed</span>") == 2  # of doubled.csv, at each of the two parameters
+    assert page.count("not believed</span>") == 2  # of tripled.csv, at each of the two parameters
     with (out / "parameters.csv").open() as stream:
         table = list(csv.DictReader(stream))
     assert [(row["measurement"], row["name"], row["believable"]) for row in table] == [
-        (name, parameter, str(name != "doubled.csv"))
-        for name in ("a.csv", "b=1.csv", "doubled.csv")
+        (name, parameter, str(name != "tripled.csv"))
+        for name in ("a.csv", "b=1.csv", "tripled.csv")
         for parameter in ("k", "c")
     ]
     alone = dovetail.load_result(out / "a.csv.json")

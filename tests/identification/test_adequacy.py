@@ -325,4 +325,5 @@ def test_where_nothing_is_left_to_judge_by_nothing_is_judged(sdof):
     assert adequacy.word == "not judged"
     assert adequacy.reasons == (
         "The measurement has no more values than there are unknowns: nothing is left to judge the fit by.",
+        "So few lines show no resonance: intervals allow for no error of natural frequencies or damping.",
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +31,13 @@ def unit_of(quantity: Quantity, *, rotation: bool = False, moment: bool | None =
     return f"{'rad' if rotation else 'm'}/{f'({below})' if ' ' in below else below}"
 
 
-def conversion(frequency: NDArray[np.float64], source: Quantity, target: Quantity) -> NDArray[np.complex128]:
+def conversion(frequency: NDArray[np.inexact[Any]], source: Quantity, target: Quantity) -> NDArray[np.complex128]:
     """Return the factor, a power of i omega, that turns `source` into `target`.
 
     Parameters
     ----------
     frequency : (n_freq,) array
-        Hz.
+        Hz; complex of an FRF under an exponential window.
     source, target : {"receptance", "mobility", "accelerance"}
 
     Returns

@@ -348,6 +348,7 @@ def _without_window(
     frfs = []
     for frf, plain, near in zip(trials.target.frfs, values, resonances.near, strict=True):
         distance = frf.frequency - resonances.poles[:, np.newaxis]
+        under_window, without = (conversion(frf.frequency - 1j * a, "receptance", frf.quantity) for a in (added, 0.0))
         damped = plain + (near * (distance / (distance - 1j * added) - 1.0)).sum(axis=0)
-        frfs.append(replace(frf, values=frf.values * plain / damped))
+        frfs.append(replace(frf, values=frf.values * plain / damped * without / under_window))
     return trials.fit(trials.assembly, frfs, [trials.unchanged.theta])
