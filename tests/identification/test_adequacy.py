@@ -327,3 +327,20 @@ def test_where_nothing_is_left_to_judge_by_nothing_is_judged(sdof):
         "The measurement has no more values than there are unknowns: nothing is left to judge the fit by.",
         "So few lines show no resonance: intervals allow for no error of natural frequencies or damping.",
     )
+
+
+@pytest.mark.parametrize("mass", ["known", "sought"])
+@pytest.mark.parametrize("size", [0.0, 0.05])
+def test_a_gain_that_nothing_of_the_structure_tells_is_mentioned(sdof, mass, size):
+    """Ten per cent too much of the FRF are ten too little of k, c and the mass, to the noise or with a wrong model."""
+    described = json.loads(sdof.description.text)
+    if mass == "sought":
+        described["substructures"]["mass"]["masses"][0]["mass"] = {"range": [0.2, 5.0], "scale": "log"}
+    assembly = dovetail.load(described)
+    truth = {"k": 2e6, "c": 30.0} | ({"mass.masses.0.mass": 1.0} if mass == "sought" else {})
+    ripple = 1.0 + size * np.sin(np.arange(len(assembly.frequency)) / 9.0)
+    measured = noisy(assembly, assembly.frf(truth) * ripple, 0.005, 3)
+    result = dovetail.identify(assembly, measured, "refined", cause_seconds=0)
+    said = [reason for reason in result.adequacy.reasons if "does not tell its own gain" in reason]
+    assert bool(said) == (mass == "sought")
+    assert not said or "k, c, mass.masses.0.mass are wrong by as much" in said[0]

@@ -230,6 +230,17 @@ def test_measurements_of_two_responses_in_exchanged_order_are_named(axes):
     assert (cause.name, cause.words) == ("order", words)
 
 
+def test_measurements_at_one_point_with_different_masses_are_no_levels_but_may_be_exchanged():
+    described = json.loads(chain(MASSES, ["upper"] * 2).description.text)
+    for number, mass in enumerate(("0 g", "300 g")):
+        described["responses"][number] |= {"name": f"m{number}", "calibration": {"mass": mass}}
+    model = dovetail.load(described)
+    measured = [noisy(model.at(i), model.at(i).frf(TRUTH), 0.005, i) for i in (1, 0)]
+    assert [(cause.name, cause.words) for cause in causes_of(model, measured)] == [
+        ("order", "the measurements at upper, 0 mm, m0 and upper, 0 mm, m1 exchanged")
+    ]
+
+
 def test_levels_of_the_force_at_which_the_stiffness_falls_are_named():
     """By 2 % and 4 % at one point; levels that are alike are fitted together to the noise."""
     model = chain(MASSES, ["upper"] * 3)

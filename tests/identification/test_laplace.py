@@ -61,6 +61,16 @@ def test_where_the_posterior_is_straight_both_forms_agree(sdof, model_error):
         np.testing.assert_allclose(found.interval()[name], (low, high), atol=0.05 * (high - low))
 
 
+def test_a_sharp_resonance_is_found_again_close_to_the_ends_of_the_ranges(sdof):
+    """A start at a fiftieth of the range from its end would be 5 Hz, or 20 widths of the peak, off."""
+    theta = np.array([9.99e6, 1.5])
+    frf = noisy(sdof, sdof.frf(theta), 0.02, 1)
+    found = laplace_posterior(sdof, frf, refine(sdof, frf))
+    for name, value in zip(found.names, theta, strict=True):
+        low, high = found.interval()[name]
+        assert low < value < high
+
+
 def test_how_far_a_bent_valley_is_bent_is_what_it_is_by_hand():
     for bent in (0.002, 0.01, 0.05):
         problem = PosteriorResiduals(Banana(bent))

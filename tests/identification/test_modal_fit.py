@@ -167,6 +167,19 @@ def test_errors_that_nobody_states_are_told_from_what_remains_and_said(chain):
     assert words["b.c"] == ("not identifiable", "The measurement hardly depends on it.")
 
 
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_table_of_no_more_values_than_unknowns_cannot_judge_but_a_wrong_unit_shows(chain, stated):
+    """Two modes of four unknowns: some joint has exactly these, whatever the structure is."""
+    whole = table_of(chain, chain.from_unit(np.full(4, 0.5)), np.random.default_rng(3), stated=stated)
+    columns = (whole.frequency, whole.damping_ratio, whole.frequency_sd, whole.damping_sd)
+    two = [None if column is None else column[:2] for column in columns]
+    result = dovetail.identify(chain, dovetail.ModalParameters(*two), form="laplace")
+    assert (result.adequacy.word, result.adequacy.sentence) == ("not judged", "")
+    assert "nothing is left to judge the fit by" in result.adequacy.reasons[0]
+    wrong = dovetail.ModalParameters(1e3 * two[0], *two[1:])
+    assert not dovetail.identify(chain, wrong, form="laplace").believable
+
+
 def test_what_modal_parameters_cannot_have_is_one_error(chain, tmp_path):
     table = dovetail.ModalParameters([100.0, 150.0, 200.0, 250.0], label="four.csv")
     with pytest.raises(dovetail.MeasurementError, match=r"four.csv\n  the table has 4 modes, .* 'chain' has 3"):

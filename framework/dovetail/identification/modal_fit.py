@@ -17,7 +17,7 @@ from scipy.optimize import brentq, linear_sum_assignment
 from dovetail.assembly import Assembly
 from dovetail.errors import Fault, MeasurementError, listing
 from dovetail.identification.adequacy import Adequacy
-from dovetail.identification.adequacy.adequacy import word_for
+from dovetail.identification.adequacy.adequacy import NOTHING_LEFT, word_for
 from dovetail.identification.adequacy.assess import check_limits
 from dovetail.identification.fitting.least_squares import Linearisation
 from dovetail.identification.posterior import LEVEL, TYPICAL, Form, ModelError, Posterior, typical_model_error
@@ -298,6 +298,8 @@ def _result(
     sizes = (shown.natural_frequency, shown.damping)
     plain = measured.frequency_sd is not None and all(a <= b for a, b in zip(sizes, _LEAST_ERRORS, strict=True))
     adequacy = Adequacy("to the noise" if plain else word_for(shown), None if plain else shown, allowed)
+    if adequacy.fits and freedom < 1.0:  # not one value more than unknowns
+        adequacy = Adequacy("not judged", allowed=allowed, reasons=(NOTHING_LEFT,))
     origin = provenance(assembly, [measured], None, seed) | {"posterior_form": posterior.form}
     result = ModalIdentification(
         parameters=MappingProxyType(identified_parameters(assembly, best)),

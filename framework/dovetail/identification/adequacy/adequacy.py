@@ -12,10 +12,12 @@ from dovetail.identification.posterior.model_error import TYPICAL, ModelError, t
 from dovetail.interfaces import Parameter
 from dovetail.units import format_quantity
 
-__all__ = ["Adequacy", "AdequacyWord", "Cause", "word_for"]
+__all__ = ["NOTHING_LEFT", "Adequacy", "AdequacyWord", "Cause", "word_for"]
 
 AdequacyWord: TypeAlias = Literal["to the noise", "good", "rough", "does not fit", "not judged"]
 """From best to worst; "not judged" where a method cannot tell."""
+NOTHING_LEFT = "The measurement has no more values than there are unknowns: nothing is left to judge the fit by."
+"""Why a fit is not judged that any model with as many unknowns would reach."""
 
 
 @dataclass(frozen=True)

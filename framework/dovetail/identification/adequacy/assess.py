@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.errors import Fault, ParameterError
+from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
-from dovetail.identification.adequacy.adequacy import Adequacy, word_for
+from dovetail.identification.adequacy.adequacy import NOTHING_LEFT, Adequacy, word_for
 from dovetail.identification.adequacy.causes import find_causes
 from dovetail.identification.adequacy.model_error_size import FitWithError, estimate_model_error, fit_with_error
 from dovetail.identification.adequacy.trials import MOST_GIVEN_OUT, power_given_out
@@ -52,13 +52,17 @@ class Settings:
     fewest_hums: int = 2
     fewest_lines: int = 3
     """Of one FRF, in which a resonance shows."""
+    follows: float = 0.5
+    """Relative change of a parameter, over that of a gain that it makes up for, above which it is named."""
+    not_followed: float = 1e-3
+    """Part of a gain that parameters leave as a residual above which they do not make up for it."""
+    independent: float = 1e-6
+    """Ratio of singular values below which parameters have the same effect."""
     exceeds: float = 2.0
     """Ratio of the error that the measurement shows to the one allowed above which this is reported."""
 
 
 _SETTINGS = Settings()
-
-_FEW_LINES = "So few lines show no resonance: intervals allow for no error of natural frequencies or damping."
 
 _LATE = "The time for causes ended before all were tried; '--cause-seconds' (in Python cause_seconds) gives more."
 
@@ -109,12 +113,11 @@ def assess(
     """
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     noise = is_noise(assembly, target, fit)
-    few = (_FEW_LINES,) if max(target.counts) < _SETTINGS.fewest_lines else ()
+    remarks = tuple(_remarks(model, target, fit))
     if noise and target.residual_count(fit.used) <= len(fit.theta):
-        reason = "The measurement has no more values than there are unknowns: nothing is left to judge the fit by."
-        return Adequacy("not judged", allowed=model_error, reasons=(reason, *few)), fit
+        return Adequacy("not judged", allowed=model_error, reasons=(NOTHING_LEFT, *remarks)), fit
     if noise and not model_error:
-        return Adequacy("to the noise", allowed=model_error, reasons=few), fit
+        return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
     start = assembly.to_unit(fit.theta)
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):
@@ -130,7 +133,7 @@ def assess(
         at_bounds=bounds_reached(assembly, used.fraction),
     )
     if estimated is None:
-        return Adequacy("to the noise", allowed=model_error), refitted
+        return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
     size = replace(estimated.size, magnitude=max(estimated.size.magnitude, _typical_ratio(target, estimated.values)))
     began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
@@ -142,10 +145,37 @@ def assess(
         size,
         model_error,
         causes=causes,
-        reasons=(*_reasons(target, fit, estimated, model_error, given_out), *([_LATE] if is_late else [])),
+        reasons=(*_reasons(target, fit, estimated, model_error, given_out), *remarks, *([_LATE] if is_late else [])),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
+
+
+def _remarks(model: ModelFrfs, target: Observations, fit: Fit) -> Iterator[str]:
+    """Yield what a measurement cannot show, however well the model fits, as sentences."""
+    if max(target.counts) < _SETTINGS.fewest_lines:
+        yield "So few lines show no resonance: intervals allow for no error of natural frequencies or damping."
+    followers = _followers_of_gain(model, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
+    if followers:
+        yield (
+            f"The measurement does not tell its own gain: if that is wrong, {listing(followers)} are wrong by as much, "
+            "and no interval shows it. State a mass or a stiffness that is known, or measure with a known mass added."
+        )
+
+
+def _followers_of_gain(model: ModelFrfs, theta: NDArray[np.float64]) -> list[str]:
+    """Return the parameters that make up for a wrong gain, as where all masses are sought; none if a gain is sought."""
+    values, derivatives = (array[0] for array in model.frf_jacobian(theta[np.newaxis]))
+    size = np.maximum(np.abs(values), np.finfo(float).tiny)
+    gain, columns = (
+        np.concatenate([part.real, part.imag]) for part in (values / size, derivatives * theta / size[:, None])
+    )
+    share = np.linalg.lstsq(columns, gain, rcond=_SETTINGS.independent)[0]
+    parameters = zip(model.assemblies[0].parameters, share, strict=True)
+    followers = [parameter for parameter, part in parameters if abs(part) > _SETTINGS.follows]
+    told = any(parameter.prior == "normal" or parameter.name.endswith(".gain") for parameter in followers)
+    left = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)
+    return [] if told or left > _SETTINGS.not_followed else [parameter.name for parameter in followers]
 
 
 def _typical_ratio(target: Observations, values: NDArray[np.complex128]) -> float:

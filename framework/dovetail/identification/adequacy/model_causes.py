@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.changed_joints import has_dampers, with_damping
-from dovetail.assembly.description import Place
+from dovetail.assembly.description import Description, ParameterEntry, Place, Response
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.identification.adequacy.trials import Trial, Trials
@@ -189,7 +189,7 @@ Candidate = tuple[str, str, Trial]
 
 def try_levels(trials: Trials) -> Iterator[Candidate]:
     """Yield the fit in which each of several measurements at one point, as at levels of force, is fitted alone."""
-    measured_at = [(response.point, response.force_point) for response in trials.assembly.description.responses]
+    measured_at = [_structure_at(trials.assembly.description, r) for r in trials.assembly.description.responses]
     level = np.array([measured_at[:number].count(place) for number, place in enumerate(measured_at)])
     if not level.max():
         return
@@ -209,13 +209,20 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
     yield "level", f"{words} (does it depend on the amplitude?)", trials.judged(trials.best, together)
 
 
+def _structure_at(description: Description, response: Response) -> tuple[object, ...]:
+    """Return where a response is, and what its calibration adds to the structure: another mass is no other level."""
+    chain = description.calibrations.get(response.name, ParameterEntry())
+    return response.point, response.force_point, chain.fixed.get("mass", 0.0), chain.fixed.get("window", 0.0)
+
+
 def try_exchanges(trials: Trials) -> Iterator[Candidate]:
     """Yield the fits with the measurements of two responses exchanged, by exchanging the responses of the model."""
     frfs, description = trials.target.frfs, trials.assembly.description
     for former, latter in islice(combinations(range(len(frfs)), 2), _SETTINGS.most_exchanges):
         responses = list(description.responses)
         first, second = responses[former], responses[latter]
-        alike = (first.point, first.force_point) == (second.point, second.force_point)
+        chains = [description.calibrations.get(response.name, ParameterEntry()) for response in (first, second)]
+        alike = (first.point, first.force_point, chains[0]) == (second.point, second.force_point, chains[1])
         if alike or (first.rotation, first.moment) != (second.rotation, second.moment):
             continue
         responses[former] = replace(second, quantity=first.quantity)

@@ -17,7 +17,7 @@ from dovetail.identification.fitting.least_squares import Minima, cuts, minimise
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, WithPrior
 from dovetail.identification.fitting.search_lines import Smoothed, missed_resonances, search_lines, thinned_lines
-from dovetail.identification.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_white
+from dovetail.identification.fitting.whiteness import NOISE_ALARM, has_size_of_noise, is_of_few_lines, is_white
 from dovetail.interfaces import Progress, logged, silent
 
 __all__ = ["refine"]
@@ -160,7 +160,7 @@ class _Refinement:
         ends = self._searched(self._first_batch(starts))
         minima = self._compared(ends[: _SETTINGS.first_carried])
         best = self._reweighted(self._fitted(minima.position[:1]))
-        if not self._is_noise(best, _SETTINGS.doubtful):
+        if self._is_doubtful(best):
             minima, best = self._search_further(self._extended(minima, ends[_SETTINGS.first_carried :]))
         chi_squared = self._chi_squared(best)
         discrepancy = background = 0.0
@@ -194,7 +194,7 @@ class _Refinement:
         for batch in range(1, _SETTINGS.more_batches + 2):
             minima = self._compared(minima.position)  # the weights have changed
             best = self._reweighted(self._fitted(minima.position[:1]))
-            if self._is_noise(best, _SETTINGS.doubtful):
+            if not self._is_doubtful(best):
                 break
             passes = self._is_noise(best)
             first_profiled, last = (1, 1) if passes else (_SETTINGS.profiled_batch, _SETTINGS.more_batches)
@@ -385,6 +385,11 @@ class _Refinement:
         """Return whether the residuals of the best fit are no larger than the random error, and white."""
         residuals = self._residuals(best)
         return self._has_size_of_noise(residuals, false_alarm) and all(map(is_white, self._target.by_line(residuals)))
+
+    def _is_doubtful(self, best: Minima) -> bool:
+        """Return whether another minimum may be the right one."""
+        of_few_lines = not self._target.variance_known and is_of_few_lines(self._variance)
+        return of_few_lines or not self._is_noise(best, _SETTINGS.doubtful)
 
     def _has_size_of_noise(self, residuals: NDArray[np.float64], false_alarm: float = NOISE_ALARM) -> bool:
         squares = sum(float(np.sum(of_response**2)) for of_response in self._target.by_line(residuals))

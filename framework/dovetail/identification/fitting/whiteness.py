@@ -8,7 +8,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = ["NOISE_ALARM", "assess_runs", "find_deviating_bands", "has_size_of_noise", "is_white", "log_improbability"]
+__all__ = [
+    "NOISE_ALARM",
+    "assess_runs",
+    "find_deviating_bands",
+    "has_size_of_noise",
+    "is_of_few_lines",
+    "is_white",
+    "log_improbability",
+]
 
 NOISE_ALARM = 1e-6
 """Probability of a false alarm: that a run of lines, or the sum of squares, of noise is taken for a misfit."""
@@ -22,6 +30,10 @@ class Settings:
     """Relative error of a variance that is estimated from the scatter from line to line, for any number of lines."""
     scatter_deviation: float = 5.0
     """Additional relative error, times the root of the number of lines: quantiles of few lines scatter."""
+    larger: float = 2.0
+    """Ratio of a line's estimated variance to the smallest one, above which it counts as larger."""
+    few_larger: int = 20
+    """Lines of a larger variance that hardly tell it."""
     shortest_run: int = 8
     """Lines of the shortest run; fewer may be a line of interference."""
     windows: tuple[int, ...] = (16, 64, 256)
@@ -39,6 +51,15 @@ class Settings:
 
 
 _SETTINGS = Settings()
+
+
+def is_of_few_lines(variance: NDArray[np.float64]) -> bool:
+    """Return whether an estimated variance (n_lines,) is larger on a few lines, such as those of a sharp peak.
+
+    Beside a wrong fit, the misfit of these lines looks like a random error in proportion to the FRF.
+    """
+    larger = np.count_nonzero(variance > _SETTINGS.larger * variance.min())
+    return 0 < int(larger) <= _SETTINGS.few_larger
 
 
 def has_size_of_noise(

@@ -20,7 +20,7 @@ from dovetail.identification.posterior.likelihood import (
     build_likelihood,
     unit_from_normal,
 )
-from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, start_near
+from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, starts_near
 from dovetail.identification.posterior.model_error import TYPICAL, ModelError
 from dovetail.identification.posterior.posterior import Posterior, check_options
 from dovetail.interfaces import Progress, silent
@@ -142,7 +142,7 @@ def laplace_posterior(
     began = time.perf_counter()
     likelihood, best = likelihood_at_mode(assembly, measured, fit, model_error)
     residuals = likelihood.posterior
-    modes = maximise_posterior(residuals, start_near(best)[np.newaxis], tolerance=_SETTINGS.tolerance)
+    modes = maximise_posterior(residuals, starts_near(best), tolerance=_SETTINGS.tolerance)
     approximation = LaplaceApproximation.at(residuals, modes[0])
     z, weight = approximation.draw(samples, seed), np.full(samples, 1.0 / samples)
     if model_error.quantities:
@@ -194,8 +194,8 @@ def half_about_the_fit(
     pairs = zip(target.frfs, target.split(values), strict=True)
     of_fit = [replace(frf, values=own if frf.has_phase else np.abs(own)) for frf, own in pairs]
     residuals = build_likelihood(assembly, of_fit, fit, model_error).posterior
-    start = start_near(assembly.to_unit(fit.theta))[np.newaxis]
-    mode = maximise_posterior(residuals, start, tolerance=_SETTINGS.tolerance)[0]
+    starts = starts_near(assembly.to_unit(fit.theta))
+    mode = maximise_posterior(residuals, starts, tolerance=_SETTINGS.tolerance)[0]
     both, halves, second = z.copy(), weight / weight.sum(), slice(1, None, 2)
     both[second] = LaplaceApproximation.at(residuals, mode).draw(len(z[second]), seed)
     halves[second] = 1.0

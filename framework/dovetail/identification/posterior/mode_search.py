@@ -28,7 +28,7 @@ from dovetail.identification.posterior.likelihood import (
 from dovetail.identification.posterior.model_error import ModelError
 from dovetail.interfaces import Progress, silent
 
-__all__ = ["CubeResiduals", "likelihood_at_mode", "maximise_posterior", "search_modes", "start_near"]
+__all__ = ["CubeResiduals", "likelihood_at_mode", "maximise_posterior", "search_modes", "starts_near"]
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class ModeSearchSettings:
     """Evenly chosen lines of the FRF for the first searches."""
     margin: float = 0.02
     """Distance, as a fraction of a range, that starts keep from its ends, where z becomes infinite."""
+    least_margin: float = 1e-5
+    """Distance of a further start at the best fit: a parameter that is known exactly may lie close to an end."""
     first_tolerance: float = 1.0
     first_steps: int = 40
     """Limits of the first searches, by the logarithms of amplitudes, which need only come near a mode."""
@@ -81,7 +83,7 @@ def likelihood_at_mode(
     if not model_error.quantities:
         return build_likelihood(assembly, measured, fit, model_error), fraction
     likelihood = build_likelihood(assembly, measured, fit, replace(model_error, quantities=0.0))
-    mode = maximise_posterior(likelihood.posterior, start_near(fraction)[np.newaxis])[0]
+    mode = maximise_posterior(likelihood.posterior, starts_near(fraction))[0]
     fraction = unit_from_normal(mode)
     there = replace(fit, theta=assembly.from_unit(fraction))
     return build_likelihood(assembly, measured, there, model_error), fraction
@@ -134,13 +136,13 @@ def search_modes(
     def tempered(weight: float) -> PosteriorResiduals:
         return PosteriorResiduals(MarginalisedResiduals(misfit, some_errors, weight * full_weight))
 
-    direct = cooled = start_near(near)
+    direct = cooled = _within(near, _SETTINGS.margin)
     rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "tell": tell}
     for weight in _SETTINGS.tempering:
         cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
     both = np.concatenate([direct, cooled])
     ends = maximise_posterior(tempered(1.0), both, most_steps=_SETTINGS.rough_steps, **rough)
-    starts = np.concatenate([start_near(best)[np.newaxis], ends[: _SETTINGS.refined_modes]])
+    starts = np.concatenate([starts_near(best), ends[: _SETTINGS.refined_modes]])
     return maximise_posterior(likelihood.posterior, starts, tell=tell)
 
 
@@ -158,9 +160,17 @@ def maximise_posterior(
     return CubeResiduals.to_normal(minimum.position[np.argsort(minimum.cost, kind="stable")])
 
 
-def start_near(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the start z of a search near fractions of the ranges, at a distance from their ends."""
-    return normal_from_unit(np.clip(fraction, _SETTINGS.margin, 1.0 - _SETTINGS.margin))
+def starts_near(best: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the starts z (n, p) of searches from the best fit, in fractions of the ranges (p,).
+
+    One keeps a distance from the ends of the ranges, where the search hardly moves; if that displaces it, another one is
+    at the fit.
+    """
+    return np.unique([_within(best, margin) for margin in (_SETTINGS.margin, _SETTINGS.least_margin)], axis=0)
+
+
+def _within(fraction: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
+    return normal_from_unit(np.clip(fraction, margin, 1.0 - margin))
 
 
 class CubeResiduals:
