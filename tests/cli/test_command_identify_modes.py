@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
@@ -34,6 +35,21 @@ def test_the_table_the_modes_and_what_frequencies_do_not_tell(run, modes, tmp_pa
     header, row = (tmp_path / "result" / "modes.csv").read_text().splitlines()
     assert header == "natural_frequency,damping_ratio,measured_frequency,measured_damping"
     assert float(row.split(",")[2]) == 212.1
+
+
+def test_the_truth_of_a_tied_parameter_is_in_the_table_that_is_written(run, modes, tmp_path):
+    text = OSCILLATOR.read_text().replace("c: {range: [0.01 N s/m, 100 N s/m], scale: log}", "c: {value: 8.26}")
+    mount = text[text.index("  mount:") : text.index("response:")]
+    tied = mount.replace("  mount:", "  second:").replace(
+        "{range: [2e5 N/m, 2e7 N/m], scale: log}", "{same_as: mount.k}"
+    )
+    (tmp_path / "two.yaml").write_text(text.replace(mount, mount + tied))
+    (tmp_path / "truth.json").write_text('{"parameters": {"mount.k": 8.88e5}}')
+    options = ("--form", "laplace", "--truth", tmp_path / "truth.json", "-o", tmp_path / "result")
+    run("identify", tmp_path / "two.yaml", modes, *options)
+    with (tmp_path / "result" / "parameters.csv").open() as stream:
+        truths = {row["name"]: row["truth"] for row in csv.DictReader(stream)}
+    assert (truths["mount.k"], truths["second.k"]) == ("888000.0", "888000.0")
 
 
 def test_what_was_written_is_read_back_and_predicts(run, modes, tmp_path):

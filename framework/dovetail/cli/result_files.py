@@ -169,7 +169,8 @@ def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
 def _parameters(result: Identification | ModalIdentification, truth: Truth | None) -> str:
     rows = [asdict(row) for row in result.table]
     if truth is not None:
-        rows = [{**row, "truth": truth.parameters.get(row["name"])} for row in rows]
+        true = truth.with_followers(result.parameters.values())
+        rows = [{**row, "truth": true.get(row["name"])} for row in rows]
     return csv_text(list(rows[0]), [row.values() for row in rows])
 
 

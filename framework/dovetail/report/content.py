@@ -187,12 +187,9 @@ def adequacy_sentences(result: Identification | ModalIdentification) -> list[str
 
 def parameter_rows(result: Identification | ModalIdentification, truth: Truth | None) -> list[ParameterRow]:
     """Return the table of parameters, in the assembly's order."""
-    true_values = {} if truth is None else dict(truth.parameters)
-    for parameter in result.parameters.values():
-        if parameter.name in true_values:
-            true_values |= parameter.with_followers(true_values[parameter.name])
+    true = {} if truth is None else truth.with_followers(result.parameters.values())
     withheld = result.posterior is not None and not result.believable
-    return [_parameter_row(row, withheld, true_values.get(row.name)) for row in result.table]
+    return [_parameter_row(row, withheld, true.get(row.name)) for row in result.table]
 
 
 def known_rows(result: Identification) -> list[tuple[str, str]]:

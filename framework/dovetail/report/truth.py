@@ -7,11 +7,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, UnitError, did_you_mean, listing
 from dovetail.units import to_si
+
+if TYPE_CHECKING:
+    from dovetail.identification.parameters import IdentifiedParameter
 
 __all__ = ["Truth", "read_truth"]
 
@@ -53,6 +56,14 @@ class Truth:
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         object.__setattr__(self, "natural_frequencies", tuple(self.natural_frequencies))
+
+    def with_followers(self, parameters: Iterable[IdentifiedParameter]) -> dict[str, float]:
+        """Return the true values by name, with those of the parameters that follow another one."""
+        values = dict(self.parameters)
+        for parameter in parameters:
+            if parameter.name in values:
+                values |= parameter.with_followers(values[parameter.name])
+        return values
 
 
 def read_truth(path: str | Path, parameters: Iterable[_Named]) -> Truth:

@@ -163,8 +163,8 @@ def maximise_posterior(
 def starts_near(best: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the starts z (n, p) of searches from the best fit, in fractions of the ranges (p,).
 
-    One keeps a distance from the ends of the ranges, where a search hardly moves. If that displaces it, another one is at
-    the fit.
+    One keeps a distance from the ends of the ranges, where a search hardly moves; if that displaces it, another is
+    at the fit.
     """
     return np.unique([_within(best, margin) for margin in (_SETTINGS.margin, _SETTINGS.least_margin)], axis=0)
 
