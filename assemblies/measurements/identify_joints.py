@@ -41,8 +41,8 @@ def identified(name: str, mesh: int) -> tuple[dovetail.Assembly, dovetail.Identi
 
 def off_direct_solve(assembly: dovetail.Assembly, theta: np.ndarray) -> float:
     """Return the largest relative difference of the receptance from the direct solve, over all lines."""
-    part, dof = assembly.drive_point
-    number = [int(assembly.graph.substructure_dofs(part)[dof])]
+    response = assembly.description.response  # along x
+    number = [int(assembly.graph.substructure_dofs(response.substructure)[2 * response.node])]
     by_joint = assembly.by_joint(theta)
     direct = direct_receptance(assembly.graph, assembly.frequency, by_joint, number, number)[:, 0, 0]
     found = assembly.frf(theta) / -((2 * np.pi * assembly.frequency) ** 2)
