@@ -7,14 +7,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from dovetail.atomic_files import read_bounded
 from dovetail.errors import Fault, MeasurementError, UnitError, did_you_mean, listing
+from dovetail.identification.parameters import IdentifiedParameter
 from dovetail.units import to_si
-
-if TYPE_CHECKING:
-    from dovetail.identification.parameters import IdentifiedParameter
 
 __all__ = ["Truth", "read_truth"]
 
