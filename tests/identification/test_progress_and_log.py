@@ -42,6 +42,16 @@ def test_a_function_is_itself_and_nothing_is_silent():
             assert report is dovetail.silent
 
 
+@pytest.mark.parametrize("theta", [(3e6, 40.0), (9.99e6, 1.5)])
+def test_no_stage_has_more_steps_than_it_says(sdof, theta):
+    """The second joint lies so close to the ends of its ranges that the posterior is searched from the fit twice."""
+    frf = dovetail.noisy_frf(sdof.simulate(np.array(theta)), 0.02, np.random.default_rng(1))
+    steps = []
+    dovetail.identify(sdof, frf, progress=lambda stage, done, total, note="": steps.append((stage, done, total)))
+    assert [step for step in steps if step[1] > step[2]] == []
+    assert [done == total for stage, done, total in steps if stage == "modes"][-1]
+
+
 def test_a_notebook_shows_bars_in_a_widget(monkeypatch):
     """With stand-ins for the two libraries of a notebook."""
     displayed, output = [], SimpleNamespace(cleared=0)

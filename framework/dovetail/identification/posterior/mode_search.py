@@ -124,8 +124,8 @@ def search_modes(
         full_weight = float(np.sqrt(step))  # with which these lines tell as much as all
     points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
     logarithms = FrfResiduals(on_lines, likelihood.target.at(lines).logarithms(variance[lines]))
-    searches = itertools.count(1)
-    total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + 1 + _SETTINGS.refined_modes
+    searches, of_fit = itertools.count(1), starts_near(best)
+    total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + len(of_fit) + _SETTINGS.refined_modes
 
     def tell() -> None:
         progress("modes", next(searches), total)
@@ -142,7 +142,7 @@ def search_modes(
         cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
     both = np.concatenate([direct, cooled])
     ends = maximise_posterior(tempered(1.0), both, most_steps=_SETTINGS.rough_steps, **rough)
-    starts = np.concatenate([starts_near(best), ends[: _SETTINGS.refined_modes]])
+    starts = np.concatenate([of_fit, ends[: _SETTINGS.refined_modes]])
     return maximise_posterior(likelihood.posterior, starts, tell=tell)
 
 
