@@ -39,6 +39,7 @@ __all__ = [
     "matrices_without_window",
     "read_calibration",
     "shared_by",
+    "unknown_gains",
     "unknown_signs",
     "with_signs",
 ]
@@ -150,6 +151,12 @@ def unknown_signs(description: Description) -> tuple[str, ...]:
     return tuple(name for name, entry in calibrations if name != SHARED and np.isnan(entry.fixed.get("sign", 1.0)))
 
 
+def unknown_gains(description: Description) -> tuple[str, ...]:
+    """Return the identified parameters that are gains of measurement chains, by name."""
+    chains = description.calibrations.items()
+    return tuple(f"{name}.gain" for name, chain in chains if any(p.name == "gain" for p in chain.identified))
+
+
 def with_signs(description: Description, signs: Mapping[str, float]) -> Description:
     """Return the description with known signs of some responses, by name; its text is unchanged."""
     calibrations = dict(description.calibrations)
@@ -222,7 +229,7 @@ def entries_at_response(description: Description) -> dict[str, JointEntry]:
     entries: dict[str, JointEntry] = {**description.joints, **description.unknown_parts}
     entries |= {name: structurally_damped(joint) for name, joint in entries.items() if joint.structural_damping}
     response = description.response
-    chain = description.calibrations.get(response.name, ParameterEntry())
+    chain = description.chain_of(response)
     names = {parameter.name for parameter in chain.parameters}
     if "mass" in names:
         entries[f"{response.name} sensor"] = _sensor(response, response.name)

@@ -206,6 +206,10 @@ class Description:
         """The first response, whose FRF `Assembly.frf` gives."""
         return self.responses[0]
 
+    def chain_of(self, response: Response) -> ParameterEntry:
+        """Return what is sought or known of the measurement chain of a response."""
+        return self.calibrations.get(response.name, ParameterEntry())
+
     @property
     def response_labels(self) -> tuple[str, ...]:
         """The position of each response in words: ``"tool, 10 mm"``; with its name where others are there, too."""

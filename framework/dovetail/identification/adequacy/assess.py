@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.assembly.calibration import unknown_gains
 from dovetail.errors import Fault, ParameterError, listing
 from dovetail.frf import Frf
 from dovetail.identification.adequacy.adequacy import NOTHING_LEFT, Adequacy, word_for
@@ -113,7 +114,7 @@ def assess(
     """
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     noise = is_noise(assembly, target, fit)
-    remarks = tuple(_remarks(model, target, fit))
+    remarks = tuple(_remarks(assembly, target, fit))
     if noise and target.residual_count(fit.used) <= len(fit.theta):
         return Adequacy("not judged", allowed=model_error, reasons=(NOTHING_LEFT, *remarks)), fit
     if noise and not model_error:
@@ -151,11 +152,11 @@ def assess(
     return adequacy, refitted
 
 
-def _remarks(model: ModelFrfs, target: Observations, fit: Fit) -> Iterator[str]:
+def _remarks(assembly: Assembly, target: Observations, fit: Fit) -> Iterator[str]:
     """Yield what a measurement cannot show, however well the model fits, as sentences."""
     if max(target.counts) < _SETTINGS.fewest_lines:
         yield "So few lines show no resonance: intervals allow for no error of natural frequencies or damping."
-    followers = _followers_of_gain(model, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
+    followers = _followers_of_gain(assembly, fit.theta) if target.residual_count(fit.used) > len(fit.theta) else []
     if followers:
         yield (
             f"The measurement does not tell its own gain: if that is wrong, {listing(followers)} are wrong by as much, "
@@ -163,17 +164,17 @@ def _remarks(model: ModelFrfs, target: Observations, fit: Fit) -> Iterator[str]:
         )
 
 
-def _followers_of_gain(model: ModelFrfs, theta: NDArray[np.float64]) -> list[str]:
+def _followers_of_gain(assembly: Assembly, theta: NDArray[np.float64]) -> list[str]:
     """Return the parameters that make up for a wrong gain, as where all masses are sought; none if a gain is sought."""
-    values, derivatives = (array[0] for array in model.frf_jacobian(theta[np.newaxis]))
+    values, derivatives = (array[0] for array in ModelFrfs.of(assembly).frf_jacobian(theta[np.newaxis]))
     size = np.maximum(np.abs(values), np.finfo(float).tiny)
     gain, columns = (
         np.concatenate([part.real, part.imag]) for part in (values / size, derivatives * theta / size[:, None])
     )
     share = np.linalg.lstsq(columns, gain, rcond=_SETTINGS.independent)[0]
-    parameters = zip(model.assemblies[0].parameters, share, strict=True)
+    parameters, gains = zip(assembly.parameters, share, strict=True), unknown_gains(assembly.description)
     followers = [parameter for parameter, part in parameters if abs(part) > _SETTINGS.follows]
-    told = any(parameter.prior == "normal" or parameter.name.endswith(".gain") for parameter in followers)
+    told = any(parameter.prior == "normal" or parameter.name in gains for parameter in followers)
     left = np.linalg.norm(columns @ share - gain) / np.linalg.norm(gain)
     return [] if told or left > _SETTINGS.not_followed else [parameter.name for parameter in followers]
 

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.changed_joints import has_dampers, with_damping
-from dovetail.assembly.description import Description, ParameterEntry, Place, Response
+from dovetail.assembly.description import Description, Place, Response
 from dovetail.errors import DovetailError
 from dovetail.frf import conversion
 from dovetail.identification.adequacy.trials import Trial, Trials
@@ -211,7 +211,7 @@ def try_levels(trials: Trials) -> Iterator[Candidate]:
 
 def _structure_at(description: Description, response: Response) -> tuple[object, ...]:
     """Return where a response is, and what its calibration adds to the structure: another mass is no other level."""
-    chain = description.calibrations.get(response.name, ParameterEntry())
+    chain = description.chain_of(response)
     return response.point, response.force_point, chain.fixed.get("mass", 0.0), chain.fixed.get("window", 0.0)
 
 
@@ -221,8 +221,8 @@ def try_exchanges(trials: Trials) -> Iterator[Candidate]:
     for former, latter in islice(combinations(range(len(frfs)), 2), _SETTINGS.most_exchanges):
         responses = list(description.responses)
         first, second = responses[former], responses[latter]
-        chains = [description.calibrations.get(response.name, ParameterEntry()) for response in (first, second)]
-        alike = (first.point, first.force_point, chains[0]) == (second.point, second.force_point, chains[1])
+        told = [(response.point, response.force_point, description.chain_of(response)) for response in (first, second)]
+        alike = told[0] == told[1]
         if alike or (first.rotation, first.moment) != (second.rotation, second.moment):
             continue
         responses[former] = replace(second, quantity=first.quantity)

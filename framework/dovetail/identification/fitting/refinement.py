@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
+from dovetail.assembly.calibration import unknown_gains
 from dovetail.frf import Frf
 from dovetail.identification.fitting.fit import Fit, bounds_reached, count_agreeing, fractions_within, highest_agreeing
 from dovetail.identification.fitting.least_squares import Minima, cuts, minimise, profiles
@@ -351,7 +352,7 @@ class _Refinement:
         for _ in range(_SETTINGS.most_discrepancies):
             before, values = self._model_variance, self._values(best)
             magnitude = np.abs(values)
-            if any(parameter.name.endswith(".gain") for parameter in self._assembly.parameters):
+            if unknown_gains(self._assembly.description):
                 magnitude = np.maximum(magnitude, self._target.amplitude)  # or a vanishing model would fit best
             relative, background = self._target.discrepancy(values, magnitude, self._variance, self._used)
             self._model_variance = (relative * magnitude) ** 2 + (background * self._target.level) ** 2
