@@ -83,3 +83,51 @@ def test_what_the_frf_hardly_feels_is_said_so(ranged):
     assembly = ranged(3.0)
     posterior = dovetail.identify(assembly, measurement(assembly.frequency, 3.0)[0], "posterior").posterior
     assert posterior.verdicts["c"].reason == "The measurement hardly depends on it."
+
+
+def absorbers():
+    """A block with two light masses on springs, of which nothing in the block's FRF tells which is which."""
+
+    def spring(part, to, stiffness):
+        return {
+            "model": "spring_damper",
+            "direction": "x",
+            "connect": {"a": {"to": part, "at": 0}, "b": {"to": to, "at": 0}},
+            "parameters": {"k": stiffness, "c": {"range": [0.1, 300.0], "scale": "log"}},
+        }
+
+    sought = {"range": [2e4, 3e6], "scale": "log"}
+    masses = {"block": 3.0, "first": 0.2, "second": 0.2}
+    parts = {name: {"model": "lumped", "masses": [{"mass": mass}]} for name, mass in masses.items()}
+    return {
+        "dovetail": 1,
+        "name": "absorbers",
+        "frequency": {"start": 20.0, "stop": 250.0, "step": 0.5},
+        "substructures": {"base": {"model": "ground"}, **parts},
+        "joints": {
+            "mount": spring("block", "base", sought),
+            "one": spring("first", "block", sought),
+            "other": spring("second", "block", sought),
+        },
+        "response": {"at": "block", "position": 0.0, "quantity": "receptance"},
+    }
+
+
+def test_the_stiffnesses_of_two_parts_that_can_be_exchanged_are_not_told_to_lie_between():
+    stiffness, damping, masses = (1e6, 8e4, 1.1e5), (30.0, 1.0, 1.5), (3.0, 0.2, 0.2)
+    omega = 2j * np.pi * np.arange(20.0, 250.0, 0.5)
+    spring = [k + c * omega for k, c in zip(stiffness, damping, strict=True)]
+    carried = [m * omega**2 * z / (m * omega**2 + z) for m, z in zip(masses[1:], spring[1:], strict=True)]
+    receptance = 1.0 / (masses[0] * omega**2 + spring[0] + sum(carried))
+    noise = np.random.default_rng(1).standard_normal((2, len(omega))) / np.sqrt(2.0)
+    measured = receptance + 0.01 * receptance.std() * (noise[0] + 1j * noise[1])
+    frf = dovetail.Frf(omega.imag / (2 * np.pi), measured, "receptance")
+    posterior = dovetail.identify(dovetail.load(absorbers()), frf).posterior
+    exchanged = {"one.k", "one.c", "other.k", "other.c"}
+    assert {"one.k", "other.k"} <= set(posterior.in_two_groups) <= exchanged
+    for name in ("one.k", "other.k"):
+        low, high = posterior.interval()[name]
+        assert low < stiffness[1] * 1.005
+        assert high > stiffness[2] * 0.995
+        assert posterior.verdicts[name].word == "weakly identified"
+    assert posterior.verdicts["mount.k"].word == "identified"

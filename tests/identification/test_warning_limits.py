@@ -10,6 +10,7 @@ from noisy_measurements import noisy
 
 import dovetail
 from dovetail.identification.fitting import refine
+from dovetail.identification.posterior import Posterior, typical_model_error
 from dovetail.identification.reconstruction import reconstruct
 
 
@@ -45,3 +46,15 @@ def test_eight_lines_that_were_left_out_are_listed(sdof, fit, count, shown):
     used[:count] = False
     told = warnings_of(sdof, method="refined", fit=replace(fit, used=used, ignored=101.0 + np.arange(count)))
     assert f"{count} lines stand alone and were left out: {shown}." in told
+
+
+@pytest.mark.parametrize(("gap", "in_two_groups"), [(0.3, ()), (0.4, ("k",))])
+def test_two_separate_groups_of_values_are_told(sdof, gap, in_two_groups):
+    """Two evenly filled groups, apart by a part of the interval between them; the interval is 0.9 of all samples."""
+    k = np.linspace(0.0, 1.0 - 0.9 * gap, 400)
+    k[200:] += 0.9 * gap
+    fraction = np.stack([k, np.linspace(0.0, 1.0, 400)], axis=1)
+    options = {"model_error": typical_model_error(0.0), "searches": 400, "lines": 600, "seconds": 0.0}
+    posterior = Posterior.from_fractions(sdof, fraction, np.full(400, 1.0 / 400), **options)
+    assert posterior.in_two_groups == in_two_groups
+    assert ("two separate groups" in posterior.verdicts["k"].reason) is bool(in_two_groups)

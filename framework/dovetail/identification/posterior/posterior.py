@@ -71,6 +71,9 @@ class VerdictSettings:
     the range, has 0.37 there; a parameter that is uniform over its range has 0.23."""
     effective_samples: int = 50
     """Below this effective sample size, a tail of an interval rests on two or three samples."""
+    gap: float = 1.0 / 3.0
+    """Part of an interval's width that holds no sample, from which a parameter has two separate groups of values. Of 50
+    independent samples, evenly distributed, two neighbours are 0.08 of it apart."""
     split_half_difference: float = 0.5
     """Part of an interval's width by which its ends may differ between two halves of the samples."""
 
@@ -210,6 +213,16 @@ class Posterior:
         differences = split_half_difference(self.fraction, self.weight, LEVEL)
         return dict(zip(self.names, differences.tolist(), strict=True))
 
+    @cached_property
+    def in_two_groups(self) -> tuple[str, ...]:
+        """Parameters with two separate groups of values, as where two equal parts can be exchanged."""
+        low, high = quantiles(self.fraction, self.weight, _ends_of(LEVEL))
+        drawn = self.fraction[drawn_by_weight(self.weight, len(self.weight), np.random.default_rng(7))]
+        gaps = np.diff(np.sort(np.clip(drawn, low, high), axis=0), axis=0).max(axis=0, initial=0.0)
+        enough = self.effective_sample_size >= _SETTINGS.effective_samples
+        apart = enough & (gaps > _SETTINGS.gap * (high - low))
+        return tuple(name for name, is_apart in zip(self.names, apart, strict=True) if is_apart)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings that a reader of the intervals must know."""
@@ -271,9 +284,13 @@ class Posterior:
         reasons = [f"it presses against the {end} end of its range"] if end else []
         if word != "identified":
             reasons.append(self._explanation(index, word))
-        if self.names[index] in self.doubts:
-            word = "weakly identified" if word == "identified" else word
-            reasons.append(self.doubts[self.names[index]])
+        name = self.names[index]
+        if name in self.in_two_groups:
+            reasons.append("its values are in two separate groups, and the estimate is their mean")
+        if name in self.doubts:
+            reasons.append(self.doubts[name])
+        if word == "identified" and (name in self.in_two_groups or name in self.doubts):
+            word = "weakly identified"
         reason = "; ".join(reasons) or "the measurement fixes it"
         return Verdict(word, gain, f"{reason[0].upper()}{reason[1:]}.")
 
@@ -361,21 +378,10 @@ def quantiles(
 def split_half_difference(
     values: NDArray[np.float64], weight: NDArray[np.float64], level: float
 ) -> NDArray[np.float64]:
-    """Return by how much the intervals of the first and of the second half of the samples differ.
+    """Return by how much the intervals of the first and of the second half of samples (n, m) differ, (m,).
 
-    Parameters
-    ----------
-    values : (n, m) array
-        Samples, in the order in which they were drawn.
-    weight : (n,) array
-    level : float
-        Probability of the interval.
-
-    Returns
-    -------
-    (m,) array
-        The larger difference of the two ends, over the width of the interval that all samples give; 1 where there
-        are not two halves.
+    It is the larger difference of the two ends, over the width of the interval that all samples give; 1 where there are
+    not two halves.
     """
     middle = len(weight) // 2
     halves = [(values[rows], weight[rows]) for rows in (slice(None, middle), slice(middle, None))]
