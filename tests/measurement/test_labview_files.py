@@ -51,6 +51,12 @@ def check(frf) -> None:
     assert frf.quantity == "accelerance"
 
 
+def test_a_labview_file_may_be_called_txt(tmp_path: Path) -> None:
+    path = tmp_path / "frf.TXT"
+    path.write_text("\ufeff" + HEADER + SEGMENT, encoding="utf-8")
+    check(read_frf(path))
+
+
 def test_several_abscissas_of_one_channel_are_one(tmp_path: Path) -> None:
     """Of one channel LabVIEW writes the same, whether each has an abscissa of its own or all have one."""
     one = "\n".join(

@@ -57,6 +57,19 @@ def test_single_precision_binary_as_an_analyser_writes_it(tmp_path: Path, order:
     np.testing.assert_allclose(read_frf(path).values, VALUES, rtol=1e-7)
 
 
+@pytest.mark.parametrize("binary", [0, 1], ids=["ascii", "binary"])
+def test_a_universal_file_may_be_called_txt(tmp_path: Path, binary: int) -> None:
+    path = file_of(tmp_path, set_58(FREQUENCY, VALUES, binary=binary)).rename(tmp_path / "a.TXT")
+    np.testing.assert_allclose(read_frf(path).values, VALUES, rtol=1e-11)
+
+
+def test_a_table_that_begins_with_minus_one_is_no_universal_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("-1\n10 1 2\n12 3 4\n14 5 6\n")
+    frf = read_frf(path, columns=["frequency", "real", "imag"], quantity="accelerance")
+    np.testing.assert_array_equal(frf.values, [1 + 2j, 3 + 4j, 5 + 6j])
+
+
 def test_carriage_returns_padding_blank_lines_and_latin_labels(tmp_path: Path) -> None:
     one = set_58(FREQUENCY, VALUES, abscissa_spacing=1, id1="K~rper_", ordinate_axis_units_lab="m/s~")
     path = file_of(tmp_path, one)

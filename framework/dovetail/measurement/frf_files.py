@@ -13,6 +13,7 @@ from dovetail.frf import Frf
 from dovetail.interfaces import logged
 from dovetail.measurement.accelerometer import remove_accelerometer_mass
 from dovetail.measurement.formats import cutpro, from_plugin, guarded, lvm, npz, tables, uff_reader, uff_writer
+from dovetail.measurement.formats.text_tables import suffix_by_content
 from dovetail.measurement.recording import FrfToWrite, ReadOptions, Recording, parse_quantity, prepare_for_writing
 from dovetail.registry import PluginPaths, Registry, components
 
@@ -74,6 +75,7 @@ def read_frf(
         as ``frequency_Hz,real,imag``, ``Frequency [Hz],Magnitude [um/N],Phase [deg]``, or a row of units below it),
         ``.npz``, ``.npy`` (columns, or a structured array), ``.mat`` (version 5 or 7.3), ``.h5`` or ``.hdf5`` (arrays
         ``frequency`` and ``values``, or others that `names` gives), ``.frf`` (CutPro), ``.lvm`` (LabVIEW).
+        Universal and LabVIEW files may also be called ``.txt``.
     quantity : {"receptance", "mobility", "accelerance"}, optional
         Needed if the file does not state it; must not contradict the file.
     unit : str, optional
@@ -132,16 +134,18 @@ def read_frf(
         if chosen is not None:
             recording = from_plugin.decode(source, content, chosen, options)
         else:
-            recording = _decode(source, content, _format_of(source, registry), options)
+            recording = _decode(source, content, options)
     frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
     if accelerometer_mass:
         _check_drive_point(frf)
     return remove_accelerometer_mass(frf, accelerometer_mass)
 
 
-def _decode(source: Path, content: bytes, file_format: Format, options: ReadOptions) -> Recording:
+def _decode(source: Path, content: bytes, options: ReadOptions) -> Recording:
+    suffix = suffix_by_content(source, content)
+    file_format = _FORMATS[suffix]
     if options.columns and not file_format.has_columns:
-        problem = f"columns={','.join(options.columns)} is for tables, not for {source.suffix} files."
+        problem = f"columns={','.join(options.columns)} is for tables, not for {suffix} files."
         raise MeasurementError(Fault(str(source), problem))
     return file_format.decode(source, content, options)
 

@@ -20,7 +20,16 @@ from numpy.typing import NDArray
 from dovetail.errors import Fault, MeasurementError
 from dovetail.measurement.recording import MOST_LINES
 
-__all__ = ["TextTable", "check_end", "find_rows", "find_table", "is_number", "read_rows", "split_lines"]
+__all__ = [
+    "TextTable",
+    "check_end",
+    "find_rows",
+    "find_table",
+    "is_number",
+    "read_rows",
+    "split_lines",
+    "suffix_by_content",
+]
 
 _MOST_ABOVE = 10_000
 """Largest number of lines above a table; the longest headers of analysers have some hundred."""
@@ -28,6 +37,8 @@ _LONGEST_LINE = 100_000
 """Characters of the longest line: a row or a header of a thousand impacts."""
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 """Bytes that do not occur in text of a single-byte encoding; form feeds and tabs do."""
+_UNIVERSAL = re.compile(rb"\s*-1[ \t]*\r?\n *(\d+[ \t]*\r?\n|58b )")
+_LABVIEW = re.compile(rb"(\xef\xbb\xbf)?\s*LabVIEW Measurement")
 _BLANKS = ""
 """The separator of columns that are separated by one or more blanks."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
@@ -72,6 +83,14 @@ class TextTable(NamedTuple):
         if len(cells) != len(self.header) or not any(cells) or any(map(is_number, cells)):
             return ()
         return tuple(cells)
+
+
+def suffix_by_content(path: Path, content: bytes) -> str:
+    """Return the suffix of a file in lower case; that of its format for universal and LabVIEW files called .txt."""
+    suffix = path.suffix.lower()
+    if suffix == ".txt" and _UNIVERSAL.match(content):
+        return ".unv"
+    return ".lvm" if suffix == ".txt" and _LABVIEW.match(content) else suffix
 
 
 def split_lines(path: Path, content: bytes) -> list[str]:

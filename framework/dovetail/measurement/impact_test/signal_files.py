@@ -18,7 +18,7 @@ from dovetail.frf import QUANTITIES, Quantity
 from dovetail.measurement.formats import guarded, lvm, npz, tables, uff_reader
 from dovetail.measurement.formats.column_names import plain_name
 from dovetail.measurement.formats.named_arrays import Archive
-from dovetail.measurement.formats.text_tables import find_rows, find_table, read_rows, split_lines
+from dovetail.measurement.formats.text_tables import find_rows, find_table, read_rows, split_lines, suffix_by_content
 from dovetail.measurement.frf_units import conversion_factor, motion_unit, pint_spelling
 
 __all__ = ["Signals", "read_signals"]
@@ -102,13 +102,13 @@ def read_signals(
         HDF5 and MATLAB 7.3 need h5py, which is not installed.
     """
     source = Path(path)
-    suffix = source.suffix.lower()
-    if suffix not in _SUFFIXES:
+    if source.suffix.lower() not in _SUFFIXES:
         raise MeasurementError(Fault(str(source), "this is no file of time records.", ", ".join(_SUFFIXES)))
+    content = read_bounded(source)
+    suffix = suffix_by_content(source, content)
     if columns and suffix not in _TABLES:
         problem = f"columns={','.join(columns)} is for tables, not for {suffix} files."
         raise MeasurementError(Fault(str(source), problem))
-    content = read_bounded(source)
     file_rate: float | None
     if suffix in (".uff", ".unv"):
         force, response, file_rate, units = uff_reader.read_time_records(source, content)
