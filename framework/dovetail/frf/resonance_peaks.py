@@ -72,7 +72,12 @@ def resonance_peaks(frf: Frf, prominence: float = _SETTINGS.prominence) -> NDArr
     return np.array([_peak_frequency(accelerance, top, height) for top, height in peaks])
 
 
-def counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:
+def counterpart(
+    frequency: float,
+    among: NDArray[np.float64],
+    others: NDArray[np.float64],
+    closeness: float = _SETTINGS.closeness,
+) -> float | None:
     """Return the frequency in `others` that belongs to one in `among`: each is the other's nearest, and they are close.
 
     Parameters
@@ -81,6 +86,8 @@ def counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np
         Hz, one of `among`.
     among, others : (n,) arrays
         Hz.
+    closeness : float
+        Largest relative distance of the two.
 
     Returns
     -------
@@ -90,7 +97,7 @@ def counterpart(frequency: float, among: NDArray[np.float64], others: NDArray[np
         return None
     candidate = float(others[np.argmin(np.abs(others - frequency))])
     nearest = among[np.argmin(np.abs(among - candidate))]
-    return candidate if nearest == frequency and abs(candidate - frequency) <= _SETTINGS.closeness * frequency else None
+    return candidate if nearest == frequency and abs(candidate - frequency) <= closeness * frequency else None
 
 
 def _noise(frf: Frf) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from dovetail.errors import listing
+from dovetail.frf.resonance_peaks import counterpart
 from dovetail.identification import Fit, Identification, ModalIdentification, Mode, Posterior, TableRow
 from dovetail.identification.parameters import place_on_range
 from dovetail.report.truth import Truth
@@ -200,11 +201,12 @@ def known_rows(result: Identification) -> list[tuple[str, str]]:
 def mode_rows(result: Identification, truth: Truth | None) -> list[ModeRow]:
     """Return the table of natural frequencies: the identified ones, and true ones without a counterpart."""
     low, high = result.frf.frequency[[0, -1]] if result.band is None else result.band
-    inside = [f for f in (truth.natural_frequencies if truth is not None else ()) if low <= f <= high]
-    identified = [mode.natural_frequency for mode in result.modes]
-    matched = [_counterpart(frequency, identified, inside) for frequency in identified]
+    inside = np.array([f for f in (truth.natural_frequencies if truth is not None else ()) if low <= f <= high])
+    identified = np.array([mode.natural_frequency for mode in result.modes])
+    known = identified[np.isfinite(identified)]
+    matched = [counterpart(frequency, known, inside, closeness=np.inf) for frequency in identified.tolist()]
     rows = [(mode.natural_frequency, _mode_row(mode, true)) for mode, true in zip(result.modes, matched, strict=True)]
-    missed = [frequency for frequency in inside if frequency not in matched]
+    missed = [frequency for frequency in inside.tolist() if frequency not in matched]
     rows += [(true, ModeRow(ABSENT, hertz(true), ABSENT, ABSENT, ABSENT, ABSENT)) for true in missed]
     return [row for _, row in sorted(rows, key=lambda entry: (not np.isfinite(entry[0]), entry[0]))]
 
@@ -351,17 +353,6 @@ def _place(row: TableRow, value: float | None) -> float | None:
     """Return the place of a value on its range, or None if it has none."""
     place = math.nan if value is None else place_on_range(value, row.range_low, row.range_high, row.scale)
     return None if math.isnan(place) else place
-
-
-def _counterpart(frequency: float, among: Sequence[float], others: Sequence[float]) -> float | None:
-    """Return the nearest of `others` to `frequency`, if `frequency` is also the nearest of `among` to it, else None."""
-    if not others or not np.isfinite(frequency):
-        return None
-    candidate = min(others, key=lambda other: abs(other - frequency))
-    nearest = min(
-        (frequency for frequency in among if np.isfinite(frequency)), key=lambda frequency: abs(frequency - candidate)
-    )
-    return candidate if nearest == frequency else None
 
 
 def _mode_row(mode: Mode, true: float | None) -> ModeRow:
