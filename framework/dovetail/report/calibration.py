@@ -8,7 +8,7 @@ from typing import Any
 from dovetail.evaluation import CalibratedParameter, Calibration
 from dovetail.report.calibration_figures import coverage_figure, rank_figure
 from dovetail.report.pages import write_page
-from dovetail.report.svg import inline_svg
+from dovetail.report.svg import page_figure
 
 __all__ = ["CALIBRATION_HEADERS", "calibration_rows", "calibration_times", "write_calibration"]
 
@@ -36,8 +36,6 @@ def write_calibration(calibration: Calibration, path: str | Path, title: str) ->
     -------
     Path
     """
-    from markupsafe import Markup
-
     figures = (
         ("coverage", "Intervals of every probability", coverage_figure(calibration), _COVERAGE_CAPTION),
         ("ranks", "Where the truth lies among the samples", rank_figure(calibration), _RANK_CAPTION),
@@ -53,8 +51,7 @@ def write_calibration(calibration: Calibration, path: str | Path, title: str) ->
         "outside": [parameter.name for parameter in calibration.parameters if not _by_chance(parameter)],
         "times": calibration_times(calibration),
         "figures": [
-            (heading, Markup(inline_svg(figure, name, heading, themed=True)), caption)
-            for name, heading, figure, caption in figures
+            (heading, page_figure(figure, name, heading), caption) for name, heading, figure, caption in figures
         ],
     }
     return write_page(path, "calibration.html.jinja", content, charts=False)

@@ -13,7 +13,7 @@ from dovetail.identification.result import caveats_of
 from dovetail.report.charts import as_data, chart_data
 from dovetail.report.comparison_figures import parameter_comparison
 from dovetail.report.pages import write_page
-from dovetail.report.svg import inline_svg
+from dovetail.report.svg import page_figure
 from dovetail.report.wording import ABSENT, display_unit, fixed, hertz, number
 
 __all__ = ["coherence_rows", "frequency_rows", "parameter_value_rows", "time_rows", "write_comparison"]
@@ -37,8 +37,6 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
     -------
     Path
     """
-    from markupsafe import Markup
-
     shown = None if comparison.caveat else -1  # without the last column, which would be empty
     figures = [
         (case.name, f"chart-{index + 1}", as_data(_chart(comparison, case)), _case_caveat(comparison, case))
@@ -55,7 +53,7 @@ def write_comparison(comparison: Comparison, path: str | Path) -> Path:
         "frequencies": [row[:shown] for row in frequency_rows(comparison)],
         "times": [row[:shown] for row in time_rows(comparison)],
         "verdicts": _verdicts(comparison),
-        "parameters": figure and Markup(inline_svg(figure, "parameters", "Identified parameters", themed=True)),
+        "parameters": figure and page_figure(figure, "parameters", "Identified parameters"),
         "figures": figures,
         "truth": bool(comparison.truth),
     }

@@ -16,7 +16,7 @@ from dovetail.report import content
 from dovetail.report.charts import as_data, chart_data
 from dovetail.report.drawing import assembly_figure, drawing_text, mode_shapes
 from dovetail.report.pages import write_page
-from dovetail.report.svg import inline_svg
+from dovetail.report.svg import page_figure
 from dovetail.report.truth import Truth
 from dovetail.report.wording import fixed, number
 
@@ -61,10 +61,10 @@ def write_report(
     if not isinstance(result, Identification):
         problem = "a result from modal parameters has no FRF, and no report."
         raise DovetailError(Fault(type(result).__name__, problem, remedy="Show its 'table' and its 'modes'."))
-    context = _context(result, truth) | {
-        "drawing": None if assembly is None else _drawing(assembly),
-        "shapes": None if assembly is None else _shapes(result, assembly),
-    }
+    context = _context(result, truth) | {"drawing": None, "shapes": None}
+    if assembly is not None:
+        context["drawing"] = page_figure(assembly_figure(assembly), "assembly", drawing_text(assembly))
+        context["shapes"] = _shapes(result, assembly)
     return write_page(path, "report.html.jinja", context)
 
 
@@ -199,13 +199,6 @@ def _how_to_reproduce(result: Identification) -> str:
     ]
     command = f"dovetail identify assembly.yaml {shlex.join(files)} --method {result.method}{flags} -o results/"
     return known + "\n".join(lines) + ("" if "start" in origin else f"\n\n# or, on the command line:\n# {command}")
-
-
-def _drawing(assembly: Assembly) -> Any:
-    """Return the drawing of an assembly as markup, with a text for screen readers."""
-    from markupsafe import Markup
-
-    return Markup(inline_svg(assembly_figure(assembly), "assembly", drawing_text(assembly), themed=True))
 
 
 def _shapes(result: Identification, assembly: Assembly) -> Any:

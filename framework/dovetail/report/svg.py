@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dovetail.plain_text import html_text
 from dovetail.report.figures import GRID, INK, png_bytes
@@ -12,7 +12,7 @@ from dovetail.report.figures import GRID, INK, png_bytes
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["FIGURE_SUFFIXES", "figure_bytes", "inline_svg"]
+__all__ = ["FIGURE_SUFFIXES", "figure_bytes", "inline_svg", "page_figure"]
 
 FIGURE_SUFFIXES = (".png", ".svg", ".html")
 
@@ -57,6 +57,13 @@ def inline_svg(figure: Figure, name: str, title: str, *, themed: bool = False) -
         text = text.replace("<svg ", '<svg fill="currentColor" ', 1).replace(GRID, "var(--grid)")
         text = text.replace(INK, "currentColor").replace("#ffffff", "none").replace("#000000", "currentColor")
     return _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), text)
+
+
+def page_figure(figure: Figure, name: str, title: str) -> Any:
+    """Return a figure in the colours of a page, as markup for its template; parameters as of `inline_svg`."""
+    from markupsafe import Markup
+
+    return Markup(inline_svg(figure, name, title, themed=True))
 
 
 def figure_bytes(figure: Figure, suffix: str, title: str) -> bytes:

@@ -9,7 +9,7 @@ from typing import Any
 from dovetail.evaluation import ValidatedCase, Validation
 from dovetail.report.charts import as_data, chart_data
 from dovetail.report.pages import write_page
-from dovetail.report.svg import inline_svg
+from dovetail.report.svg import page_figure
 from dovetail.report.validation_figures import series_figure
 from dovetail.report.wording import ABSENT, fixed, hertz
 
@@ -32,11 +32,9 @@ def write_validation(validation: Validation, path: str | Path) -> Path:
     -------
     Path
     """
-    from markupsafe import Markup
-
     series = None
     if validation.series:
-        series = Markup(inline_svg(series_figure(validation), "series", "Resonances over the series", themed=True))
+        series = page_figure(series_figure(validation), "series", "Resonances over the series")
     cases = [
         (
             f"chart-{index + 1}",
