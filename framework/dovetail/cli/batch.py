@@ -39,8 +39,7 @@ def check_batch(truth: Path | None, output: Path | None, *selected: Sequence[obj
     if any(selected):
         remedy = "one file of several FRFs takes --index, --response or --force; several files do not."
         raise typer.BadParameter(remedy, param_hint="MEASURED")
-    if output is not None:
-        prepare_folder(output, (*_TABLES, _PAGE), _SUMMARY)
+    prepare_folder(output, (*_TABLES, _PAGE), _SUMMARY)
 
 
 def identify_batch(

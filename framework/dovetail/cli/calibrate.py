@@ -81,8 +81,7 @@ def calibrate(
     chosen = chosen_method(method, plugin, loaded)
     if method == "network" and model is None:
         model = trained_model(loaded, plugin or [], retrain=False)
-    if output is not None:
-        prepare_folder(output, _FILES, _FILES[0])
+    prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:
         done = dovetail.calibrate(
             loaded,

@@ -67,8 +67,7 @@ def compare(
     read = dovetail.read_cases(cases, **reading_options(quantity, unit, names, columns, reader, plugin))
     known = None if truth is None else dovetail.read_truths(truth)
     chosen = () if methods is None else tuple(name.strip() for name in methods.split(","))
-    if output is not None:
-        prepare_folder(output, _FILES, _FILES[0])
+    prepare_folder(output, _FILES, _FILES[0])
     with progress_bars() as progress:
         done = dovetail.compare(
             read, chosen, samples=samples, data=data, truth=known, plugins=plugin or (), progress=progress

@@ -204,8 +204,7 @@ def identify(
     if network:
         lines.resampled(assembly)
     known = None if truth is None else read_truth(truth, assembly.parameters)
-    if output is not None:
-        prepare_folder(output)
+    prepare_folder(output)
     model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
     with progress_bars() as progress:
         result = dovetail.identify(assembly, frfs, by, model=model, progress=progress, **options)
@@ -248,8 +247,7 @@ def _identify_from_modes(
 
     modes = dovetail.read_modal_parameters(file)
     known = None if truth is None else read_truth(truth, assembly.parameters)
-    if output is not None:
-        prepare_folder(output, MODAL_FILES)
+    prepare_folder(output, MODAL_FILES)
     with progress_bars() as progress:
         result = dovetail.identify(assembly, modes, progress=progress, **options)
     with writing(output, lambda folder: write_modal_results(result, folder, known)):

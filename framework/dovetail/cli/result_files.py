@@ -40,12 +40,13 @@ MODAL_FILES = (_RESULT, "parameters.csv", "modes.csv")
 _FILES = ("report.html", _RESULT, "parameters.csv", "frf.csv", "frf.png")
 
 
-def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RESULT) -> None:
+def prepare_folder(folder: Path | None, files: Sequence[str] = _FILES, mark: str = _RESULT) -> None:
     """Check, before any work, that results can be written to a folder.
 
     Parameters
     ----------
-    folder : Path
+    folder : Path or None
+        Nothing is written without one.
     files : sequence of str
         Names of the files to write.
     mark : str
@@ -59,6 +60,8 @@ def prepare_folder(folder: Path, files: Sequence[str] = _FILES, mark: str = _RES
     from dovetail.atomic_files import check_room
     from dovetail.errors import DovetailError, Fault, listing
 
+    if folder is None:
+        return
     remedy = "Choose another folder."
     if folder.exists() and not folder.is_dir():
         raise DovetailError(Fault(str(folder), "this is a file, not a folder for results.", remedy=remedy))

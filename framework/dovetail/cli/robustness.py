@@ -65,8 +65,7 @@ def robustness(
     note_doubts(loaded)
     for name in chosen:
         variant(loaded, name, registry)
-    if output is not None:
-        prepare_folder(output, _FILES, _FILES[0])
+    prepare_folder(output, _FILES, _FILES[0])
     dataset = None if data is None else dovetail.Dataset(data)
     with progress_bars() as progress:
         rows = dovetail.robustness(

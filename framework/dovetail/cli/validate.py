@@ -58,8 +58,7 @@ def validate(
     chosen = chosen_method(method, plugin)
     read = dovetail.read_cases(cases, **reading_options(quantity, unit, names, columns, reader, plugin))
     files = (*_FILES, _SERIES) if read.series else _FILES
-    if output is not None:
-        prepare_folder(output, files, _FILES[0])
+    prepare_folder(output, files, _FILES[0])
     with progress_bars() as progress:
         done = dovetail.validate(read, _method(chosen, plugin or []), plugins=plugin or (), progress=progress)
     with writing(output, lambda folder: _write(done, folder), _FILES[0]):
