@@ -88,7 +88,7 @@ def _kept(folder: Path, plugins: Sequence[Path], otherwise: str) -> Identifier |
 
 def _key(assembly: Assembly, plugins: Sequence[Path]) -> str:
     """Return a hash of everything that the model depends on."""
-    from dovetail.identification.provenance import component_sources, package_versions
+    from dovetail.identification.provenance import component_sources, file_hash, package_versions
     from dovetail.interfaces import source_file
 
     settings = assembly.description.identification
@@ -98,7 +98,7 @@ def _key(assembly: Assembly, plugins: Sequence[Path]) -> str:
         "description": assembly.description.text,
         "dovetail": package_versions().get("dovetail-frf"),
         "components": component_sources(assembly),
-        "files": [hashlib.sha256(file.read_bytes()).hexdigest() for file in files],
+        "files": [file_hash(file) for file in files],
     }
     return hashlib.sha256(json.dumps(origin, sort_keys=True).encode()).hexdigest()[:32]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -93,6 +92,7 @@ def writing(folder: Path | None, write: Callable[[Path], None], mark: str = _RES
     """
     from dovetail.atomic_files import new_folder
     from dovetail.cli.terminal import note
+    from dovetail.identification.provenance import file_hash
 
     if folder is None:
         yield
@@ -101,7 +101,7 @@ def writing(folder: Path | None, write: Callable[[Path], None], mark: str = _RES
         with new_folder(folder, _unchanged(folder), mark, MANIFEST) as fresh:
             write(fresh)
             names = sorted(file.name for file in fresh.iterdir())
-            lines = [f"{_digest(fresh / name)}  {name}\n" for name in names]
+            lines = [f"{file_hash(fresh / name)}  {name}\n" for name in names]
             write_texts(fresh, {MANIFEST: "".join(lines)})
     finally:
         yield
@@ -110,18 +110,15 @@ def writing(folder: Path | None, write: Callable[[Path], None], mark: str = _RES
 
 def _unchanged(folder: Path) -> set[str]:
     """Return the names of files from an earlier run that have not been changed since."""
+    from dovetail.identification.provenance import file_hash
+
     listed: dict[str, str] = {}
     with suppress(OSError, ValueError):
         for line in (folder / MANIFEST).read_text(encoding="utf-8").splitlines():
             digest, _, name = line.partition("  ")
             listed[name] = digest
-        return {file.name for file in folder.iterdir() if file.is_file() and _digest(file) == listed.get(file.name)}
+        return {file.name for file in folder.iterdir() if file.is_file() and file_hash(file) == listed.get(file.name)}
     return set()
-
-
-def _digest(file: Path) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def write_results(result: Identification, folder: Path, truth: Truth | None, assembly: Assembly | None = None) -> None:

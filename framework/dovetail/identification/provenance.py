@@ -32,6 +32,7 @@ __all__ = [
     "StageTimer",
     "component_sources",
     "description_hash",
+    "file_hash",
     "package_versions",
     "parameter_metrics",
     "provenance",
@@ -156,6 +157,12 @@ def _version(package: str) -> str | None:
 def description_hash(text: str) -> str:
     """Return the SHA-256 of a description's text, in hexadecimal."""
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def file_hash(file: Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal."""
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def component_sources(assembly: Assembly) -> dict[str, str]:

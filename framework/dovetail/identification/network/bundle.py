@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import shutil
@@ -36,7 +35,7 @@ from dovetail.identification.network.manifest import (
 from dovetail.identification.network.network import Network, check_contract, component_label
 from dovetail.identification.network.novelty import Novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
-from dovetail.identification.provenance import Evaluation, component_sources, package_versions
+from dovetail.identification.provenance import Evaluation, component_sources, file_hash, package_versions
 from dovetail.interfaces import FittedReducer, FittedRegressor, Reducer, Regressor, State, plugin_errors
 from dovetail.registry import PluginPaths
 
@@ -224,7 +223,7 @@ def _packed_description(folder: Path, assembly: Assembly) -> str:
     whole = json.loads(assembly.description.text)
     for (*steps, option), file in assembly.description.files.items():
         section = reduce(lambda held, step: held[step], steps, whole)
-        copy = folder / FILES / f"{_digest(Path(file))}{Path(file).suffix.lower()}"
+        copy = folder / FILES / f"{file_hash(Path(file))}{Path(file).suffix.lower()}"
         copy.parent.mkdir(exist_ok=True)
         shutil.copyfile(file, copy)
         section[option] = f"{FILES}/{copy.name}"
@@ -305,16 +304,11 @@ def _write_tensors(file: Path, arrays: Mapping[str, NDArray[np.generic]]) -> Ten
     from safetensors.numpy import save_file
 
     save_file(dict(arrays), file)
-    return TensorFile(sha256=_digest(file), arrays=_shapes(arrays))
+    return TensorFile(sha256=file_hash(file), arrays=_shapes(arrays))
 
 
 def _shapes(arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, str]:
     return {name: f"{array.dtype.name}{list(array.shape)}" for name, array in arrays.items()}
-
-
-def _digest(file: Path) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _read_state(folder: Path, manifest: Manifest, section: Section) -> dict[str, Any]:
@@ -328,7 +322,7 @@ def _read_state(folder: Path, manifest: Manifest, section: Section) -> dict[str,
     if not file.is_file():
         raise damaged(file, "this file of the model is missing.")
     try:
-        if _digest(file) != manifest.files[section].sha256:
+        if file_hash(file) != manifest.files[section].sha256:
             raise damaged(file, "the file is not the one the manifest describes.")
         arrays = load_file(file)
     except (OSError, SafetensorError, ValueError, TypeError, KeyError) as error:
@@ -349,7 +343,7 @@ def _assembly(folder: Path, manifest: Manifest, plugins: PluginPaths) -> Assembl
     if "extends" in description:
         raise damaged(file, "its description refers to a file outside the model.")
     for held in (folder / FILES).glob("*"):
-        if not held.is_file() or _digest(held) != held.stem:
+        if not held.is_file() or file_hash(held) != held.stem:
             raise damaged(held, "the file is not the one that its name says.")
     try:
         assembly = load(description, plugins=plugins, files_in=folder)
