@@ -6,62 +6,41 @@ import pytest
 
 CASES = {
     "format_unknown": (
-        {
-            "dovetail: 1": "dovetail: 2",
-        },
+        {"dovetail: 1": "dovetail: 2"},
         "test.yaml:1:11  dovetail\n  2 is not a format that this version of dovetail reads.\n  Accepted: 1",
     ),
     "format_missing": (
-        {
-            "dovetail: 1\n": "",
-        },
+        {"dovetail: 1\n": ""},
         "test.yaml:1:1  dovetail\n  the description does not say which format it has.\n  Begin it with 'dovetail: 1'.",
     ),
     "name_missing": (
-        {
-            "name: test\n": "",
-        },
+        {"name: test\n": ""},
         "test.yaml:1:1  name\n  the description lacks 'name'.\n  Add, for example: name: my-assembly",
     ),
-    "name_not_a_text": (
-        {
-            "name: test": "name: 12",
-        },
-        "test.yaml:2:7  name\n  12 is not a text.",
-    ),
+    "name_not_a_text": ({"name: test": "name: 12"}, "test.yaml:2:7  name\n  12 is not a text."),
     "name_with_odd_characters": (
-        {
-            "name: test": "name: a/b",
-        },
+        {"name: test": "name: a/b"},
         "test.yaml:2:7  name\n"
         "  a name has up to 100 letters, digits, spaces and '.+-_', and begins with a letter or digit.",
     ),
     "unknown_section": (
-        {
-            "response: {": "responce: {",
-        },
+        {"response: {": "responce: {"},
         "test.yaml:23:1  responce\n"
         "  'responce' is not a key of the description.\n"
         "  Did you mean 'response'?  Accepted: dovetail, name, frequency, substructures, joints, "
         "response, responses, calibration, identification, study",
     ),
     "section_missing": (
-        {
-            "response: {at: tool, position: 10 mm}\n": "",
-        },
+        {"response: {at: tool, position: 10 mm}\n": ""},
         "test.yaml:1:1  response\n  the description lacks 'response'."
         "\n  Add, for example: response: {at: NAME, position: 0 mm, direction: x, quantity: accelerance}",
     ),
     "section_is_empty": (
-        {
-            ("  samples: 100\n  reducer: {model: squeeze, n_components: 5}\n  regressor: {model: mlp}\n"): "",
-        },
+        {"  samples: 100\n  reducer: {model: squeeze, n_components: 5}\n  regressor: {model: mlp}\n": ""},
         "test.yaml:24:1  identification\n  an empty value is not a section of keys and values.",
     ),
     "section_is_a_text": (
-        {
-            "response: {at: tool, position: 10 mm}": "response: tool",
-        },
+        {"response: {at: tool, position: 10 mm}": "response: tool"},
         "test.yaml:23:11  response\n  'tool' is not a section of keys and values.",
     ),
     "no_substructures": (
@@ -77,7 +56,7 @@ CASES = {
                 "    material: {young: 200 GPa, density: 7800 kg/m^3}\n"
                 "    sections:\n"
                 "      - {length: 40 mm, outer: 50 mm, elements: 4}\n"
-            ): "substructures: {}\n",
+            ): "substructures: {}\n"
         },
         "test.yaml:4:1  substructures\n  there are no substructures.",
     ),
@@ -94,7 +73,7 @@ CASES = {
                 "    material: {young: 200 GPa, density: 7800 kg/m^3}\n"
                 "    sections:\n"
                 "      - {length: 40 mm, outer: 50 mm, elements: 4}\n"
-            ): "substructures: [tool]\n",
+            ): "substructures: [tool]\n"
         },
         "test.yaml:4:1  substructures\n  a list is not a section of keys and values.",
     ),
@@ -103,7 +82,7 @@ CASES = {
             "name: test": (
                 "name: "
                 "nnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnnn"
-            ),
+            )
         },
         "test.yaml:2:7  name\n"
         "  a name has up to 100 letters, digits, spaces and '.+-_', and begins with a letter or digit.",
@@ -120,14 +99,12 @@ CASES = {
                 "    parameters:\n"
                 "      Dc: {range: [26 mm, 40 mm]}\n"
                 "      kr_tc: {range: [2e3 N m/rad, 6e4 N m/rad], scale: log}\n"
-            ): "joints:\n",
+            ): "joints:\n"
         },
         "test.yaml:14:1  joints\n  an empty value is not a section of keys and values.",
     ),
     "section_of_another_program": (
-        {
-            "name: test": ("name: test\nunits: SI"),
-        },
+        {"name: test": "name: test\nunits: SI"},
         "test.yaml:3:1  units\n"
         "  'units' is not a key of the description.\n"
         "  Did you mean 'joints'?  Accepted: dovetail, name, frequency, substructures, joints, "
