@@ -14,7 +14,7 @@ from dovetail.assembly import Assembly, AssemblySource, as_assembly, natural_in_
 from dovetail.dataset import latin_hypercube
 from dovetail.errors import Fault, ParameterError
 from dovetail.evaluation.truncated_gaussian import RemainingUncertainty, remaining_uncertainty
-from dovetail.identification.fitting.residuals import linearise_frf
+from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.posterior import PRIOR_PRECISION
 from dovetail.interfaces import Progress, progress_reporter
 from dovetail.units import format_quantity
@@ -227,7 +227,7 @@ def _of_each(
 
 def _information(assembly: Assembly, theta: NDArray[np.float64], deviation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the Fisher information (n, p, p) of each parameter vector, in fractions of the ranges."""
-    _, jacobian = linearise_frf(assembly, theta)
+    _, jacobian = ModelFrfs.of(assembly).linearise(theta)
     weighted = jacobian * np.sqrt(2.0) / deviation[:, np.newaxis, np.newaxis]
     return np.asarray(np.real(weighted @ np.conj(weighted).transpose(0, 2, 1)))
 

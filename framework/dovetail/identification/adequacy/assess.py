@@ -22,7 +22,7 @@ from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.fit import bounds_reached
 from dovetail.identification.fitting.least_squares import without
 from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
+from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.fitting.whiteness import find_deviating_bands, has_size_of_noise, is_white
 from dovetail.identification.posterior import typical_model_error
@@ -236,7 +236,7 @@ def is_noise(assembly: Assembly, target: Observations, fit: Fit) -> bool:
     """Return whether the residuals of a fit are noise: no larger, and not correlated along the frequency axis."""
     if fit.discrepancy:
         return False
-    frf, jacobian = linearise_frf(ModelFrfs.of(assembly), fit.theta[np.newaxis])
+    frf, jacobian = ModelFrfs.of(assembly).linearise(fit.theta[np.newaxis])
     weighted = target.weighted(fit.variance, fit.used)
     residuals = weighted.of(frf)[0]
     of_responses = target.by_line(without(residuals, weighted.jacobian(frf, jacobian)[0]))

@@ -25,7 +25,7 @@ from dovetail.identification.adequacy.perturbations import Perturbation
 from dovetail.identification.adequacy.trials import Trials
 from dovetail.identification.fitting import Fit
 from dovetail.identification.fitting.least_squares import without
-from dovetail.identification.fitting.residuals import ModelFrfs, linearise_frf
+from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.interfaces import Progress, silent
 
 __all__ = ["CAUSE_SECONDS", "find_causes"]
@@ -314,7 +314,7 @@ def _parts(trials: Trials) -> Iterator[Candidate]:
 def _alignment(trials: Trials, perturbation: Perturbation) -> float:
     """Return |cos| of the angle between residuals and a perturbation's effect, both without what the joint can do."""
     theta, residual = trials.unchanged.theta[np.newaxis], trials.residual()
-    frf, jacobian = linearise_frf(ModelFrfs.of(trials.assembly), theta)
+    frf, jacobian = ModelFrfs.of(trials.assembly).linearise(theta)
     ahead = residual.of(ModelFrfs.of(perturbation.apply(_SETTINGS.step)).frf(theta))[0]
     residuals = residual.of(frf)[0]
     change, left = without(np.stack([ahead - residuals, residuals]), residual.jacobian(frf, jacobian)[0])

@@ -20,7 +20,7 @@ from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
 from dovetail.identification.adequacy.adequacy import word_for
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior, linearise_frf
+from dovetail.identification.fitting.residuals import FrfResiduals, ModelFrfs, Residual, WithPrior
 from dovetail.identification.posterior.frequency_average import (
     needs_average,
     unshaped_deviation,
@@ -263,7 +263,7 @@ class _Linearised:
     ) -> None:
         self._problem, self.fraction, self._size, self._most = problem, fraction, size, most
         model = problem.model
-        frf, jacobian = linearise_frf(model, model.assemblies[0].from_unit(fraction[np.newaxis]))
+        frf, jacobian = model.linearise(model.assemblies[0].from_unit(fraction[np.newaxis]))
         self._frf, self._jacobian = frf, jacobian
         self._shapes = problem.shapes(frf[0], size)
 

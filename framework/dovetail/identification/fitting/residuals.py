@@ -26,7 +26,6 @@ __all__ = [
     "StackedResiduals",
     "Weighted",
     "WithPrior",
-    "linearise_frf",
     "split_by_response",
 ]
 
@@ -47,29 +46,6 @@ class Settings:
 
 
 _SETTINGS = Settings()
-
-
-def linearise_frf(
-    model: Assembly | ModelFrfs, theta: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return FRFs and their derivatives by the parameters as fractions of their ranges.
-
-    Parameters
-    ----------
-    model : Assembly or ModelFrfs
-    theta : (n, n_params) array
-        SI.
-
-    Returns
-    -------
-    frf : (n, n_lines) complex array
-    jacobian : (n, n_params, n_lines) complex array
-        By fractions on the parameters' scales.
-    """
-    assembly = model if isinstance(model, Assembly) else model.assemblies[0]
-    frf, jacobian = model.frf_jacobian(theta)
-    slopes = [parameter.slope(theta[:, column]) for column, parameter in enumerate(assembly.parameters)]
-    return frf, np.swapaxes(jacobian, 1, 2) * np.stack(slopes, axis=1)[:, :, np.newaxis]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +83,12 @@ class ModelFrfs:
             return _end_to_end(values), _end_to_end(derivatives)
         frfs, jacobians = zip(*(assembly.frf_jacobian(theta) for assembly in self.assemblies), strict=True)
         return _joined(frfs, axis=1), _joined(jacobians, axis=1)
+
+    def linearise(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Return FRFs (n, n_lines) and their derivatives (n, n_params, n_lines) by fractions of the ranges."""
+        frf, jacobian = self.frf_jacobian(theta)
+        slopes = [p.slope(theta[:, column]) for column, p in enumerate(self.assemblies[0].parameters)]
+        return frf, np.swapaxes(jacobian, 1, 2) * np.stack(slopes, axis=1)[:, :, np.newaxis]
 
     @cached_property
     def _together(self) -> ResponseFrfs | None:
@@ -173,7 +155,7 @@ class FrfResiduals:
 
     def linearise(self, fraction: NDArray[np.float64]) -> Linearisation:
         """Return residuals and their derivatives at fractions (n, p) of the ranges."""
-        frf, jacobian = linearise_frf(self._model, self._assembly.from_unit(fraction))
+        frf, jacobian = self._model.linearise(self._assembly.from_unit(fraction))
         return Linearisation(self._residual.of(frf), self._residual.jacobian(frf, jacobian))
 
 
