@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
-from functools import partial
+from functools import cache, partial
 from os import PathLike
 from typing import Any
 
@@ -176,38 +176,27 @@ def validate(
     files = tuple(plugins)
     loaded = [load(case.assembly, plugins=files) for case in cases.cases]
     by_name: Any = partial(identify, method=method)
-    joints = _Joints(by_name if isinstance(method, (str, IdentificationMethod)) else method, files)
+    identified = by_name if isinstance(method, (str, IdentificationMethod)) else method
+    joint_of = cache(partial(_joint, identified=identified, plugins=files))  # what several cases share, once
     validated = []
     with progress_reporter(progress) as report:
         for index, (case, assembly) in enumerate(zip(cases.cases, loaded, strict=True)):
             report("cases", index, len(loaded))
-            validated.append(_validated(case, assembly, joints))
+            validated.append(_validated(case, assembly, joint_of))
         report("cases", len(loaded), len(loaded))
     return Validation(cases.title, cases.series, tuple(validated))
 
 
-class _Joints:
-    """The joints of a run; what several cases share is identified once."""
-
-    def __init__(self, identify: Identify, plugins: tuple[str | PathLike[str], ...]) -> None:
-        self._identify = identify
-        self._plugins = plugins
-        self._known: dict[JointSource, AnyIdentification] = {}
-
-    def get(self, source: JointSource) -> AnyIdentification:
-        if source not in self._known:
-            self._known[source] = self._made(source)
-        return self._known[source]
-
-    def _made(self, source: JointSource) -> AnyIdentification:
-        if source.assembly is None or source.measured is None:
-            assert source.result is not None
-            return load_result(source.result)
-        check_mass(assembly := load(source.assembly, plugins=self._plugins), source.measured.accelerometer_mass)
-        return self._identify(assembly, source.measured.read(compensated=True))
+def _joint(source: JointSource, identified: Identify, plugins: tuple[str | PathLike[str], ...]) -> AnyIdentification:
+    """Return the joint that a case says: a stored result, or one that is identified from a measurement."""
+    if source.assembly is None or source.measured is None:
+        assert source.result is not None
+        return load_result(source.result)
+    check_mass(assembly := load(source.assembly, plugins=plugins), source.measured.accelerometer_mass)
+    return identified(assembly, source.measured.read(compensated=True))
 
 
-def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase:
+def _validated(case: Case, assembly: Assembly, joint_of: Callable[[JointSource], AnyIdentification]) -> ValidatedCase:
     if case.joint is None and assembly.parameters:
         raise ParameterError(
             Fault(
@@ -217,7 +206,7 @@ def _validated(case: Case, assembly: Assembly, joints: _Joints) -> ValidatedCase
             )
         )
     check_mass(assembly, case.measured.accelerometer_mass)
-    joint = None if case.joint is None else joints.get(case.joint)
+    joint = None if case.joint is None else joint_of(case.joint)
     known: AnyIdentification | dict[str, float] = {} if joint is None else joint
     quantity, left_out = assembly.description.response.quantity, assembly.description.left_out
     raw, bare = (
