@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from mass_on_mount import mass_on_mount
 from typer.testing import CliRunner
 
 import dovetail
@@ -36,25 +37,7 @@ def small_chunks():
 
 @pytest.fixture(scope="module")
 def assembly():
-    return dovetail.load(
-        {
-            "dovetail": 1,
-            "name": "block",
-            "frequency": {"start": 10, "stop": 400, "step": 1},
-            "substructures": {
-                "mass": {"model": "lumped", "masses": [{"mass": 1.0}]},
-                "base": {"model": "ground"},
-            },
-            "joints": {
-                "mount": {
-                    "model": "spring_damper",
-                    "direction": "x",
-                    "connect": {"a": {"to": "mass", "at": 0}, "b": {"to": "base", "at": 0}},
-                }
-            },
-            "response": {"at": "mass", "position": 0, "quantity": "accelerance"},
-        }
-    )
+    return dovetail.load(mass_on_mount({"start": 10, "stop": 400, "step": 1}, {}))
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from block_on_spring import BLOCK
+from mass_on_mount import mass_on_mount
 from scipy.special import ndtr
 
 import dovetail
@@ -23,8 +23,10 @@ from dovetail.identification.network.correction import (
 from dovetail.identification.network.preprocessing import TargetScaling
 from dovetail.registry import components
 
-DESCRIPTION = {**deepcopy(BLOCK), "frequency": {"start": 150, "stop": 600, "step": 1}}
-DESCRIPTION["joints"]["mount"]["parameters"]["c"]["scale"] = "log"
+DESCRIPTION = mass_on_mount(
+    {"start": 150, "stop": 600, "step": 1},
+    {"k": {"range": [1e6, 1e7]}, "c": {"range": [20, 200], "scale": "log"}},
+)
 DESCRIPTION["response"]["quantity"] = "mobility"
 NEAR = np.array([5e-4, 0.05])
 """Deviations of a first answer that knows the stiffness well and the damping little."""

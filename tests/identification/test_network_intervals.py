@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from block_on_spring import BLOCK
+from mass_on_mount import mass_on_mount
 
 import dovetail
 from dovetail.errors import ParameterError
 from dovetail.identification.network.augmentation import FreshEpochs
 
-DESCRIPTION = {
-    **BLOCK,
-    "identification": {
+DESCRIPTION = mass_on_mount(
+    {"start": 150, "stop": 600, "step": 2},
+    {"k": {"range": [1e6, 1e7]}, "c": {"range": [20, 200]}},
+    identification={
         "samples": 2500,
         "reducer": {"model": "pca", "n_components": 30},
         "regressor": {
@@ -25,7 +26,7 @@ DESCRIPTION = {
         },
         "augmentation": {"additive": 0.0, "multiplicative": 0.1},
     },
-}
+)
 
 
 @pytest.fixture(scope="module")

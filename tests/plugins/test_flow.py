@@ -20,7 +20,7 @@ SMALL = {"hidden": (32,), "transforms": 1, "units": 32, "dropout": 0.0, "batch_s
 BLOCK = mass_on_mount(
     {"start": 150, "stop": 600, "step": 2},
     {"k": {"range": [1e6, 1e7]}, "c": {"range": [20, 200]}},
-    {
+    identification={
         "samples": 2000,
         "reducer": {"model": "pca", "n_components": 20},
         "regressor": {"model": "flow", **SMALL, "hidden": [64], "max_epochs": 30, "patience": 8},

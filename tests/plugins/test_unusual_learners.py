@@ -28,7 +28,7 @@ PLUGIN = Path(__file__).with_name("unusual_learners.py")
 BLOCK = mass_on_mount(
     {"start": 10, "stop": 600, "step": 5},
     {"k": {"range": [1e5, 1e7], "scale": "log"}, "c": {"range": [5.0, 100.3]}},
-    {"samples": 60, "seed": 0, "test_fraction": 0.2},
+    identification={"samples": 60, "seed": 0, "test_fraction": 0.2},
 )
 TRUTH = np.array([1e6, 30.0])
 

@@ -1,14 +1,12 @@
-"""A mass on a spring and a damper to the ground, for tests of learners and methods."""
+"""A mass on a spring and a damper to the ground: the smallest assembly."""
 
 from __future__ import annotations
 
 from typing import Any
 
 
-def mass_on_mount(
-    frequency: dict[str, Any], parameters: dict[str, Any], identification: dict[str, Any]
-) -> dict[str, Any]:
-    """Return the description, with these sections."""
+def mass_on_mount(frequency: dict[str, Any], parameters: dict[str, Any], **sections: Any) -> dict[str, Any]:
+    """Return the description, with these frequencies and parameters, and with further sections."""
     return {
         "dovetail": 1,
         "name": "block",
@@ -23,5 +21,5 @@ def mass_on_mount(
             }
         },
         "response": {"at": "mass", "position": 0, "quantity": "accelerance"},
-        "identification": identification,
+        **sections,
     }
