@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import pyuff
+from hypothesis import assume
+from hypothesis import strategies as st
 
 from dovetail.errors import FileError, MeasurementError
 from dovetail.measurement import read_frf
@@ -20,6 +22,19 @@ def accelerance(frequency: np.ndarray, *modes: tuple[float, float, float]) -> np
         -(omega**2) / (mass * ((2 * np.pi * natural) ** 2 * (1 + 1j * loss) - omega**2))
         for natural, loss, mass in modes
     )
+
+
+def damaged(data: st.DataObject, content: bytes) -> bytes:
+    """The content of a file after up to four bytes were changed or pieces lost; something is left of it."""
+    pieces = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 4))):
+        position = data.draw(st.integers(0, len(pieces) - 1))
+        if data.draw(st.booleans()):
+            pieces[position] = data.draw(st.integers(0, 255))
+        else:
+            del pieces[position : position + data.draw(st.integers(1, 30))]
+        assume(pieces)
+    return bytes(pieces)
 
 
 def set_58(frequency: np.ndarray, values: np.ndarray, **fields: Any) -> dict[str, Any]:

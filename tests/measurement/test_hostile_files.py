@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from measured_files import set_58, write_sets
+from measured_files import damaged, set_58, write_sets
 from scipy.io import savemat
 from test_labview_files import HEADER, SEGMENT
 
@@ -125,18 +125,10 @@ def test_damaged_files_that_another_process_reads(
 
 
 def damage_and_read(tmp_path: Path, intact: dict[str, bytes], name: str, data: st.DataObject) -> None:
-    content = bytearray(intact[name])
-    for _ in range(data.draw(st.integers(1, 4))):
-        position = data.draw(st.integers(0, len(content) - 1))
-        if data.draw(st.booleans()):
-            content[position] = data.draw(st.integers(0, 255))
-        else:
-            del content[position : position + data.draw(st.integers(1, 30))]
-        if not content:
-            return
+    content = damaged(data, intact[name])
     if name in ("a.txt", "b.csv"):
-        read_or_refuse(tmp_path / name, bytes(content), columns=("frequency", "real", "imag", "skip"))
-    read_or_refuse(tmp_path / name, bytes(content))
+        read_or_refuse(tmp_path / name, content, columns=("frequency", "real", "imag", "skip"))
+    read_or_refuse(tmp_path / name, content)
 
 
 @pytest.mark.parametrize(

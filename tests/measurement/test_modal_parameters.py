@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from measured_files import damaged
 
 from dovetail import MeasurementError, ModalParameters, read_modal_parameters
 
@@ -78,15 +79,7 @@ def test_what_is_no_table(tmp_path: Path) -> None:
 @given(data=st.data())
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_tables(tmp_path: Path, data: st.DataObject) -> None:
-    content = bytearray(data.draw(st.sampled_from(sorted(TABLES))).encode())
-    for _ in range(data.draw(st.integers(1, 4))):
-        position = data.draw(st.integers(0, len(content) - 1))
-        if data.draw(st.booleans()):
-            content[position] = data.draw(st.integers(0, 255))
-        else:
-            del content[position : position + data.draw(st.integers(1, 30))]
-        if not content:
-            return
+    content = damaged(data, data.draw(st.sampled_from(sorted(TABLES))).encode())
     path = tmp_path / "a.csv"
     path.write_bytes(content)
     modes, message = None, ""
