@@ -25,8 +25,8 @@ def lines():
     return {"start": FREQUENCY[0], "stop": FREQUENCY[-1], "step": 10.0}
 
 
-def receptance():
-    """Of the end of a free beam, (n_freq, 2, 2)."""
+def receptance(points=POINT):
+    """Of points of a free beam, by default of its end, (n_freq, n, n)."""
     alone = dovetail.load(
         {
             "dovetail": 1,
@@ -36,7 +36,7 @@ def receptance():
             "response": {"at": "beam", "position": 0.0},
         }
     )
-    return alone.receptance(None, POINT, POINT)
+    return alone.receptance(None, points, points)
 
 
 def coupled(part):
@@ -207,17 +207,7 @@ PLACES = {"tip": TIP, "middle": MIDDLE, "end": END}
 
 def translations():
     """Of the beam at three places, (n_freq, 3, 3)."""
-    alone = dovetail.load(
-        {
-            "dovetail": 1,
-            "name": "beam",
-            "frequency": lines(),
-            "substructures": {"beam": beam()},
-            "response": {"at": "beam", "position": 0.0},
-        }
-    )
-    points = [("beam", place, "x") for place in PLACES.values()]
-    return alone.receptance(None, points, points)
+    return receptance([("beam", place, "x") for place in PLACES.values()])
 
 
 def on_pins(part, places):
