@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -171,7 +171,6 @@ class Adequacy:
 
 def word_for(size: ModelError) -> AdequacyWord:
     """Return the word for errors of this size."""
-    words: tuple[AdequacyWord, ...] = get_args(AdequacyWord)
     if size.within(_SETTINGS.good):
-        return words[1]
-    return words[2] if size.within(_SETTINGS.rough) else words[3]
+        return "good"
+    return "rough" if size.within(_SETTINGS.rough) else "does not fit"
