@@ -147,8 +147,10 @@ def train(
     """
     samples = Dataset(dataset) if isinstance(dataset, (str, Path)) else dataset
     with progress_reporter(progress) as report:
-        chosen: dict[str, Any] = {"robust": robust, "fresh": fresh, "minutes": minutes, "progress": report}
-        return Identifier.of(train_network(as_assembly(assembly), samples, **chosen))
+        trained = train_network(
+            as_assembly(assembly), samples, robust=robust, fresh=fresh, minutes=minutes, progress=report
+        )
+    return Identifier.of(trained)
 
 
 def load_model(path: str | Path, *, plugins: PluginPaths = ()) -> Identifier:

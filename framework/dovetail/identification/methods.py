@@ -27,26 +27,12 @@ from dovetail.identification.network.bundle import TrainedNetwork
 from dovetail.identification.network.network import FEWEST_DRAWS, check_contract, component_label
 from dovetail.identification.network.preprocessing import accelerance_amplitudes
 from dovetail.identification.parameters import ROUNDING
-from dovetail.identification.posterior import (
-    TYPICAL,
-    Form,
-    ModelError,
-    Posterior,
-    laplace_posterior,
-    sample_posterior,
-)
+from dovetail.identification.posterior import TYPICAL, Form, ModelError, Posterior, laplace_posterior, sample_posterior
 from dovetail.identification.posterior.posterior import check_options
 from dovetail.identification.provenance import provenance, source_of
 from dovetail.identification.reconstruction import reconstruct
 from dovetail.identification.result import Identification
-from dovetail.interfaces import (
-    Estimate,
-    IdentificationMethod,
-    IdentificationProblem,
-    Progress,
-    plugin_errors,
-    silent,
-)
+from dovetail.interfaces import Estimate, IdentificationMethod, IdentificationProblem, Progress, plugin_errors, silent
 
 __all__ = ["DEFAULT_METHOD", "METHODS", "by_plugin"]
 
@@ -217,8 +203,7 @@ def by_multistart(
     assembly, frfs = measured.assembly, measured.frfs
     check_limits(model_error, cause_seconds)
     seed = assembly.description.identification.seed if seed is None else seed
-    named: dict[str, Any] = {"starts": starts, "seconds": seconds, "objective": objective}
-    fit = multistart(assembly, frfs, **named, seed=seed, progress=progress)
+    fit = multistart(assembly, frfs, starts=starts, seconds=seconds, objective=objective, seed=seed, progress=progress)
     origin = provenance(measured.described, measured.whole, None, seed) | {"objective": objective}
     adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     return _result(measured, fit.theta, method="multistart", provenance=origin, fit=fit, adequacy=adequacy)
@@ -262,8 +247,15 @@ def by_posterior(
     progress : Progress
     """
     check_options(samples, form)
-    limits: dict[str, Any] = {"model_error": model_error, "cause_seconds": cause_seconds}
-    fitted = by_refined_fit(measured, trained, start=start, **limits, seed=seed, progress=progress)
+    fitted = by_refined_fit(
+        measured,
+        trained,
+        start=start,
+        model_error=model_error,
+        cause_seconds=cause_seconds,
+        seed=seed,
+        progress=progress,
+    )
     assert fitted.fit is not None
     allowed = TYPICAL if fitted.adequacy is None else fitted.adequacy.error_in_intervals
     used: Form = form if fitted.believable else "laplace"
