@@ -153,9 +153,9 @@ def find_causes(
     return _named(improvements, excess, trials.lines, trials.is_active)
 
 
-def _named(found: list[tuple[float, Cause]], excess: float, lines: int, is_active: bool) -> tuple[Cause, ...]:
+def _named(improvements: list[tuple[float, Cause]], excess: float, lines: int, is_active: bool) -> tuple[Cause, ...]:
     """Return the causes that improve the fit enough, of each kind only the best, the best first."""
-    enough = [(size, cause) for size, cause in found if size >= _needed(cause.name, excess, is_active)]
+    enough = [(size, cause) for size, cause in improvements if size >= _needed(cause.name, excess, is_active)]
     best = max((size for size, _ in enough), default=0.0)
     enough.sort(key=lambda item: -min(item[0], best - _SETTINGS.tie / lines))
     named: dict[str, Cause] = {}
@@ -205,14 +205,11 @@ def _phases(trials: Trials) -> Iterator[Candidate]:
         return
     starts, frfs = trials.starts, trials.target.frfs
     for name, words, change in (
-        ("sign", "the sign reversed", lambda values: -values),
+        ("sign", "the sign reversed", np.negative),
         ("conjugate", "the phase conjugated", np.conj),
     ):
-        yield (
-            name,
-            words,
-            trials.fit(trials.assembly, [replace(frf, values=change(frf.values)) for frf in frfs], starts),
-        )
+        changed = [replace(frf, values=change(frf.values)) for frf in frfs]
+        yield name, words, trials.fit(trials.assembly, changed, starts)
     labels = trials.assembly.description.response_labels if len(frfs) > 1 else ()
     for number, label in enumerate(labels):
         signs = np.where(np.arange(len(frfs)) == number, -1.0, 1.0)

@@ -278,16 +278,14 @@ def _added_resonance(
 def try_ranges(trials: Trials) -> Iterator[Candidate]:
     """Try wider ranges for the parameters that ended at an end of theirs."""
     assembly, fraction = trials.assembly, trials.assembly.to_unit(trials.unchanged.theta)
-    for index, (parameter, (joint, name)) in enumerate(
-        zip(assembly.parameters, assembly.description.identified_parameters, strict=True)
-    ):
+    pairs = zip(assembly.parameters, assembly.description.identified_parameters, strict=True)
+    for index, (parameter, (joint, name)) in enumerate(pairs):
         if 0.0 < fraction[index] < 1.0:
             continue
         lower, upper = _widened(parameter, at_upper=fraction[index] >= 1.0)
         try:
-            trial = trials.fit(
-                _with_range(assembly, joint, name, lower, upper), trials.target.frfs, [trials.unchanged.theta]
-            )
+            widened = _with_range(assembly, joint, name, lower, upper)
+            trial = trials.fit(widened, trials.target.frfs, [trials.unchanged.theta])
         except DovetailError:
             continue
         value = float(trial.theta[index])

@@ -113,11 +113,10 @@ def _drive_point(assembly: Assembly) -> Assembly:
 
 
 def _describe_mass(responses: int, mass: float) -> str:
-    grams, where = (
-        f"{np.format_float_positional(abs(1e3 * mass), 2, fractional=False, trim='-')} g",
-        "the response" if responses == 1 else "each response, while it is measured",
-    )
-    return f"a mass of {grams} {'added to' if mass > 0 else 'taken from'} the model at {where} (an accelerometer?)"
+    grams = np.format_float_positional(abs(1e3 * mass), 2, fractional=False, trim="-")
+    change = "added to" if mass > 0 else "taken from"
+    where = "the response" if responses == 1 else "each response, while it is measured"
+    return f"a mass of {grams} g {change} the model at {where} (an accelerometer?)"
 
 
 def _overhangs(assembly: Assembly) -> Iterator[Perturbation]:
