@@ -63,9 +63,9 @@ class MethodSpecimen(Specimen):
 
         return IdentificationProblem(_PARAMETERS, tuple(measured), np.concatenate(variance), frf, frf_jacobian)
 
-    def estimate(self, problem: IdentificationProblem | None = None, seed: int = SEED) -> Estimate:
+    def estimate(self, problem: IdentificationProblem | None = None) -> Estimate:
         """Return the method's estimate, after a check of its type."""
-        found = self.component.identify(problem or self.problem(), seed=seed, progress=silent)
+        found = self.component.identify(problem or self.problem(), seed=SEED, progress=silent)
         if not isinstance(found, Estimate):
             raise Nonconformity(f"identify returned {type(found).__name__}.", "Return a dovetail.Estimate.")
         return found

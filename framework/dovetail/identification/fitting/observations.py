@@ -144,7 +144,7 @@ class Observations:
         )
 
     def residual_variance(
-        self, model: NDArray[np.complex128], used: NDArray[np.bool_], share: float = 1.0
+        self, model: NDArray[np.complex128], used: NDArray[np.bool_], share: float
     ) -> NDArray[np.float64]:
         """Return E|error|^2 (n_lines,) of each line: known, or estimated from the residuals of a model.
 

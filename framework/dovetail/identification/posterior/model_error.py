@@ -378,17 +378,17 @@ def _in_response(errors: NDArray[np.complex128], index: int, counts: Sequence[in
     return np.pad(errors, ((0, 0), (sum(counts[:index]), sum(counts[index + 1 :]))))
 
 
-def hat_functions(frequency: NDArray[np.float64], band: tuple[float, float] | None = None) -> NDArray[np.float64]:
+def hat_functions(frequency: NDArray[np.float64], band: tuple[float, float]) -> NDArray[np.float64]:
     """Return six hat functions (6, n_freq), each 1 at one of six evenly spaced frequencies and 0 at the others.
 
     Parameters
     ----------
     frequency : (n_freq,) array
         Hz.
-    band : (float, float), optional
-        Hz; the first and the last of the six, those of `frequency` by default.
+    band : (float, float)
+        Hz; the first and the last of the six.
     """
-    low, high = (frequency[0], frequency[-1]) if band is None else band
+    low, high = band
     if low == high:  # a single line, at the first of the six
         return np.outer(np.eye(_SETTINGS.hat_functions)[0], np.ones(len(frequency)))
     peaks = np.linspace(low, high, _SETTINGS.hat_functions)

@@ -81,6 +81,8 @@ _NO_FRF = frozenset(("force", "excitation", "hammer", "psd", "power", "autopower
 """Words that tell that a signal is not an FRF."""
 _SHOWN = 60
 """Characters of a name that are shown."""
+_MOST_LISTED = 20
+"""Names that are listed of a file."""
 _MANY_LINES = 100
 _HALF_TURN, _NEARLY_A_TURN = 3.15, 6.0
 """Largest phase, and smallest jump of a wrapped phase, of numbers labelled in degrees that are in fact radians."""
@@ -245,9 +247,9 @@ def _check_complete(where: str, contents: Mapping[str, str], assigned: Mapping[s
     raise MeasurementError(Fault(where, problem, _ACCEPTED, "Say which they are, for example --name values=NAME."))
 
 
-def _inventory(contents: Mapping[str, str], limit: int = 20) -> str:
-    rows = [f"\n    {name[:60]}{': ' if what else ''}{what}" for name, what in list(contents.items())[:limit]]
-    hidden = len(contents) - limit
+def _inventory(contents: Mapping[str, str]) -> str:
+    rows = [f"\n    {name[:60]}{': ' if what else ''}{what}" for name, what in list(contents.items())[:_MOST_LISTED]]
+    hidden = len(contents) - _MOST_LISTED
     return ("".join(rows) or " nothing") + (f"\n    and {hidden} more" if hidden > 0 else "")
 
 
