@@ -12,13 +12,13 @@ import dovetail
 from dovetail.frf.quantity import QUANTITIES
 from dovetail.identification.posterior import ModelError, error_shapes, typical_model_error
 from dovetail.identification.posterior.likelihood import marginalised_squares
-from dovetail.identification.posterior.model_error import ModelErrorSettings, fit_resonances
+from dovetail.identification.posterior.model_error import Settings, fit_resonances
 
 FREQUENCY = np.linspace(100.0, 200.0, 2001)
 POLES = np.array([130.0 * (1.0 + 0.01j), 170.0 * (1.0 + 0.005j)])
 RESIDUES = np.array([2.0 + 0.3j, -1.0 + 0.1j])
 STEP = 1e-6
-ALONE = ModelErrorSettings().individual
+ALONE = Settings().individual
 
 
 def near(poles, residues):

@@ -11,12 +11,12 @@ from dovetail.identification.posterior import randomize_then_optimize as rto
 from dovetail.identification.posterior.laplace import LaplaceApproximation
 from dovetail.identification.posterior.likelihood import normal_from_unit, unit_from_normal
 from dovetail.identification.posterior.mode_search import CubeResiduals
-from dovetail.identification.posterior.model_error import ModelErrorSettings, fit_resonances
+from dovetail.identification.posterior.model_error import Settings, fit_resonances
 from dovetail.identification.posterior.randomize_then_optimize import LinearisedPoints, TangentMap, metropolis_step
 
 FREQUENCY = np.linspace(100.0, 200.0, 501)
-ALONE = ModelErrorSettings().individual
-ALONE_IN_HEIGHT = ModelErrorSettings().individual_magnitude
+ALONE = Settings().individual
+ALONE_IN_HEIGHT = Settings().individual_magnitude
 HATS = np.stack([np.interp(FREQUENCY, np.linspace(100.0, 200.0, 6), height) for height in np.eye(6)])
 
 

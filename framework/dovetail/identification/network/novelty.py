@@ -27,7 +27,7 @@ __all__ = ["Novelty", "PrincipalComponents", "learn_novelty"]
 
 
 @dataclass(frozen=True)
-class NoveltySettings:
+class Settings:
     """From what the statistics are learned, and how they are computed."""
 
     training_frfs: int = 600
@@ -56,7 +56,7 @@ class NoveltySettings:
     """Ratio to the largest amplitude above which a line may belong to a plateau."""
 
 
-_SETTINGS = NoveltySettings()
+_SETTINGS = Settings()
 
 _NOISE_STREAM = 2
 """Keeps the noise's random numbers apart from others of the same seed."""

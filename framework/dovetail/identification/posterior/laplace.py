@@ -29,7 +29,7 @@ __all__ = ["LaplaceApproximation", "half_about_the_fit", "laplace_posterior"]
 
 
 @dataclass(frozen=True)
-class LaplaceSettings:
+class Settings:
     """How the mode is searched for, and the limits beyond which the approximation misleads."""
 
     tolerance: float = 1e-3
@@ -42,7 +42,7 @@ class LaplaceSettings:
     """Distance from the mode, in standard deviations, beyond which the search has not converged."""
 
 
-_SETTINGS = LaplaceSettings()
+_SETTINGS = Settings()
 
 
 @dataclass(frozen=True, eq=False)

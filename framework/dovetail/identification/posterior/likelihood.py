@@ -43,7 +43,7 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class LikelihoodSettings:
+class Settings:
     """How far parts may be off, and how accurately residuals are represented in a subspace."""
 
     most_off: float = 0.3
@@ -58,7 +58,7 @@ class LikelihoodSettings:
     """Smallest amplitude, over the largest of the response, by which FRFs are divided."""
 
 
-_SETTINGS = LikelihoodSettings()
+_SETTINGS = Settings()
 
 PRIOR_PRECISION = 12.0
 """Inverse prior variance of a fraction, a quantile of the parameter's prior, which is uniform from 0 to 1."""

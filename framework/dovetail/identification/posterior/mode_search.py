@@ -32,7 +32,7 @@ __all__ = ["CubeResiduals", "likelihood_at_mode", "maximise_posterior", "search_
 
 
 @dataclass(frozen=True)
-class ModeSearchSettings:
+class Settings:
     """Number of searches, the lines of each, and when they end.
 
     A tolerance is the decrease of the sum of squares in one step at which a search ends.
@@ -62,7 +62,7 @@ class ModeSearchSettings:
     """Limits of the searches on all lines; sampling starts at the modes and does not need them more precisely."""
 
 
-_SETTINGS = ModeSearchSettings()
+_SETTINGS = Settings()
 
 
 def likelihood_at_mode(

@@ -35,7 +35,7 @@ MODEL_ERROR = 5e-4
 
 
 @dataclass(frozen=True)
-class ModelErrorSettings:
+class Settings:
     """Sizes of the model's errors, and the limits of what counts as a resonance.
 
     Natural frequencies are stationary with respect to the mode shapes; modal constants and damping are not. The ratios
@@ -74,7 +74,7 @@ class ModelErrorSettings:
     """Distance, in imaginary parts of a pole, within which a pole from other frequencies is the same one."""
 
 
-_SETTINGS = ModelErrorSettings()
+_SETTINGS = Settings()
 
 
 @dataclass(frozen=True)

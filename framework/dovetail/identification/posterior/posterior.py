@@ -55,7 +55,7 @@ def check_options(samples: int, form: str = "samples") -> None:
 
 
 @dataclass(frozen=True)
-class VerdictSettings:
+class Settings:
     """Limits of verdicts and warnings."""
 
     identified: float = 0.9
@@ -78,7 +78,7 @@ class VerdictSettings:
     """Part of an interval's width by which its ends may differ between two halves of the samples."""
 
 
-_SETTINGS = VerdictSettings()
+_SETTINGS = Settings()
 
 
 @dataclass(frozen=True)

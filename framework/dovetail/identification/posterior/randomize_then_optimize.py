@@ -26,7 +26,7 @@ __all__ = ["LinearisedPoints", "TangentMap", "decorrelate", "metropolis_step"]
 
 
 @dataclass(frozen=True)
-class RandomizeThenOptimizeSettings:
+class Settings:
     """Constants of the searches (damped Gauss-Newton with geodesic acceleration) and of the Metropolis steps."""
 
     damping: float = 1e-4
@@ -53,7 +53,7 @@ class RandomizeThenOptimizeSettings:
     most_metropolis_steps: int = 10
 
 
-_SETTINGS = RandomizeThenOptimizeSettings()
+_SETTINGS = Settings()
 
 
 @dataclass(frozen=True, eq=False)

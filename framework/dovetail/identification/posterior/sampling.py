@@ -35,7 +35,7 @@ __all__ = ["draw", "sample_posterior"]
 
 
 @dataclass(frozen=True)
-class SamplingSettings:
+class Settings:
     """How the region of the posterior is explored, and when samples need Metropolis steps."""
 
     pilots: int = 48
@@ -65,7 +65,7 @@ class SamplingSettings:
     """Quantile at which they are clipped: where the tangent map folds over, single weights are huge."""
 
 
-_SETTINGS = SamplingSettings()
+_SETTINGS = Settings()
 
 
 def sample_posterior(
