@@ -38,6 +38,7 @@ __all__ = [
     "build_likelihood",
     "marginalised_squares",
     "normal_from_unit",
+    "squared_norms",
     "unit_from_normal",
 ]
 
@@ -162,7 +163,12 @@ def marginalised_squares(residuals: NDArray[np.float64], errors: NDArray[np.floa
     """Return r^T (1 + E^T E)^-1 r for residuals (n, m) and errors of the model E (k, m), (n,)."""
     along = residuals @ errors.T
     inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T).T
-    return np.asarray(np.einsum("nm,nm->n", residuals, residuals) - np.einsum("nk,nk->n", along, inner))
+    return np.asarray(squared_norms(residuals) - np.einsum("nk,nk->n", along, inner))
+
+
+def squared_norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sums of squares (n,) of vectors (n, k)."""
+    return np.asarray(np.einsum("nk,nk->n", vectors, vectors))
 
 
 class MarginalisedResiduals:

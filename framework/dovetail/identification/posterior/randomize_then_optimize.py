@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.identification.posterior.likelihood import Z_LIMIT, PosteriorResiduals
+from dovetail.identification.posterior.likelihood import Z_LIMIT, PosteriorResiduals, squared_norms
 from dovetail.interfaces import Progress, silent
 
 __all__ = ["LinearisedPoints", "TangentMap", "decorrelate", "metropolis_step"]
@@ -80,7 +80,7 @@ class LinearisedPoints:
     @property
     def log_posterior(self) -> NDArray[np.float64]:
         """(n,) logarithms, up to a constant, of the probability density of z."""
-        return np.asarray(_squared_norms(self.residuals) / -2.0)
+        return np.asarray(squared_norms(self.residuals) / -2.0)
 
     def at_rows(self, rows: NDArray[np.intp]) -> LinearisedPoints:
         """Return copies of some of the points."""
@@ -136,7 +136,7 @@ class TangentMap:
         """
         ends = start.copy()
         error = self.components(ends.residuals) - target
-        squares = _squared_norms(error)
+        squares = squared_norms(error)
         damping, active = np.full(len(error), _SETTINGS.damping), np.flatnonzero(squares > _SETTINGS.tolerance)
         for _ in range(most_steps):
             if not len(active):
@@ -144,7 +144,7 @@ class TangentMap:
             step, trusted = self._steps(ends, error[active], active, target[active], damping[active])
             tried = LinearisedPoints.at(self._posterior, np.clip(ends.z[active] + step, -Z_LIMIT, Z_LIMIT))
             new_error = self._along(tried.residuals, active) - target[active]
-            new_squares = _squared_norms(new_error)
+            new_squares = squared_norms(new_error)
             better = trusted & (new_squares < squares[active])
             accepted = active[better]
             ends.overwrite(accepted, tried.at_rows(np.flatnonzero(better)))
@@ -244,7 +244,7 @@ def metropolis_step(
 def _log_proposal(tangent_map: TangentMap, start: LinearisedPoints, end: LinearisedPoints) -> NDArray[np.float64]:
     """Return the log density of proposals `end` from `start`, the map's anchors."""
     kept = _SETTINGS.correlation * tangent_map.components(start.residuals)
-    squares = _squared_norms(tangent_map.components(end.residuals) - kept)
+    squares = squared_norms(tangent_map.components(end.residuals) - kept)
     return np.asarray(tangent_map.log_determinant(end) - squares / (2.0 * (1.0 - _SETTINGS.correlation**2)))
 
 
@@ -258,8 +258,3 @@ def _are_reversible(posterior: PosteriorResiduals, start: LinearisedPoints, end:
 def _multiply(matrices: NDArray[Any], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the products (n, i) of matrices (n, i, k) and vectors (n, k)."""
     return np.asarray((matrices @ vectors[:, :, np.newaxis])[:, :, 0])
-
-
-def _squared_norms(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sums of squares (n,) of vectors (n, k)."""
-    return np.asarray(np.einsum("nk,nk->n", vectors, vectors))

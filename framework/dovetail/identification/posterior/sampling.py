@@ -23,6 +23,7 @@ from dovetail.identification.posterior.likelihood import (
     PosteriorResiduals,
     ReducedResiduals,
     marginalised_squares,
+    squared_norms,
     unit_from_normal,
 )
 from dovetail.identification.posterior.mode_search import likelihood_at_mode, maximise_posterior, search_modes
@@ -177,7 +178,7 @@ class _Sampler:
             fraction = unit_from_normal(pilots.z)
             frfs, on_few = likelihood.frf(fraction), reduced.residuals(fraction)
             squares = marginalised_squares(likelihood.residual.of(frfs), likelihood.errors)
-            error = np.abs(np.einsum("nk,nk->n", on_few, on_few) + reduced.outside - squares)
+            error = np.abs(squared_norms(on_few) + reduced.outside - squares)
             near = squares <= squares.min() + _SETTINGS.region
             self._points = np.concatenate([self._points, pilots.z[near]])
             if number >= _SETTINGS.rounds[0] and error[near].max(initial=0.0) < _SETTINGS.reduction_error:
@@ -199,7 +200,7 @@ class _Sampler:
         """Replace the residuals by these reduced ones, with their mode and the tangent map there."""
         self._posterior = PosteriorResiduals(reduced)
         residuals = self._posterior.residuals(self._points)
-        best = self._points[[np.argmin(np.einsum("nm,nm->n", residuals, residuals))]]
+        best = self._points[[np.argmin(squared_norms(residuals))]]
         self._mode = maximise_posterior(self._posterior, best, tolerance=1e-3)
         self._tangent_map = TangentMap(self._posterior, LinearisedPoints.at(self._posterior, self._mode))
         self._points = np.concatenate([self._points, self._mode])
@@ -208,7 +209,7 @@ class _Sampler:
         """Search for z with randomly drawn components, each from the known point with the nearest components."""
         target = self._random.standard_normal((count, self._mode.shape[1]))
         components = self._tangent_map.components(self._posterior.residuals(self._points))
-        squares = np.einsum("kd,kd->k", components, components) - 2.0 * target @ components.T
+        squares = squared_norms(components) - 2.0 * target @ components.T
         nearest = LinearisedPoints.at(self._posterior, self._points[np.argmin(squares, axis=1)])
         return self._tangent_map.solve(target, nearest, iterations)
 
@@ -220,7 +221,7 @@ class _Sampler:
             ends, converged = self._solve(min(_SETTINGS.batch, count - first), _SETTINGS.iterations)
             ends = ends.at_rows(np.flatnonzero(converged))
             components = self._tangent_map.components(ends.residuals)
-            squares = np.einsum("nd,nd->n", components, components)
+            squares = squared_norms(components)
             log_density = self._tangent_map.log_determinant(ends) - squares / 2.0
             self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
             log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density])
@@ -243,7 +244,7 @@ class _Sampler:
 
     def _log_posterior(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the log density (n,), up to a constant, of z (n, p), from all lines."""
-        return np.asarray(self._likelihood.log(unit_from_normal(z)) - np.einsum("np,np->n", z, z) / 2.0)
+        return np.asarray(self._likelihood.log(unit_from_normal(z)) - squared_norms(z) / 2.0)
 
 
 def draw(
