@@ -156,7 +156,7 @@ def check_rigid_body_modes(specimen: SubstructureSpecimen) -> None:
 def check_receptance_is_reciprocal(specimen: SubstructureSpecimen) -> None:
     """The motion at i per force at j equals the motion at j per force at i."""
     _only_if_movable(specimen)
-    if _scaled_asymmetry(specimen.receptance) > _SOLVED:
+    if max(asymmetry(_unit_free(H)) for H in specimen.receptance) > _SOLVED:
         raise Nonconformity(
             "the receptance matrix is not symmetric.", "Mend receptance, or symmetrise what was measured."
         )
@@ -166,9 +166,8 @@ def check_receptance_is_passive(specimen: SubstructureSpecimen) -> None:
     """No forces take energy out of the part: the imaginary part of the receptance is negative semi-definite."""
     _only_if_movable(specimen)
     for line, H in zip(specimen.lines, specimen.receptance, strict=True):
-        scale = 1.0 / np.sqrt(np.abs(np.diag(H)))
-        scaled = scale[:, None] * H * scale
-        least = float(np.linalg.eigvalsh(-0.5 * (scaled.imag + scaled.imag.T)).min())
+        loss = -_unit_free(H).imag
+        least = float(np.linalg.eigvalsh(0.5 * (loss + loss.T)).min())
         if least < -_SOLVED:
             raise Nonconformity(
                 f"at {line:.4g} Hz some forces take energy out of the part.",
@@ -366,12 +365,9 @@ def _check_semidefinite(specimen: SubstructureSpecimen, part: str) -> None:
 
 
 def _unit_free(H: NDArray[Any]) -> NDArray[Any]:
+    """Return a matrix with rows and columns over the roots of its diagonal, so that x and rz compare."""
     scale = 1.0 / np.sqrt(np.abs(np.diag(H)))
     return np.asarray(scale[:, None] * H * scale)
-
-
-def _scaled_asymmetry(H: NDArray[np.complex128]) -> float:
-    return max(asymmetry(_unit_free(line)) for line in H)
 
 
 def _mass(part: SubstructureModel | None) -> float:
