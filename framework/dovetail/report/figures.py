@@ -102,8 +102,7 @@ def frf_figure(
     if measured.quantity != reconstructed.quantity:
         raise ValueError(f"{measured.quantity} and {reconstructed.quantity} do not belong in one figure.")
     with_phase = measured.has_phase and reconstructed.has_phase
-    heights = [2.6] + [1.5] * with_phase + [1.2] * (coherence is not None)
-    figure, panels = _stacked(heights)
+    figure, panels = _stacked(with_phase, coherence is not None)
     remaining = iter(panels)
     curves = (
         (measured, {"color": MEASURED, "linewidth": 2.6, "label": "measured"}),
@@ -139,7 +138,7 @@ def simulated_figure(frf: Frf, natural_frequencies: Iterable[float] = ()) -> Fig
     -------
     matplotlib.figure.Figure
     """
-    figure, panels = _stacked([2.6] + [1.5] * frf.has_phase)
+    figure, panels = _stacked(frf.has_phase)
     style = {"color": RECONSTRUCTED, "linewidth": 1.4}
     draw_amplitude(panels[0], frf, style)
     if frf.has_phase:
@@ -164,7 +163,7 @@ def measured_figure(frfs: Sequence[Frf]) -> Figure:
     """
     drawn = [frf if frf.rotation or frf.by_moment else frf.to(frfs[0].quantity) for frf in frfs]
     with_phase, with_coherence = any(frf.has_phase for frf in drawn), any(frf.coherence is not None for frf in drawn)
-    figure, panels = _stacked([2.6] + [1.5] * with_phase + [1.2] * with_coherence)
+    figure, panels = _stacked(with_phase, with_coherence)
     for number, frf in enumerate(drawn):
         colour, dashes = LINES[number % len(LINES)], _DASHES[number // len(LINES) % len(_DASHES)]
         style = {"color": colour, "linestyle": dashes, "linewidth": 1.3}
@@ -173,7 +172,7 @@ def measured_figure(frfs: Sequence[Frf]) -> Figure:
             draw_phase(panels[1], frf, style)
         if frf.coherence is not None:
             panels[-1].plot(frf.frequency, frf.coherence, **style)
-            panels[-1].set(ylim=(0.0, 1.03), yticks=[0.0, 0.5, 1.0], ylabel="Coherence [-]")
+            _finish_coherence_axis(panels[-1])
     if len(drawn) == 1:
         set_title(figure, frfs[0].label, frfs[0].note)
     else:
@@ -254,8 +253,9 @@ def png_bytes(figure: Figure, title: str, *, dpi: int = 200) -> bytes:
     return buffer.getvalue()
 
 
-def _stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
-    """Return a figure and its panels, which are stacked and share the frequency axis."""
+def _stacked(with_phase: bool, with_coherence: bool = False) -> tuple[Figure, list[Axes]]:
+    """Return a figure and its panels for amplitude, phase and coherence, which share the frequency axis."""
+    heights = [2.6] + [1.5] * with_phase + [1.2] * with_coherence
     figure = new_figure(1.0 + sum(heights))
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})
     panels = list(grid[:, 0])
@@ -337,9 +337,11 @@ def _draw_coherence(axes: Axes, frequency: NDArray[np.float64], coherence: NDArr
     axes.plot(frequency, coherence, color=AGREEMENT, linewidth=1.2)
     axes.axhline(mean, color=AGREEMENT, linewidth=0.9, linestyle=(0, (4, 3)))
     axes.text(0.995, 0.06, f"mean {mean:.3f} (dashed)", transform=axes.transAxes, ha="right", fontsize=9, color=INK)
-    axes.set_ylim(0.0, 1.03)
-    axes.set_yticks([0.0, 0.5, 1.0])
-    axes.set_ylabel("Coherence [-]")
+    _finish_coherence_axis(axes)
+
+
+def _finish_coherence_axis(axes: Axes) -> None:
+    axes.set(ylim=(0.0, 1.03), yticks=[0.0, 0.5, 1.0], ylabel="Coherence [-]")
 
 
 def _finish_frequency_axis(panels: Sequence[Axes], frequency: NDArray[np.float64]) -> None:
