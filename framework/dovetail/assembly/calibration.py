@@ -44,11 +44,13 @@ __all__ = [
     "with_signs",
 ]
 
+_MASS = Parameter("mass", "kg", 0.0, 0.05, "linear", "Of the sensor at the response")
+_WINDOW = Parameter("window", "1/s", 0.0, 100.0, "linear", "Decay rate of an exponential window over the signals")
 CHAIN = (
     Parameter("gain", "1", 0.8, 1.25, "log", "Measured over true amplitude"),
     Parameter("delay", "s", 0.0, 1e-4, "linear", "Of the response behind the force"),
-    Parameter("mass", "kg", 0.0, 0.05, "linear", "Of the sensor at the response"),
-    Parameter("window", "1/s", 0.0, 100.0, "linear", "Decay rate of an exponential window over the signals"),
+    _MASS,
+    _WINDOW,
 )
 """What may be unknown of a response's measurement chain; a description states the ranges."""
 SIGN = Parameter("sign", "1", -1.0, 1.0, "linear", "1, or -1 where the sensor or the force points the other way")
@@ -62,7 +64,7 @@ class _SensorMass(JointModel):
 
     name = "sensor_mass"
     summary = "Mass of a sensor"
-    parameters = (replace(CHAIN[2]),)
+    parameters = (_MASS,)
     ports = (Port("sensor", 1),)
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
@@ -77,7 +79,7 @@ class _Windowed(ChangedJoint):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The model's parameters and the decay rate."""
-        return (*self.model.parameters, CHAIN[3])
+        return (*self.model.parameters, _WINDOW)
 
     def matrices(self, theta: NDArray[np.float64]) -> StructuralMatrices:
         """Return the matrices (n, d, d) at the frequency omega - i s."""
