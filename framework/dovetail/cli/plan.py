@@ -11,7 +11,7 @@ from dovetail.cli.options import AsJson, AssemblyFile, PluginFiles, note_doubts,
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
-    from dovetail.evaluation import Plan
+    from dovetail.evaluation import Plan, PlannedPoint
 
 __all__ = ["plan"]
 
@@ -54,18 +54,15 @@ def plan(
     names = [parameter.name for parameter in loaded.parameters]
     headers = ["point", "position [mm]", "mean", *names, "modes not seen [Hz]"]
     title(f"{loaded.name}: part of the prior variance that one FRF takes away, noise {noise:g}")
-    described = {(response.substructure, response.node) for response in loaded.description.responses}
-    nodes = {name: [node.position for node in part.nodes] for name, part in loaded.description.substructures.items()}
-    described_points = {(name, nodes[name][node]) for name, node in described}
-    shown = [
-        point
-        for rank, point in enumerate(ranking.points)
-        if rank < _SHOWN or (point.substructure, point.position) in described_points
-    ]
-    rows = [
-        _row(point, "  (as described)" if (point.substructure, point.position) in described_points else "")
-        for point in shown
-    ]
+    substructures = loaded.description.substructures
+    described = {
+        (r.substructure, substructures[r.substructure].nodes[r.node].position) for r in loaded.description.responses
+    }
+    rows = []
+    for rank, point in enumerate(ranking.points):
+        is_described = (point.substructure, point.position) in described
+        if rank < _SHOWN or is_described:
+            rows.append(_row(point, "  (as described)" if is_described else ""))
     table(headers, rows, numbers=headers[1:-1])
     first = ranking.points[ranking.first]
     if ranking.seconds:
@@ -91,10 +88,7 @@ def _print_pair(ranking: Plan, assembly: Path) -> None:
     say(f"dovetail: 1\nextends: {assembly.name}\n{ranking.responses}")
 
 
-def _row(point: object, note: str) -> list[str]:
-    from dovetail.evaluation import PlannedPoint
-
-    assert isinstance(point, PlannedPoint)
+def _row(point: PlannedPoint, note: str) -> list[str]:
     hidden = ", ".join(f"{frequency:.0f}" for frequency in point.hidden)
     gains = [f"{gain:.2f}" for gain in point.gain.values()]
     return [f"{point.substructure}{note}", f"{point.position * 1e3:g}", f"{point.mean_gain:.3f}", *gains, hidden]
