@@ -60,7 +60,7 @@ def robustness(
     from dovetail.evaluation.robustness import variant
     from dovetail.registry import components
 
-    chosen, noise = [name.strip() for name in models.split(",")] if models else [], levels
+    chosen = [name.strip() for name in models.split(",")] if models else []
     loaded, registry = dovetail.load(assembly, plugins=plugin or ()), components(plugin or ())
     note_doubts(loaded)
     for name in chosen:
@@ -69,7 +69,7 @@ def robustness(
     dataset = None if data is None else dovetail.Dataset(data)
     with progress_bars() as progress:
         rows = dovetail.robustness(
-            loaded, dataset, models=chosen, levels=noise, seed=seed, plugins=plugin or (), progress=progress
+            loaded, dataset, models=chosen, levels=levels, seed=seed, plugins=plugin or (), progress=progress
         )
     with writing(output, lambda folder: _write(rows, folder), _FILES[0]):
         if as_json:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from dovetail.assembly import AssemblySource, as_assembly
 from dovetail.frf import Frf
 from dovetail.identification import Identification
@@ -38,7 +36,7 @@ def plot_frf(result: Identification | Frf, response: int = 0) -> Figure:
     """
     if isinstance(result, Frf):
         return simulated_figure(result)
-    natural = [mode.natural_frequency for mode in result.modes if np.isfinite(mode.natural_frequency)]
+    natural = [mode.natural_frequency for mode in result.modes]
     at_point = result.responses[response]
     return frf_figure(at_point.measured, at_point.frf, at_point.coherence, natural, result.caveat)
 
