@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -60,12 +60,13 @@ def spindle(
     read = measured_reader(quantity, unit, names, columns, reader, plugin)
     aa, ab, bb = (on_grid(read(file), loaded.frequency) for file in (drive_a, transfer, drive_b))
     arguments = loaded, (aa, ab, bb), (tip, at), flange
-    flange_receptance = dovetail.spindle_flange(*arguments, accelerometer_mass=accelerometer_mass, rotations=how)
-    gain = np.median(error_gain(*arguments, accelerometer_mass=accelerometer_mass, rotations=how), axis=0)
+    options: dict[str, Any] = {"accelerometer_mass": accelerometer_mass, "rotations": how}
+    receptance = dovetail.spindle_flange(*arguments, **options)
+    gain = np.median(error_gain(receptance, *arguments, **options), axis=0)
     output.parent.mkdir(parents=True, exist_ok=True)
-    dovetail.write_receptance(flange_receptance, output)
+    dovetail.write_receptance(receptance, output)
     title(f"The spindle's flange, from {drive_a.name}, {transfer.name} and {drive_b.name}")
-    lines = flange_receptance.frequency
+    lines = receptance.frequency
     say(f"{lines.size} lines from {lines[0]:g} to {lines[-1]:g} Hz, rotations by {how}.")
     say(
         f"An error of 1 % in each test is one of {gain[0]:.3g} % in x and {gain[1]:.3g} % in rz here (median of the "

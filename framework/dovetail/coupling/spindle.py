@@ -95,12 +95,19 @@ def spindle_flange(
 
 
 def error_gain(
-    holder: Assembly, tests: tuple[Frf, Frf, Frf], points: tuple[float, float], flange: float, **options: Any
+    receptance: ReceptanceMatrix,
+    holder: Assembly,
+    tests: tuple[Frf, Frf, Frf],
+    points: tuple[float, float],
+    flange: float,
+    **options: Any,
 ) -> NDArray[np.float64]:
     """Return how large the relative errors of the flange's receptance are, over those of the tests.
 
     Parameters
     ----------
+    receptance : ReceptanceMatrix
+        Of the flange, as `spindle_flange` returns it.
     holder, tests, points, flange, **options
         As in `spindle_flange`.
 
@@ -109,15 +116,12 @@ def error_gain(
     (n_freq, 2) array
         Of the drive-point receptances in x and rz, by independent errors of one relative size in the three tests.
     """
-
-    def diagonal(aa: Frf, ab: Frf, bb: Frf) -> NDArray[np.complex128]:
-        return np.diagonal(spindle_flange(holder, (aa, ab, bb), points, flange, **options).values, axis1=1, axis2=2)
-
     aa, ab, bb = tests
     other_aa, other_ab, other_bb = (replace(frf, values=(1.0 + _STEP) * frf.values) for frf in tests)
-    undisturbed = diagonal(aa, ab, bb)
-    moved = np.stack([diagonal(other_aa, ab, bb), diagonal(aa, other_ab, bb), diagonal(aa, ab, other_bb)])
-    return np.asarray(np.linalg.norm((moved / undisturbed - 1.0) / _STEP, axis=0))
+    disturbed = (other_aa, ab, bb), (aa, other_ab, bb), (aa, ab, other_bb)
+    moved = np.stack([spindle_flange(holder, frfs, points, flange, **options).values for frfs in disturbed])
+    changes = np.diagonal(moved, axis1=2, axis2=3) / np.diagonal(receptance.values, axis1=1, axis2=2) - 1.0
+    return np.asarray(np.linalg.norm(changes / _STEP, axis=0))
 
 
 def difference_receptance(
