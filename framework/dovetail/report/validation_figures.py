@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.evaluation import PeakRow, ValidatedCase, Validation
-from dovetail.frf import Frf, unit_of
+from dovetail.frf import Frf
 from dovetail.plain_text import terminal_text
 from dovetail.report.figures import (
     INK,
@@ -16,11 +16,11 @@ from dovetail.report.figures import (
     MARKERS,
     MEASURED,
     RECONSTRUCTED,
+    draw_amplitude,
     new_figure,
     set_title,
     style_axes,
 )
-from dovetail.report.wording import unit_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,20 +57,17 @@ def validation_figure(validation: Validation) -> Figure:
 
 def _draw_case(axes: Axes, case: ValidatedCase) -> None:
     style_axes(axes)
-    axes.set_yscale("log", nonpositive="mask")
     curves: tuple[tuple[Frf, dict[str, Any]], ...] = (
         (case.measured, {"color": MEASURED, "linewidth": 1.2, "linestyle": (0, (4, 2)), "label": "measured"}),
         (case.compensated, {"color": _COMPENSATED, "linewidth": 2.4, "label": "compensated"}),
         (case.predicted, {"color": RECONSTRUCTED, "linewidth": 1.1, "label": "predicted"}),
     )
     for frf, style in curves:
-        axes.plot(frf.frequency, np.where(frf.amplitude > 0, frf.amplitude, np.nan), **style)
+        draw_amplitude(axes, frf, style)
     for row in case.peaks:
         _mark(axes, case, row)
     axes.set_title(terminal_text(case.case.name), fontsize=10, color=INK, loc="left", parse_math=False)
     axes.set_xlim(float(case.predicted.frequency[0]), float(case.predicted.frequency[-1]))
-    quantity = case.predicted.quantity
-    axes.set_ylabel(f"{quantity.capitalize()} [{unit_text(unit_of(quantity))}]")
 
 
 def _mark(axes: Axes, case: ValidatedCase, row: PeakRow) -> None:
