@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dovetail.evaluation import Calibration
-from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, new_figure, style_axes
+from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, panel_grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,16 +82,10 @@ def coverage_figure(calibration: Calibration) -> Figure:
 
 def _panels(calibration: Calibration) -> tuple[Figure, list[Axes]]:
     columns = min(_COLUMNS, len(calibration.names))
-    rows = -(-len(calibration.names) // columns)
-    figure = new_figure(0.8 + 1.9 * rows)
-    panels = list(figure.subplots(rows, columns, sharex=True, squeeze=False).ravel())
-    for axes in panels[len(calibration.names) :]:
-        axes.set_visible(False)
-    used = panels[: len(calibration.names)]
-    for axes, name in zip(used, calibration.names, strict=True):
-        style_axes(axes)
+    figure, panels = panel_grid(len(calibration.names), columns, 0.8, 1.9, share_x=True)
+    for axes, name in zip(panels, calibration.names, strict=True):
         axes.set_title(name, fontsize=9, color=INK, loc="left", parse_math=False)
-    return figure, used
+    return figure, panels
 
 
 def _finish(figure: Figure, panels: list[Axes], across: str, up: str) -> None:

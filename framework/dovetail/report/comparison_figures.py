@@ -9,14 +9,7 @@ import numpy as np
 
 from dovetail.evaluation import Comparison
 from dovetail.plain_text import terminal_text
-from dovetail.report.figures import (
-    INK,
-    LINES,
-    MARKERS,
-    new_figure,
-    set_title,
-    style_axes,
-)
+from dovetail.report.figures import INK, LINES, MARKERS, panel_grid, set_title
 from dovetail.report.wording import display_unit
 
 if TYPE_CHECKING:
@@ -47,14 +40,10 @@ def parameter_comparison(comparison: Comparison) -> Figure:
     """
     first = next(row.identification for row in comparison.rows if row.identification is not None)
     names = list(first.parameters)
-    rows = -(-len(names) // _COLUMNS)
-    figure = new_figure(1.0 + 2.2 * rows)
-    panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
-    for axes, name in zip(panels, names, strict=False):
+    figure, panels = panel_grid(len(names), _COLUMNS, 1.0, 2.2)
+    for axes, name in zip(panels, names, strict=True):
         _draw_parameter(axes, comparison, name)
-    for axes in panels[len(names) :]:
-        axes.set_visible(False)
-    for axes in panels[max(0, len(names) - _COLUMNS) : len(names)]:
+    for axes in panels[-_COLUMNS:]:
         axes.set_xlabel(terminal_text(comparison.series or "case"), parse_math=False)
     _finish(figure, panels[0], comparison.caveat)
     return figure
@@ -79,7 +68,6 @@ def _logarithmic(axes: Axes) -> None:
 
 
 def _draw_parameter(axes: Axes, comparison: Comparison, name: str) -> None:
-    style_axes(axes)
     positions = [case.value if case.value is not None else index for index, case in enumerate(comparison.cases)]
     parameter = next(r.identification.parameters[name] for r in comparison.rows if r.identification is not None)
     shown = display_unit(parameter.unit, parameter.lower, parameter.upper)

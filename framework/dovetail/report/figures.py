@@ -39,6 +39,7 @@ __all__ = [
     "load_matplotlib",
     "measured_figure",
     "new_figure",
+    "panel_grid",
     "png_bytes",
     "robustness_figure",
     "save_png",
@@ -270,6 +271,29 @@ def new_figure(height: float) -> Figure:
     from matplotlib.figure import Figure
 
     return Figure(figsize=(WIDTH, height), layout="constrained", facecolor="white")
+
+
+def panel_grid(
+    count: int, columns: int, around: float, height: float, *, share_x: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure and so many panels in rows, each in the common style.
+
+    Parameters
+    ----------
+    count, columns : int
+    around, height : float
+        Inches around all panels, and of one row of them.
+    share_x : bool
+        Whether all have one axis of abscissae.
+    """
+    rows = -(-count // columns)
+    figure = new_figure(around + height * rows)
+    panels = list(figure.subplots(rows, columns, sharex=share_x, squeeze=False).ravel())
+    for axes in panels[count:]:
+        axes.set_visible(False)
+    for axes in panels[:count]:
+        style_axes(axes)
+    return figure, panels[:count]
 
 
 def load_matplotlib() -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from dovetail.evaluation import Study, Sweep, Trial
 from dovetail.plain_text import markdown_table
-from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, new_figure, style_axes
+from dovetail.report.figures import INK, MEASURED, RECONSTRUCTED, new_figure, panel_grid, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,12 +110,8 @@ def sweeps_figure(study: Study) -> Figure:
     matplotlib.figure.Figure
         A panel for each option, with the error on the left axis and the times as bars on the right one.
     """
-    rows = -(-len(study.sweeps) // _COLUMNS)
-    figure = new_figure(0.8 + 2.2 * rows)
-    panels = list(figure.subplots(rows, _COLUMNS, squeeze=False).ravel())
-    for axes in panels[len(study.sweeps) :]:
-        axes.set_visible(False)
-    times = [_draw_sweep(axes, study, sweep) for axes, sweep in zip(panels, study.sweeps, strict=False)]
+    figure, panels = panel_grid(len(study.sweeps), _COLUMNS, 0.8, 2.2)
+    times = [_draw_sweep(axes, study, sweep) for axes, sweep in zip(panels, study.sweeps, strict=True)]
     handles: list[Any] = [handle for axes in (panels[0], times[0]) for handle in axes.get_legend_handles_labels()[0]]
     figure.legend(handles, [handle.get_label() for handle in handles], loc="outside upper right", ncols=3, fontsize=8.5)
     figure.supylabel("Mean absolute error [% of range]", fontsize=9.5, color=INK)
@@ -124,7 +120,6 @@ def sweeps_figure(study: Study) -> Figure:
 
 def _draw_sweep(axes: Axes, study: Study, sweep: Sweep) -> Axes:
     """Draw the errors of a sweep, and the times on a second axis, which is returned."""
-    style_axes(axes)
     positions = list(range(len(sweep.values)))
     answers = [study.trials[number].answer for number in sweep.trials]
     times = axes.twinx()
