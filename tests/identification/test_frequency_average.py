@@ -88,8 +88,7 @@ def test_fewer_lines_of_the_model_give_the_same_averages(collet, torque_100, wid
     values = collet.frf(torque_100)
     target = Observations.of(collet, noisy(collet, values, 0.01, 1))
     used, variance = np.ones(len(values), dtype=bool), target.frfs[0].variance
-    model = ModelFrfs.of(collet)
-    lines, residual = weigh(model, target, variance, used, values, ModelError(width))
+    lines, residual = weigh(target, variance, used, values, ModelError(width))
     every_line = np.arange(len(values))
     whole = AveragedResiduals(target.frfs[0], variance, used, every_line, 2.0 * width, np.zeros(len(values)))
     assert len(lines) < 0.5 * len(values)
@@ -114,7 +113,7 @@ def test_several_responses_are_averaged_each_on_its_own_lines(assemblies):
     )
     shown = []
     for measured in (target, without):
-        lines, residual = weigh(model, measured, variance, variance > 0.0, values, ModelError(0.01))
+        lines, residual = weigh(measured, variance, variance > 0.0, values, ModelError(0.01))
         assert isinstance(residual, StackedResiduals)
         shown.append(residual.of(model.at(lines).frf(theta[np.newaxis]))[0])
         np.testing.assert_allclose(shown[-1], residual.of(values[np.newaxis, lines])[0], rtol=1e-6, atol=1e-9)
@@ -126,8 +125,8 @@ def test_averages_with_another_error_of_each_are_those_that_are_made_with_it(sdo
     frf, size = noisy(sdof, sdof.frf()), ModelError(0.01, other=0.2)
     values, variance = np.tile(1.1 * frf.values, 2), np.tile(frf.variance, 2)
     for count in (1, 2):
-        target, model = Observations((frf,) * count), ModelFrfs((sdof,) * count)
-        given = (model, target, variance[: 600 * count], variance[: 600 * count] > 0.0, values[: 600 * count])
+        target = Observations((frf,) * count)
+        given = (target, variance[: 600 * count], variance[: 600 * count] > 0.0, values[: 600 * count])
         (lines, plain), (_, wanted) = weigh(*given, replace(size, other=0.0)), weigh(*given, size)
         deviation = [size.other * np.abs(values[:600])] * count
         at = np.concatenate([values[lines[lines < 600]]] * count)[np.newaxis]

@@ -121,7 +121,7 @@ class _Problem:
 
     def residual(self, values: NDArray[np.complex128], size: ModelError) -> tuple[NDArray[np.intp], Residual]:
         """Return the lines that residuals need, and the residuals; other errors are added to their random error."""
-        return weigh(self.model, self.target, self._variance, self._used, values, size)
+        return weigh(self.target, self._variance, self._used, values, size)
 
     def shapes(self, values: NDArray[np.complex128], size: ModelError) -> dict[str, NDArray[np.complex128]]:
         """Return the changes of the model's FRFs by its errors, by kind."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -81,6 +82,11 @@ class Observations:
     def counts(self) -> tuple[int, ...]:
         """Lines of each response."""
         return tuple(len(frf.frequency) for frf in self.frfs)
+
+    @property
+    def firsts(self) -> tuple[int, ...]:
+        """Number of the first line of each response."""
+        return tuple(accumulate(self.counts[:-1], initial=0))
 
     @property
     def frequency(self) -> NDArray[np.float64]:

@@ -56,12 +56,10 @@ def search_lines(observations: Observations, variance: NDArray[np.float64]) -> N
     (n,) array
         Increasing indices of the concatenated lines of all responses.
     """
-    lines, first = [], 0
-    for frf, of_response in zip(observations.frfs, observations.split(variance), strict=True):
-        level = _level(frf.amplitude, of_response)
-        lines.append(first + _of_response(level))
-        first += len(level)
-    return np.concatenate(lines)
+    responses = zip(observations.firsts, observations.frfs, observations.split(variance), strict=True)
+    return np.concatenate(
+        [first + _of_response(_level(frf.amplitude, of_response)) for first, frf, of_response in responses]
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +110,8 @@ def _neighbours(position: NDArray[np.float64], width: float) -> scipy.sparse.csr
 
 def thinned_lines(observations: Observations, most: int, always: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return every n-th line, about `most` of each response at most, and in addition the lines `always`."""
-    steps = [max(1, round(count / most)) for count in observations.counts]
-    firsts = np.cumsum((0, *observations.counts))[:-1].tolist()
-    thinned = [
-        np.arange(first, first + count, step)
-        for first, count, step in zip(firsts, observations.counts, steps, strict=True)
-    ]
+    responses = zip(observations.firsts, observations.counts, strict=True)
+    thinned = [np.arange(first, first + count, max(1, round(count / most))) for first, count in responses]
     return np.union1d(np.concatenate(thinned), always)
 
 

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from dovetail.frf import Frf
 from dovetail.identification.fitting.observations import Observations
-from dovetail.identification.fitting.residuals import ModelFrfs, Residual, StackedResiduals
+from dovetail.identification.fitting.residuals import Residual, StackedResiduals
 from dovetail.identification.posterior.model_error import ModelError, fit_resonances
 
 __all__ = ["AveragedResiduals", "needs_average", "unshaped_deviation", "weigh", "with_deviation"]
@@ -58,7 +58,6 @@ def needs_average(size: ModelError) -> bool:
 
 
 def weigh(
-    model: ModelFrfs,
     target: Observations,
     variance: NDArray[np.float64],
     used: NDArray[np.bool_],
@@ -69,7 +68,6 @@ def weigh(
 
     Parameters
     ----------
-    model : ModelFrfs
     target : Observations
     variance : (n_lines,) array
         E|random error|^2 of each line.
@@ -94,14 +92,12 @@ def weigh(
     poles = fit_resonances(target.frfs, target.split(values)).poles
     width = _SETTINGS.width * size.natural_frequency
     lines, averaged = [], []
-    responses = zip(target.frfs, *map(target.split, (variance, used, deviation)), strict=True)
-    for frf, of_response, counted, unshaped in responses:
+    responses = zip(target.firsts, target.frfs, *map(target.split, (variance, used, deviation)), strict=True)
+    for first, frf, of_response, counted, unshaped in responses:
         needed = _needed_lines(frf.frequency, poles, width)
         averaged.append(AveragedResiduals(frf, of_response, counted, needed, width, unshaped))
-        lines.append(needed)
-    firsts = np.cumsum((0, *model.counts))[:-1].tolist()
-    numbers = np.concatenate([first + needed for first, needed in zip(firsts, lines, strict=True)])
-    return numbers, StackedResiduals(tuple(averaged), tuple(len(needed) for needed in lines))
+        lines.append(first + needed)
+    return np.concatenate(lines), StackedResiduals(tuple(averaged), tuple(len(needed) for needed in lines))
 
 
 def with_deviation(averages: Residual, deviations: Sequence[NDArray[np.float64]]) -> Residual:

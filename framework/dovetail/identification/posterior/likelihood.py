@@ -136,7 +136,7 @@ def build_likelihood(
     model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
     values = model.frf(fit.theta[np.newaxis])[0]
     shapes = error_shapes(target.frfs, target.split(values), model_error)
-    lines, residual = weigh(model, target, fit.variance, fit.used, values, model_error)
+    lines, residual = weigh(target, fit.variance, fit.used, values, model_error)
 
     def added(changes: NDArray[np.complex128]) -> NDArray[np.float64]:
         return np.asarray(residual.jacobian(values[np.newaxis, lines], changes[np.newaxis])[0])
