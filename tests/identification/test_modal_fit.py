@@ -130,6 +130,28 @@ def test_intervals_hold_the_truth_as_often_as_they_say(chain, form, capsys):
     assert form == "samples" or np.mean(inside) < 0.99
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_every_structure_with_the_frequencies_of_the_table_is_found(seed):
+    springs = {"range": [1e5, 1e7], "scale": "log"}
+    masses = {f"m{i}": {"model": "lumped", "masses": [{"mass": "1 kg"}]} for i in range(1, 5)}
+    joints = {
+        f"s{i}": {
+            **CHAIN["joints"]["b"],
+            "connect": {"a": {"to": f"m{i - 1}" if i > 1 else "wall", "at": 0}, "b": {"to": f"m{i}", "at": 0}},
+            "parameters": {"k": springs, "c": "10 N s/m"},
+        }
+        for i in range(1, 5)
+    }
+    substructures, response = {"wall": {"model": "ground"}, **masses}, {"at": "m4", "position": 0}
+    row = dovetail.load({**CHAIN, "substructures": substructures, "joints": joints, "response": response})
+    alike = np.array([[1e6, 1e6, 1e6, 1e6], [2e6, 1e6, 5e5, 1e6]])
+    frequency, other = (modes_of(row, springs)[0] for springs in alike)
+    np.testing.assert_allclose(frequency, other, rtol=1e-4)
+    posterior = dovetail.identify(row, dovetail.ModalParameters(frequency, None, 1e-3 * frequency), seed=seed).posterior
+    near = np.abs(np.log(posterior.theta[:, np.newaxis] / alike)).max(axis=2) < 0.1
+    assert (posterior.weight @ near > 0.1).all()
+
+
 def test_a_mode_may_be_missing_and_is_named(chain):
     theta, random = chain.from_unit(np.array([0.4, 0.5, 0.6, 0.5])), np.random.default_rng(2)
     whole = table_of(chain, theta, random)
@@ -142,6 +164,18 @@ def test_a_mode_may_be_missing_and_is_named(chain):
     assert lacking == pytest.approx(modes_of(chain, theta)[0][1], rel=0.02)
     assert result.warnings[0] == f"The table lacks modes that the model has: {lacking:.6g} Hz."
     assert all(low <= true <= high for (low, high), true in zip(result.interval.values(), theta, strict=True))
+
+
+def test_modes_count_wherever_they_are_in_the_middle_of_the_ranges():
+    """There, at 20 MN/m, only one mode of three is within the reach of the table."""
+    wide = copy.deepcopy(CHAIN)
+    for joint in ("b", "c"):
+        wide["joints"][joint]["parameters"]["k"] = {"range": [2e5, 2e9], "scale": "log"}
+    assembly = dovetail.load(wide)
+    theta = np.array([5e5, 10.0, 6e5, 10.0])
+    table = table_of(assembly, theta, np.random.default_rng(0))
+    row = {row.name: row for row in dovetail.identify(assembly, table, form="laplace").table}["b.k"]
+    assert row.interval_low < 5e5 < row.interval_high
 
 
 def test_frequencies_in_the_wrong_unit_are_not_believed(chain):

@@ -136,5 +136,9 @@ def test_sizes_are_compared_and_said_in_words():
     )
 
 
+def test_damping_that_a_table_of_modes_does_not_state_is_not_said_to_be_right():
+    assert ModelError(0.01).describe() == "natural frequencies are off by 1 %"
+
+
 def test_phases_are_not_said_to_be_off_by_more_than_half_a_turn():
     assert "phases by 180 degrees" in ModelError(0.01, phase=10.0).describe()

@@ -67,6 +67,38 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
     assert share == pytest.approx(weight[:20].sum() / weight.sum() if kept else 0.02, abs=0.002)
 
 
+@pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])
+def test_weights_of_samples_from_a_table_of_modes_are_cut_alike(monkeypatch, light, kept):
+    """1000 searches end where their residuals say nothing, and weigh as those above."""
+    chosen = []
+
+    def rows_of(z):
+        log_posterior, residuals = np.where(z[:, 0] < 20, 0.0, -light), np.zeros((len(z), 1))
+        return SimpleNamespace(
+            z=z, log_posterior=log_posterior, residuals=residuals, at_rows=lambda rows: rows_of(z[rows])
+        )
+
+    class Map:
+        def __init__(self, *_):
+            pass
+
+        def components(self, residuals):
+            return residuals
+
+        def log_determinant(self, points):
+            return np.zeros(len(points.z))
+
+        def solve(self, target, *_):
+            return rows_of(np.arange(1000.0)[:, np.newaxis]), np.ones(1000, dtype=np.bool_)
+
+    monkeypatch.setattr(sampling, "decorrelate", lambda _, points, *__: chosen.append(points.z) or points)
+    monkeypatch.setattr(sampling.LinearisedPoints, "at", staticmethod(lambda _, z: rows_of(z)))
+    monkeypatch.setattr(sampling, "TangentMap", Map)
+    sampling.draw(None, np.zeros((1, 1)), "samples", 1000, 0)
+    share = np.mean(chosen[0][:, 0] < 20)
+    assert share == pytest.approx(20 / (20 + 980 * np.exp(-light)) if kept else 0.02, abs=0.002)
+
+
 HEAVY_CART = {
     "dovetail": 1,
     "name": "cart",

@@ -50,7 +50,7 @@ class Settings:
 
     assumed: ModelError = field(default=ModelError(5e-3, damping=0.3))
     """Relative errors of a table that states none and has too few modes to estimate any."""
-    starts: int = 6
+    starts: int = 24
     """Number of searches, from the best of eight times as many points of a Latin hypercube over the ranges."""
     rough: ModelError = field(default=ModelError(0.03, damping=0.5))
     """Errors allowed in the first searches: the larger they are, the fewer local minima there are."""
@@ -200,9 +200,10 @@ def identify_from_modes(
     began = time.perf_counter()
     seed = assembly.description.identification.seed if seed is None else seed
     residuals = _ModalResiduals(assembly, measured, _SETTINGS.rough)
-    ((middle, _),) = residuals.poles(assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5)))
-    if len(middle) < len(measured.frequency):
-        problem = f"the table has {len(measured.frequency)} modes, the model of '{assembly.name}' has {len(middle)}."
+    middle, count = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5)), len(measured.frequency)
+    ((poles, _),) = DampedModes(assembly.graph).at(assembly.by_joint(middle), count, differentiate=False)
+    if len(poles) < count:
+        problem = f"the table has {count} modes, the model of '{assembly.name}' has {len(poles)}."
         raise MeasurementError(Fault(measured.label, problem, remedy="Leave out those that are no bending modes."))
     ends = _search(residuals, np.random.default_rng([seed, 7]))
     progress("searching", 1, 2)

@@ -119,10 +119,9 @@ class ModelError:
 
     def describe(self) -> str:
         """Return the sizes in words."""
-        words = [
-            f"natural frequencies are off by {100.0 * self.natural_frequency:.2g} %",
-            f"damping by {_percent_or_factor(self.damping)}",
-        ]
+        words = [f"natural frequencies are off by {100.0 * self.natural_frequency:.2g} %"]
+        if self.damping > 0.0:  # nothing is known of it where no damping was measured
+            words.append(f"damping by {_percent_or_factor(self.damping)}")
         if self.magnitude > 0.0 or self.phase > 0.0:  # nothing is known of them where there is no FRF
             words.append(f"amplitudes by {_percent_or_factor(self.magnitude)}")
             words.append(f"phases by {_degrees(self.phase)} degrees")

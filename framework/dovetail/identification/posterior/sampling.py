@@ -234,10 +234,7 @@ class _Sampler:
         """Return samples drawn by weight and moved by Metropolis steps, and the logarithms of their new weights."""
         if not len(z):
             z, log_weight = self._mode, np.zeros(1)
-        if _effective_sample_size(log_weight) < _SETTINGS.uneven_weights * count:
-            log_weight = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.weight_quantile))
-        weight = np.exp(log_weight - log_weight.max())
-        chosen = drawn_by_weight(weight, count, self._random)
+        chosen = drawn_by_weight(_clipped(log_weight, count), count, self._random)
         start = LinearisedPoints.at(self._posterior, z[chosen])
         points = decorrelate(self._posterior, start, self._random, self._progress)
         return points.z, self._log_posterior(points.z) - points.log_posterior
@@ -272,11 +269,18 @@ def draw(
     points = points.at_rows(np.flatnonzero(converged)) if converged.any() else starts
     squares = np.sum(tangent_map.components(points.residuals) ** 2, axis=1)
     log_weight = points.log_posterior + squares / 2.0 - tangent_map.log_determinant(points)
-    weight = np.exp(log_weight - log_weight.max())
     if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
-        chosen = drawn_by_weight(weight, count, random)
+        chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
         return decorrelate(posterior, points.at_rows(chosen), random).z, even, reliable
+    weight = np.exp(log_weight - log_weight.max())
     return points.z, weight / weight.sum(), reliable
+
+
+def _clipped(log_weight: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return the weights of samples, the largest of them clipped if a few dominate."""
+    if _effective_sample_size(log_weight) < _SETTINGS.uneven_weights * count:
+        log_weight = np.minimum(log_weight, np.quantile(log_weight, _SETTINGS.weight_quantile))
+    return np.asarray(np.exp(log_weight - log_weight.max()))
 
 
 def _effective_sample_size(log_weight: NDArray[np.float64]) -> float:
