@@ -232,6 +232,15 @@ def fault_of(run, tmp_path, name, content, *options, code=1):
     return text
 
 
+def test_a_time_of_too_few_digits_is_left_out_as_the_error_says(run, tmp_path):
+    """Steps of 0.25 ms in three digits, as a spreadsheet writes them."""
+    rows = "".join(f"{n / 4000:.2E},{max(0, 9 - n)},{n % 5}\n" for n in range(4000))
+    text = fault_of(run, tmp_path, "a.csv", "time,force,response\n" + rows)
+    assert "leave it out (--columns skip,force,response) and give the rate (--rate)" in " ".join(text.split())
+    options = ("--columns", "skip,force,response", "--rate", "4000")
+    assert "from 1 to 1999 Hz" in run("frf", tmp_path / "a.csv", *options, "-o", tmp_path / "a.uff").stdout
+
+
 def test_faults_of_frf(run, tmp_path, hits):
     table = "time,force,response\n" + "".join(f"{n / 100},{n % 7},{n % 5}\n" for n in range(50))
     assert "'speed' is no unit of a motion" in fault_of(run, tmp_path, "a.csv", table, "--response-unit", "speed")

@@ -235,5 +235,6 @@ def _rate(path: Path, time: Array) -> float:
     mean = float(np.mean(np.diff(time))) if len(time) > 1 else 0.0
     even = time[:1] + mean * np.arange(len(time))
     if not (np.isfinite(mean) and mean > 0 and np.all(np.abs(time - even) <= _EVEN * mean)):
-        raise MeasurementError(Fault(str(path), "the time does not increase in even steps."))
+        remedy = "If it has too few digits, leave it out (--columns skip,force,response) and give the rate (--rate)."
+        raise MeasurementError(Fault(str(path), "the time does not increase in even steps.", remedy=remedy))
     return 1.0 / mean
