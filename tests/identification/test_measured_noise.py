@@ -66,6 +66,17 @@ def test_of_a_stated_variance_it_is_absolute(quantity):
     np.testing.assert_allclose(drawn(frf, LEVEL).var(axis=0), 0.5 * expected, rtol=0.12)
 
 
+def test_an_estimated_floor_is_even_in_the_quantity_of_the_file():
+    frequency, generator = np.linspace(5.0, 120.0, 400), np.random.default_rng(1)
+    noise = generator.standard_normal((2, len(frequency))) / np.sqrt(2.0)
+    clean = 1.0 / (1.0 - (frequency / 20.0) ** 2 + 0.5j * frequency / 20.0)
+    frf = dovetail.Frf(frequency, clean + 0.01 * (noise[0] + 1j * noise[1]), "receptance")
+    estimate = MeasuredNoise.of(frf, frequency)
+    squares = (2.0 * np.pi * frequency) ** 4
+    level = np.sqrt(estimate.floor / squares + estimate.share * np.abs(clean) ** 2)
+    np.testing.assert_allclose(level[frequency > 40.0], 0.01, rtol=0.35)
+
+
 def test_of_any_other_it_is_estimated_from_the_scatter():
     frf = measurement()
     noise = np.random.default_rng(1).standard_normal((2, len(frf.values))) / np.sqrt(2.0)

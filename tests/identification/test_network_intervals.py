@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from mass_on_mount import mass_on_mount
@@ -56,6 +58,26 @@ def test_the_intervals_are_calibrated_on_what_was_never_trained_on(model):
     covered, _ = done.coverage
     assert 0.84 < covered < 0.96
     assert all(parameter.r2 > 0.8 for parameter in done.parameters)
+
+
+@pytest.mark.parametrize("change", ["mass", "fixed", "narrower band"])
+@pytest.mark.parametrize("method", ["network", "refined"])
+def test_a_model_of_another_assembly_is_refused(model, change, method):
+    other = json.loads(model.assembly.description.text)
+    if change == "mass":
+        other["substructures"]["mass"]["masses"][0]["mass"] = 2.0
+    elif change == "fixed":
+        other["joints"]["mount"]["parameters"]["c"] = {"value": 80.0}
+    else:
+        other["frequency"] = {"start": 200, "stop": 500, "step": 2}
+    measured = model.assembly.simulate({"k": 4e6, "c": 80.0})
+    if change == "narrower band":
+        assert dovetail.identify(dovetail.load(other), measured, method, model=model).theta[0] == pytest.approx(
+            4e6, rel=0.2
+        )
+        return
+    with pytest.raises(ParameterError, match="trained for another assembly"):
+        dovetail.identify(dovetail.load(other), measured, method, model=model)
 
 
 def test_a_stored_model_tells_the_same(model, result, tmp_path):

@@ -196,6 +196,14 @@ def test_lines_too_far_apart_are_refused_in_any_unit(has_phase: bool, unit: floa
         np.testing.assert_array_equal(on_grid(frf, lines[3:20]).values, frf.values[3:20])
 
 
+@pytest.mark.parametrize("count", [4, 7, 12, 15])
+def test_a_few_lines_too_far_apart_are_refused_like_many(count: int) -> None:
+    lines = np.linspace(300.0, 2000.0, count)
+    frf = Frf(lines, accelerance(lines, *[(400.3 + 130.0 * n, 0.004, 0.5) for n in range(12)]), "accelerance")
+    with pytest.raises(MeasurementError, match="too far to tell the FRF between them"):
+        on_grid(frf, np.arange(300.0, 2000.0, 2.0))
+
+
 def test_an_frf_that_is_zero_is_zero_between_its_lines() -> None:
     zero = Frf(MEASURED, np.zeros(MEASURED.size), "accelerance")
     with np.errstate(invalid="raise"):

@@ -28,8 +28,6 @@ class Settings:
         Relative distance of a grid beyond the measurement that is allowed for rounding.
     on_a_line : float
         Distance from the nearest line, in measured spacings, up to which a grid needs no interpolation.
-    fewest_lines : int
-        Number of lines from which their spacing is checked.
     largest_miss : float
         Largest error at the lines between, relative to the FRF's norm, when every other line is interpolated. Noise of
         half the FRF stays below.
@@ -39,7 +37,6 @@ class Settings:
     clearly_smoother: float = 0.1
     cover_tolerance: float = 1e-9
     on_a_line: float = 1e-6
-    fewest_lines: int = 16
     largest_miss: float = 0.6
 
 
@@ -115,8 +112,6 @@ def _check_spacing(frf: Frf, grid: NDArray[np.float64]) -> None:
     first, last = np.searchsorted(measured, [grid.min(), grid.max()])
     within = slice(max(first - _SETTINGS.window, 0), last + _SETTINGS.window)
     lines, values = measured[within], frf.values[within] if frf.has_phase else frf.amplitude[within] ** 2
-    if lines.size < _SETTINGS.fewest_lines:
-        return
     between = slice(1, lines.size - (lines.size + 1) % 2, 2)
     interpolated, _ = _interpolate(lines[::2], values[::2], lines[between], None)
     size = np.linalg.norm(values[between])

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares, minimize
 from scipy.special import chdtri, fdtrc, polygamma
 
 from dovetail.errors import Fault, MeasurementError
-from dovetail.frf import Frf
+from dovetail.frf import Frf, conversion
 
 __all__ = [
     "FOURTH_DIFFERENCE",
@@ -219,7 +219,8 @@ class MeasuredNoise:
             problem = f"it was measured from {first:g} to {last:g} Hz."
             band = f"lines from {frequency[0]:g} to {frequency[-1]:g} Hz, those of the description"
             raise MeasurementError(Fault(frf.label, problem, band))
-        parts = error_parts(frf.to("accelerance"))
+        own, part = error_parts(frf)  # in its own quantity, in which an estimated floor is the same at all lines
+        parts = own * np.abs(conversion(frf.frequency, frf.quantity, "accelerance")) ** 2, part
         floor, share = (np.interp(frequency, frf.frequency, part).astype(np.float32) for part in parts)
         return cls(floor, share)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from dovetail.assembly import Assembly
-from dovetail.frf import Frf
+from dovetail.frf import Frf, conversion
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.fitting.random_error import random_error_variance
 from dovetail.identification.fitting.whiteness import find_deviating_bands
@@ -208,7 +208,8 @@ def _statistics(
         Distance of each line, in standard deviations.
     """
     frf = measured.to("accelerance")
-    variance = random_error_variance(frf)
+    factor = np.abs(conversion(frf.frequency, measured.quantity, "accelerance"))
+    variance = factor**2 * random_error_variance(measured)  # of the measured quantity, whose floor is even over lines
     residuals = basis.residuals(frf.amplitude, variance)
     distance = np.mean(np.minimum(residuals**2, _SETTINGS.largest_square))
     clear = frf.amplitude > _SETTINGS.clear * np.sqrt(variance)
