@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import dovetail
+from dovetail.cli.batch import _stems
 from dovetail.frf import Frf
 
 FILES = ["SHA256SUMS", "frf.csv", "frf.png", "parameters.csv", "report.html", "result.json"]
@@ -466,6 +467,20 @@ def test_what_a_batch_does_not_take(run, bench, tmp_path, monkeypatch, arguments
     for name in ("a.csv", "b.csv"):
         dovetail.write_frf(dovetail.read_frf(bench.measured), name)
     assert found in run("identify", bench.description, "a.csv", "b.csv", *arguments, code=code).stderr
+
+
+def test_a_batch_tells_the_warnings_of_its_results(run, bench, tmp_path):
+    frf, files, out = dovetail.read_frf(bench.measured), [tmp_path / "a.csv", tmp_path / "b.csv"], tmp_path / "results"
+    for file, rows in zip(files, (slice(None), slice(len(frf.frequency) // 2)), strict=True):
+        dovetail.write_frf(dovetail.Frf(frf.frequency[rows], frf.values[rows], frf.quantity), file)
+    done = run("identify", bench.description, *files, "--method", "refined", "-o", out)
+    assert "Note: b.csv: The measurement has no lines from" in done.stdout
+    with (out / "summary.csv").open() as stream:
+        assert ["has no lines" in row["warnings"] for row in csv.DictReader(stream)] == [False, True]
+
+
+def test_files_of_a_batch_have_names_that_differ_even_where_capitals_do_not_count():
+    assert _stems(["A_3", "a", "A", "summary"]) == ["A_3", "a", "A_4", "summary_4"]
 
 
 def test_a_folder_without_measurements(run, bench, tmp_path):

@@ -186,6 +186,13 @@ def test_the_bundle_and_the_dataset_keep_their_responses(chain, dataset, model, 
         dataset.require(chain.at(0))
 
 
+def test_each_response_is_converted_on_its_own_lines(chain):
+    axes = [np.arange(20.0, 60.0, 0.5), np.arange(15.0, 70.0, 0.8)]
+    apart = complex_accelerance(chain.on(*axes), TRUTH[np.newaxis])[0]
+    alone = [complex_accelerance(chain.at(number).on(axis), TRUTH[np.newaxis])[0] for number, axis in enumerate(axes)]
+    np.testing.assert_allclose(apart, np.concatenate(alone), rtol=1e-6)
+
+
 def test_noise_for_training_is_drawn_for_each_response(chain, dataset):
     description = json.loads(chain.description.text)
     description["identification"]["augmentation"] = {"additive": 0.0, "multiplicative": 0.0, "gain": 0.1}

@@ -150,6 +150,12 @@ def test_a_library_that_is_not_installed_is_named(result, monkeypatch, library):
         result.to_dataframe() if library == "pandas" else result.to_inferencedata()
 
 
+def test_no_measurement_of_a_batch_is_lost_because_of_its_name(sdof):
+    frfs = [measured(sdof, sdof.from_unit(np.full(2, 0.5)), label, 1) for label in ("a (2)", "a", "a", "b")]
+    batch = dovetail.identify_many(sdof, frfs, "refined", processes=1)
+    assert list(batch.results) == ["a (2)", "a", "a (3)", "b"]
+
+
 def test_a_batch_is_what_each_measurement_gives_alone(sdof, tmp_path):
     thetas = sdof.from_unit(np.random.default_rng(5).random((3, 2)))
     frfs = [measured(sdof, theta, "same.csv", seed) for seed, theta in enumerate(thetas)]

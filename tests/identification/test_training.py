@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 import dovetail
 from dovetail.errors import DatasetError
+from dovetail.frf import Frf
 from dovetail.identification.network import novelty
 from dovetail.identification.network.preprocessing import BLOCK_ROWS, log10p1
 from dovetail.identification.network.training import draw_test_samples
@@ -155,6 +157,19 @@ def test_the_novelty_statistics_are_taken_of_few_frfs(monkeypatch, samples: int,
     sdof = json.loads(dovetail.load(SDOF).description.text)
     dovetail.train(dovetail.load({**sdof, "identification": identification}))
     assert len(asked) == held_out * len(novelty._SETTINGS.noise_levels)
+
+
+@pytest.mark.parametrize("quantity", ["receptance", "mobility", "accelerance"])
+def test_novelty_estimates_noise_in_the_quantity_that_was_measured(quantity: str) -> None:
+    frequency, generator = np.linspace(5.0, 120.0, 400), np.random.default_rng(1)
+    noise = generator.standard_normal((2, 400)) / np.sqrt(2.0)
+    clean = 1.0 / (1.0 - (frequency / 20.0) ** 2 + 0.5j * frequency / 20.0)
+    unstated = Frf(frequency, clean + 0.01 * (noise[0] + 1j * noise[1]), quantity)
+    amplitude = unstated.to("accelerance").amplitude
+    basis = novelty.PrincipalComponents.fit(amplitude * generator.uniform(0.5, 2.0, (40, 1)), amplitude[np.newaxis])
+    _, level, _ = novelty._statistics(basis, unstated, amplitude)
+    _, stated, _ = novelty._statistics(basis, replace(unstated, variance=np.full(400, 0.01**2)), amplitude)
+    assert level == pytest.approx(stated, rel=0.2)
 
 
 @pytest.mark.parametrize("count", [40, 400])

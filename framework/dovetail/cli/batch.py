@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,13 +109,14 @@ def _summary(batch: Batch) -> list[dict[str, Any]]:
                 "identified": None if result.posterior is None else verdicts.count("identified"),
                 "parameters": len(verdicts),
                 "believable": result.believable,
+                "warnings": " ".join(result.warnings),
             }
         )
     return rows
 
 
 def _print(assembly: Assembly, batch: Batch) -> None:
-    from dovetail.report.content import parameter_rows
+    from dovetail.report.content import parameter_rows, warnings_of
 
     title(f"{assembly.name}: joint identified from {len(batch.results)} measurements")
     headers = ["measurement", "model", "mean coherence", "chi-squared", "identified"]
@@ -138,6 +140,12 @@ def _print(assembly: Assembly, batch: Batch) -> None:
     if batch.caveat:
         say()
         say(f"Warning: {batch.caveat}")
+    names: dict[str, list[str]] = {}
+    for name, result in batch.results.items():
+        for warning in warnings_of(result, None):
+            names.setdefault(warning, []).append(name)
+    for warning, named in names.items():
+        say(f"Note: {', '.join(named)}: {warning}")
 
 
 def _text(estimate: str, interval: str) -> str:
@@ -166,6 +174,7 @@ def _stems(names: Sequence[str]) -> list[str]:
     stems: list[str] = []
     for name in names:
         stem = re.sub(r"[^\w.-]+", "_", name).strip("._") or "measurement"
-        taken = stem.casefold() in map(str.casefold, [taken_by_page, *stems])  # as macOS and Windows compare
-        stems.append(f"{stem}_{len(stems) + 1}" if taken else stem)
+        taken = {known.casefold() for known in [taken_by_page, *stems]}  # as macOS and Windows compare
+        numbered = (f"{stem}_{number}" for number in count(len(stems) + 1))
+        stems.append(next(known for known in chain([stem], numbered) if known.casefold() not in taken))
     return stems

@@ -243,9 +243,8 @@ def complex_accelerance(assembly: Assembly, theta: NDArray[np.float64]) -> NDArr
     (n, n_responses n_freq) complex64 array
         m/(N s^2); the lines of the first response, then those of the second.
     """
-    responses = zip(assembly.each_response, assembly.description.responses, strict=True)
-    frfs = [
-        (at_response.frf(theta) * conversion(assembly.frequency, response.quantity, "accelerance")).astype(np.complex64)
-        for at_response, response in responses
-    ]
+    frfs = []
+    for at_response, response in zip(assembly.each_response, assembly.description.responses, strict=True):
+        factor = conversion(at_response.frequency, response.quantity, "accelerance")
+        frfs.append((at_response.frf(theta) * factor).astype(np.complex64))
     return frfs[0] if len(frfs) == 1 else np.concatenate(frfs, axis=1)

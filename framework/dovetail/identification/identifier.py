@@ -6,6 +6,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Self
 
@@ -305,6 +306,6 @@ def _names(measurements: Sequence[Measurement]) -> list[str]:
     for measurement in measurements:
         each = [measurement] if isinstance(measurement, (Frf, str, Path)) else measurement
         name = ", ".join(dict.fromkeys(one.label if isinstance(one, Frf) else Path(one).name for one in each))
-        count = 1 + sum(other == name or other.startswith(f"{name} (") for other in names)
-        names.append(name if count == 1 else f"{name} ({count})")
+        numbered = (f"{name} ({number})" for number in count(2))
+        names.append(next(unique for unique in chain([name], numbered) if unique not in names))
     return names

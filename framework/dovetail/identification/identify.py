@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
-from dovetail.assembly import Assembly, AssemblySource, as_assembly
+from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
 from dovetail.assembly.calibration import unknown_signs, with_signs
 from dovetail.assembly.description import Response
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
@@ -111,7 +111,8 @@ def identify(
         There are more or fewer measurements than responses, or some have no lines within the band. With the method
         ``"network"``: some do not cover the band, or the network has no finite answer.
     ParameterError
-        The assembly has nothing to identify, or the method has no such option or needs a model.
+        The assembly has nothing to identify, the method has no such option or needs a model, or the model was trained
+        for another assembly.
     PluginError
         The code of a plugin's method fails.
     ValueError
@@ -140,6 +141,8 @@ def identify(
         if name not in accepted_options:
             problem = f"the method '{called}' has no option '{name}'."
             raise ParameterError(Fault("options", problem, listing(accepted_options) or "none"))
+    if model is not None:
+        _check_model(assembly, model.assembly)
     labels = measured.label if isinstance(measured, ModalParameters) else listing(frf.label for frf in measured)
     step = logged(__name__, f"{assembly.name} identified from {labels} by {called}")
     with threadpool_limits(1, user_api="blas"), step, progress_reporter(progress) as report:
@@ -155,6 +158,20 @@ def identify(
         keys = _option_names(chosen)
         own = {name: options.pop(name) for name in list(options) if name in keys}
         return by_plugin(_with_options(chosen, own) if own else chosen, lines, progress=report, **options)
+
+
+def _check_model(assembly: Assembly, trained: Assembly) -> None:
+    """Raise ParameterError unless a network's assembly has the same parameters and FRFs; a band may differ."""
+    if trained.description.fingerprint == assembly.description.fingerprint:
+        return
+    parameters, names = ([parameter.name for parameter in one.parameters] for one in (trained, assembly))
+    if parameters == names and len(trained.description.responses) == len(assembly.description.responses):
+        middle = trained.from_unit(np.full((1, len(parameters)), 0.5))
+        amplitude = trained.accelerance_amplitude(middle)
+        if largest_frf_difference(assembly.on(trained.frequency), middle, amplitude) <= FRF_TOLERANCE:
+            return
+    problem = f"it was trained for another assembly than '{assembly.name}': parameters or FRFs differ."
+    raise ParameterError(Fault("model", problem, remedy="Train one for this description."))
 
 
 def check_mass(assembly: Assembly, mass: float) -> None:
