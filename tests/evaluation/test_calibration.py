@@ -152,6 +152,7 @@ def test_ctrl_c_before_any_case_is_done_ends_it(sdof):
         ({"finer_mesh": 2}, "none of its parts has a mesh"),
         ({"samples": 0}, "0 samples are none"),
         ({"model_error": -1.0}, "no relative error"),
+        ({"method": "network", "samples": 10}, "'network' has no option samples in a calibration"),
     ],
 )
 def test_what_cannot_be_done_is_said(sdof, options, message):

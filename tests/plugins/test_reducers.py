@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 from safetensors.numpy import save_file
 from scipy.spatial.distance import cdist
+from threadpoolctl import threadpool_limits
 
 import dovetail
 from dovetail_plugins.reducers.compression import METRICS, Compression
@@ -300,6 +301,14 @@ class TestPCA:
 
     def test_whitened_components_have_unit_variance(self, fits, training):
         np.testing.assert_allclose(fits["pca whitened"].transform(training).std(axis=0, ddof=1), 1.0, rtol=1e-3)
+
+    def test_components_do_not_depend_on_the_number_of_threads(self):
+        rows = np.random.default_rng(0).standard_normal((4000, 300)).astype(np.float32)
+        states = []
+        for threads in (1, 2):
+            with threadpool_limits(threads, user_api="blas"):
+                states.append(RECIPES["pca"].fit(rows, seed=0).state()["components"])
+        np.testing.assert_array_equal(*states)
 
     def test_more_components_than_can_be_had_are_refused(self, training):
         with pytest.raises(

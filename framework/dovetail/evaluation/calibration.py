@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AssemblySource, as_assembly
-from dovetail.errors import Fault, ParameterError
+from dovetail.errors import Fault, ParameterError, listing
 from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf import Frf
 from dovetail.identification import identify
@@ -296,6 +296,10 @@ class _Study:
             raise ParameterError(Fault("cases", f"{setting.cases} cases are none.", "1 or more"))
         if not (np.isfinite(setting.noise) and setting.noise > 0.0):
             raise ParameterError(Fault("noise", f"{setting.noise:g} is no noise.", "more than 0"))
+        unknown = [name for name in ("samples", "model_error") if getattr(setting, name) != getattr(Setting, name)]
+        if method != "posterior" and unknown:
+            problem = f"the method '{setting.method}' has no option {listing(unknown)} in a calibration."
+            raise ParameterError(Fault("options", problem, "seed"))
         self._assembly = assembly
         self._setting, self._method, self._model = setting, method, model
         self._options: dict[str, Any] = {}

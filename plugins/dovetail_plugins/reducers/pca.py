@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
+from threadpoolctl import threadpool_limits
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows, state_array
@@ -94,7 +95,8 @@ class PCA(dovetail.Reducer):
                     f"1 to {most}",
                 )
             )
-        fitted = decomposition.PCA(wanted, svd_solver="randomized", random_state=seed).fit(rows)
+        with threadpool_limits(1, user_api="blas"):  # the last digits would depend on their number
+            fitted = decomposition.PCA(wanted, svd_solver="randomized", random_state=seed).fit(rows)
         components = np.asarray(fitted.components_, dtype=np.float64)
         if self.config.whiten:
             deviation = np.sqrt(np.asarray(fitted.explained_variance_, dtype=np.float64))
