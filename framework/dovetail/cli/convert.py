@@ -35,7 +35,7 @@ _OtherFile = typer.Option(metavar="FILE", help="For a transfer FRF: another FRF 
 
 def convert(
     source: Annotated[
-        Path, typer.Argument(metavar="IN", help="Measured FRF: .uff, .csv, .tsv, .npz, .mat, .h5 or .frf.")
+        Path, typer.Argument(metavar="IN", help="Measured FRF: .uff, .csv, .txt, .npz, .mat, .h5, .frf, .lvm, ...")
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="New file: .uff, .csv or .npz; or a figure.")],
     quantity: QuantityOfFile = None,

@@ -20,7 +20,7 @@ _seconds = quantity_in("s")
 
 def frf(
     signals: Annotated[
-        Path, typer.Argument(metavar="SIGNALS", help="Force and response: .npz, .mat, .h5, .csv, .tsv or .uff.")
+        Path, typer.Argument(metavar="SIGNALS", help="Force and response: .npz, .mat, .h5, .csv, .txt, .uff or .lvm.")
     ],
     output: Annotated[
         list[Path],
