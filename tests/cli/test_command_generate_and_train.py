@@ -160,3 +160,22 @@ def test_train_looks_at_the_place_before_it_works(run, bench, tmp_path, monkeypa
     (taken / "notes.txt").write_text("mine")
     assert "something else than a model is there" in run("train", bench.description, "-o", taken, code=1).stderr
     assert (taken / "notes.txt").read_text() == "mine"
+
+
+def test_train_says_what_the_range_of_a_normal_prior_is(run, bench, tmp_path):
+    description = json.loads(dovetail.load(bench.description).description.text)
+    description["identification"] = {"samples": 100, "reducer": {"model": "pca", "n_components": 5}}
+    said = "Of a parameter with a normal prior the range is that of its probability"
+    for prior, told in (({"range": [1e5, 1e7]}, False), ({"about": 5e6, "sd": 1e6}, True)):
+        description["joints"]["mount"]["parameters"]["k"] = prior
+        (tmp_path / "assembly.yaml").write_text(json.dumps(description))
+        arguments = [
+            "train",
+            tmp_path / "assembly.yaml",
+            "--data",
+            tmp_path / f"{told}.zarr",
+            "-o",
+            tmp_path / f"{told}",
+        ]
+        run("generate", tmp_path / "assembly.yaml", "--samples", 100, "-o", tmp_path / f"{told}.zarr")
+        assert (said in " ".join(run(*arguments).stdout.split())) is told

@@ -131,8 +131,13 @@ dovetail.generate({str(description)!r}, {str(path)!r}, samples={SAMPLES}, shard=
 def test_shards_of_another_plan_are_refused(assembly, tmp_path):
     first = dovetail.generate(assembly, tmp_path / "a.zarr", samples=SAMPLES, shard=(1, 2))
     dovetail.generate(assembly, tmp_path / "b.zarr", samples=SAMPLES, shard=(2, 2), seed=9)
-    with pytest.raises(DatasetError, match="seed, parameters differ"):
+    with pytest.raises(DatasetError, match="it has another seed, parameters"):
         dovetail.merge([first.path, tmp_path / "b.zarr"], tmp_path / "data.zarr")
+    description = json.loads(assembly.description.text)
+    description["frequency"]["stop"] = 900.0
+    dovetail.generate(dovetail.load(description), tmp_path / "c.zarr", samples=SAMPLES, shard=(2, 2))
+    with pytest.raises(DatasetError, match="it has another description"):
+        dovetail.merge([first.path, tmp_path / "c.zarr"], tmp_path / "data.zarr")
     with pytest.raises(DatasetError, match="this path is taken"):
         dovetail.merge([first.path], tmp_path / "b.zarr")
     with pytest.raises(DatasetError, match="there are none"):

@@ -100,6 +100,8 @@ def print_evaluation(model: Identifier) -> None:
         rows,
         numbers=["R2", "MAE [% of range]", "RMSE [% of range]"],
     )
+    if any(parameter.prior == "normal" for parameter in model.assembly.parameters):
+        say("Of a parameter with a normal prior the range is that of its probability, from 0 to 100 %.")
     say()
     say(f"Mean R2 {evaluation.mean_r2:.3f}; trained on {evaluation.training_samples} samples, seed {evaluation.seed}.")
     say("Time: " + ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in evaluation.seconds.items()))

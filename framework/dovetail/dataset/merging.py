@@ -62,14 +62,14 @@ def merge(shards: Sequence[str | os.PathLike[str]], path: str | os.PathLike[str]
 
 def _check_same_plan(first: Dataset, other: Dataset) -> None:
     differing = [
-        key
+        "description" if key == "fingerprint" else key
         for key in dict.fromkeys((*first.attributes, *other.attributes))
-        if key != "description" and first.attributes.get(key) != other.attributes.get(key)  # it has a fingerprint
+        if key != "description" and first.attributes.get(key) != other.attributes.get(key)  # its fingerprint counts
     ]
     if not np.array_equal(first.parameters, other.parameters):
         differing.append("parameters")
     if differing:
-        problem = f"it is no shard of the same dataset as '{first.path}': {listing(differing)} differ."
+        problem = f"it is no shard of the same dataset as '{first.path}': it has another {listing(differing)}."
         raise DatasetError(Fault(str(other.path), problem, remedy="Generate all shards by one and the same command."))
 
 

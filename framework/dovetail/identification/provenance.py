@@ -57,7 +57,8 @@ class ParameterMetrics:
         Coefficient of determination on the scale on which the parameter is sampled (linear or logarithmic); None
         where the test values do not vary.
     rmse, mae : float
-        Root-mean-square and mean absolute error on that scale, as a fraction of the parameter's range.
+        Root-mean-square and mean absolute error on that scale, as a fraction of the parameter's range; for a
+        normal prior, of its probability.
     rmse_si, mae_si : float
         The same errors of the value itself, in `unit`.
     unit : str
