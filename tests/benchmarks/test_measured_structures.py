@@ -6,6 +6,7 @@ import io
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -146,11 +147,13 @@ def test_the_causes_of_altered_measurements_are_counted(data, monkeypatch, capsy
 
     monkeypatch.setattr(measured_structures.dovetail, "identify", identify)
     monkeypatch.setattr(measured_structures, "cases", lambda data: some_cases())
+    monkeypatch.setattr(measured_structures, "best_misfit", lambda _, frf: 2.0 - frf.values[0].real)
     measured_structures.table_of_alterations(data, "refined", "frame", 20.0)
     printed = capsys.readouterr().out
-    assert "| frame, sign | good | the sign reversed | yes |" in printed
-    assert "| frame, gain: 1.2 | good | - | no |" in printed
+    assert "| frame, sign | good | +2.00 | the sign reversed | yes |" in printed
+    assert "| frame, gain: 1.2 | good | +0.00 | - | no |" in printed
     assert "right cause is first in 1 of 2 altered" in printed
+    assert "Of the 1 that make the best fit worse by 0.1 or more it is first in 1." in printed
     assert "None is named in 1 of 1 unaltered" in printed
 
 
@@ -159,3 +162,11 @@ def some_cases():
     positive = dovetail.Frf(np.arange(1.0, 401.0), np.ones(400, dtype=complex), "accelerance")
     negative = dovetail.Frf(positive.frequency, -positive.values, "accelerance")
     return [("frame, unaltered", positive, None), ("frame, sign", negative, None), ("frame, gain: 1.2", positive, None)]
+
+
+def test_the_best_misfit_of_a_measurement_is_that_of_noise_if_the_model_is_right():
+    assembly = fitted().assembly()
+    exact = assembly.frf(assembly.vector(FRAME))
+    right = dovetail.noisy_frf(dovetail.Frf(assembly.frequency, exact, "accelerance"), 0.01, 1)
+    assert measured_structures.best_misfit(assembly, right) < 0.8
+    assert measured_structures.best_misfit(assembly, replace(right, values=-right.values)) > 2.0

@@ -134,16 +134,16 @@ def read_frf(
         if chosen is not None:
             recording = from_plugin.decode(source, content, chosen, options)
         else:
-            recording = _decode(source, content, options)
+            recording = _decode(source, content, registry, options)
     frf = (recording.with_dofs(*dofs) if dofs else recording).to_frf(quantity, unit)
     if accelerometer_mass:
         _check_drive_point(frf)
     return remove_accelerometer_mass(frf, accelerometer_mass)
 
 
-def _decode(source: Path, content: bytes, options: ReadOptions) -> Recording:
+def _decode(source: Path, content: bytes, registry: Registry, options: ReadOptions) -> Recording:
     suffix = suffix_by_content(source, content)
-    file_format = _FORMATS[suffix]
+    file_format = _format_of(source.with_suffix(suffix), registry)
     if options.columns and not file_format.has_columns:
         problem = f"columns={','.join(options.columns)} is for tables, not for {suffix} files."
         raise MeasurementError(Fault(str(source), problem))
