@@ -67,35 +67,43 @@ def test_weights_are_cut_where_fewer_than_a_tenth_of_the_samples_count(monkeypat
     assert share == pytest.approx(weight[:20].sum() / weight.sum() if kept else 0.02, abs=0.002)
 
 
+class Parabola:
+    """One coordinate of which (z - 2)(z + 1) is measured, and told to be 0: a posterior with two modes."""
+
+    error = 0.05
+
+    def residuals(self, z):
+        return np.concatenate([z, (z - 2.0) * (z + 1.0) / self.error], axis=1)
+
+    def linearise(self, z):
+        return self.residuals(z), np.stack([np.ones_like(z), (2.0 * z - 1.0) / self.error], axis=2)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_samples_about_separate_modes_weigh_what_the_posterior_has_there(order):
+    z = np.linspace(-3.0, 4.0, 700_001)
+    density = np.exp(-np.sum(Parabola().residuals(z[:, np.newaxis]) ** 2, axis=1) / 2.0)
+    samples, weight, _ = sampling.draw(Parabola(), np.array([[2.0], [-1.0]])[::order], "samples", 4000, 0)
+    right = samples[:, 0] > 0.5
+    assert weight @ right == pytest.approx(density[z > 0.5].sum() / density.sum(), abs=0.01)
+    assert weight[right] @ samples[right, 0] / weight[right].sum() == pytest.approx(
+        density[z > 0.5] @ z[z > 0.5] / density[z > 0.5].sum(), abs=1e-3
+    )
+
+
+def test_the_same_mode_counts_once_and_one_of_hardly_any_probability_not_at_all():
+    modes = np.array([[2.0], [2.001], [-1.0]])
+    assert len(sampling._separate_modes(sampling.LinearisedPoints.at(Parabola(), modes)).z) == 2
+    steep = Parabola()
+    steep.residuals = lambda z: np.concatenate([z, (z - 2.0) * (z + 1.0) / 0.05 + 10.0 * (z < 0.5)], axis=1)
+    assert len(sampling._separate_modes(sampling.LinearisedPoints.at(steep, modes)).z) == 1
+
+
 @pytest.mark.parametrize(("light", "kept"), [(4.0, False), (3.5, True)])
-def test_weights_of_samples_from_a_table_of_modes_are_cut_alike(monkeypatch, light, kept):
-    """1000 searches end where their residuals say nothing, and weigh as those above."""
-    chosen = []
-
-    def rows_of(z):
-        log_posterior, residuals = np.where(z[:, 0] < 20, 0.0, -light), np.zeros((len(z), 1))
-        return SimpleNamespace(
-            z=z, log_posterior=log_posterior, residuals=residuals, at_rows=lambda rows: rows_of(z[rows])
-        )
-
-    class Map:
-        def __init__(self, *_):
-            pass
-
-        def components(self, residuals):
-            return residuals
-
-        def log_determinant(self, points):
-            return np.zeros(len(points.z))
-
-        def solve(self, target, *_):
-            return rows_of(np.arange(1000.0)[:, np.newaxis]), np.ones(1000, dtype=np.bool_)
-
-    monkeypatch.setattr(sampling, "decorrelate", lambda _, points, *__: chosen.append(points.z) or points)
-    monkeypatch.setattr(sampling.LinearisedPoints, "at", staticmethod(lambda _, z: rows_of(z)))
-    monkeypatch.setattr(sampling, "TangentMap", Map)
-    sampling.draw(None, np.zeros((1, 1)), "samples", 1000, 0)
-    share = np.mean(chosen[0][:, 0] < 20)
+def test_the_largest_weights_are_cut_where_a_few_dominate(light, kept):
+    log_weight = np.where(np.arange(1000) < 20, 0.0, -light)
+    weight = sampling._clipped(log_weight, 1000)
+    share = weight[:20].sum() / weight.sum()
     assert share == pytest.approx(20 / (20 + 980 * np.exp(-light)) if kept else 0.02, abs=0.002)
 
 

@@ -13,6 +13,7 @@ distributions in nonlinear inverse problems, SIAM J. Sci. Comput. 36 (2014) A189
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,6 +77,12 @@ class LinearisedPoints:
     def at(posterior: PosteriorResiduals, z: NDArray[np.float64]) -> LinearisedPoints:
         """Linearise the residuals at points z (n, d)."""
         return LinearisedPoints(z, *posterior.linearise(z))
+
+    @staticmethod
+    def joined(parts: Sequence[LinearisedPoints]) -> LinearisedPoints:
+        """Return all points of several sets."""
+        arrays = [(points.z, points.residuals, points.jacobian) for points in parts]
+        return LinearisedPoints(*map(np.concatenate, zip(*arrays, strict=True)))
 
     @property
     def log_posterior(self) -> NDArray[np.float64]:

@@ -62,6 +62,10 @@ class Settings:
     """Effective samples over searches above which samples need no Metropolis steps."""
     uneven_weights: float = 0.1
     """Effective samples over searches below which a few weights dominate and the largest are clipped."""
+    least_mass: float = 1e-3
+    """Probability about a mode, over the largest about any, below which it is left out."""
+    apart: float = 3.0
+    """Standard deviations from which two modes are separate."""
     weight_quantile: float = 0.975
     """Quantile at which they are clipped: where the tangent map folds over, single weights are huge."""
 
@@ -261,19 +265,54 @@ def draw(
     if form == "laplace":
         approximation = LaplaceApproximation.at(posterior, modes[0])
         return approximation.draw(count, seed), even, approximation.unreliable
-    random, starts = np.random.default_rng([seed, 8]), LinearisedPoints.at(posterior, modes)
-    tangent_map = TangentMap(posterior, starts.at_rows(np.array([0])))
-    target, components = random.standard_normal((count, modes.shape[1])), tangent_map.components(starts.residuals)
-    nearest = np.argmin(np.sum((target[:, np.newaxis] - components) ** 2, axis=2), axis=1)
-    points, converged = tangent_map.solve(target, starts.at_rows(nearest), _SETTINGS.iterations)
-    points = points.at_rows(np.flatnonzero(converged)) if converged.any() else starts
-    squares = np.sum(tangent_map.components(points.residuals) ** 2, axis=1)
-    log_weight = points.log_posterior + squares / 2.0 - tangent_map.log_determinant(points)
+    random, separate = np.random.default_rng([seed, 8]), _separate_modes(LinearisedPoints.at(posterior, modes))
+    parts = [
+        _about_one(posterior, separate, number, part, random)
+        for number, part in enumerate(np.bincount(np.arange(count) % len(separate.z)).tolist())
+    ]
+    points = LinearisedPoints.joined([part for part, _ in parts])
+    log_weight = np.concatenate([weights for _, weights in parts])
+    if not len(log_weight):
+        points, log_weight = separate, separate.log_posterior
     if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
         chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
         return decorrelate(posterior, points.at_rows(chosen), random).z, even, reliable
     weight = np.exp(log_weight - log_weight.max())
     return points.z, weight / weight.sum(), reliable
+
+
+def _separate_modes(modes: LinearisedPoints) -> LinearisedPoints:
+    """Return the modes that are not within one another's Gaussians, but for those of hardly any probability."""
+    precision = modes.jacobian @ modes.jacobian.transpose(0, 2, 1)
+    log_mass = modes.log_posterior - np.linalg.slogdet(precision)[1] / 2.0
+    kept: list[int] = []
+    for number in np.argsort(-log_mass).tolist():
+        likely = log_mass[number] > log_mass.max() + np.log(_SETTINGS.least_mass)
+        others = modes.at_rows(np.array(kept, dtype=np.intp))
+        if likely and (_distances(others, modes.z[[number]]) > _SETTINGS.apart**2).all():
+            kept.append(number)
+    return modes.at_rows(np.array(kept))
+
+
+def _distances(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the squared distances (n, n_modes) of points from modes, in standard deviations of each."""
+    moved = np.einsum("pkd,kdm->pkm", z[:, np.newaxis] - modes.z, modes.jacobian)
+    return np.asarray(np.einsum("pkm,pkm->pk", moved, moved))
+
+
+def _about_one(
+    posterior: PosteriorResiduals, modes: LinearisedPoints, number: int, count: int, random: np.random.Generator
+) -> tuple[LinearisedPoints, NDArray[np.float64]]:
+    """Return the ends of searches from one of several modes, those nearest to it, and the logarithms of their weights.
+
+    Weights count per search, so that those about different modes are to scale.
+    """
+    tangent_map = TangentMap(posterior, modes.at_rows(np.array([number])))
+    target = random.standard_normal((count, modes.z.shape[1]))
+    ends, converged = tangent_map.solve(target, modes.at_rows(np.full(count, number)), _SETTINGS.iterations)
+    ends = ends.at_rows(np.flatnonzero(converged & (np.argmin(_distances(modes, ends.z), axis=1) == number)))
+    log_density = tangent_map.log_determinant(ends) - squared_norms(tangent_map.components(ends.residuals)) / 2.0
+    return ends, ends.log_posterior - log_density - np.log(count)
 
 
 def _clipped(log_weight: NDArray[np.float64], count: int) -> NDArray[np.float64]:
