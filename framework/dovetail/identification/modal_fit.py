@@ -84,7 +84,7 @@ class _ModalResiduals:
 
     def __init__(self, assembly: Assembly, measured: ModalParameters, error: ModelError) -> None:
         self.assembly, self.measured = assembly, measured
-        self._modes = DampedModes(assembly.graph)
+        self.modes = DampedModes(assembly.graph)
         count = len(assembly.parameters)
         fixed, moved = assembly.by_joint(np.zeros((1, count))), assembly.by_joint(np.eye(count))
         self._slopes = {name: moved[name] - fixed[name] for name in fixed}
@@ -121,7 +121,7 @@ class _ModalResiduals:
         count = 2 * len(self.measured.frequency) + _SETTINGS.further_modes
         highest = _SETTINGS.reach * float(self.measured.frequency[-1])
         by_joint = self.assembly.by_joint(theta)
-        for poles, changes in self._modes.at(by_joint, count, highest=highest, differentiate=differentiate):
+        for poles, changes in self.modes.at(by_joint, count, highest=highest, differentiate=differentiate):
             none = np.zeros((len(poles), theta.shape[1]), dtype=np.complex128)
             yield poles, sum((change @ self._slopes[name].T for name, change in changes.items()), none)
 
@@ -201,7 +201,7 @@ def identify_from_modes(
     seed = assembly.description.identification.seed if seed is None else seed
     residuals = _ModalResiduals(assembly, measured, _SETTINGS.rough)
     middle, count = assembly.from_unit(np.full((1, len(assembly.parameters)), 0.5)), len(measured.frequency)
-    ((poles, _),) = DampedModes(assembly.graph).at(assembly.by_joint(middle), count, differentiate=False)
+    ((poles, _),) = residuals.modes.at(assembly.by_joint(middle), count, differentiate=False)
     if len(poles) < count:
         problem = f"the table has {count} modes, the model of '{assembly.name}' has {len(poles)}."
         raise MeasurementError(Fault(measured.label, problem, remedy="Leave out those that are no bending modes."))

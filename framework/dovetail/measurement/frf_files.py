@@ -143,7 +143,7 @@ def read_frf(
 
 def _decode(source: Path, content: bytes, registry: Registry, options: ReadOptions) -> Recording:
     suffix = suffix_by_content(source, content)
-    file_format = _format_of(source.with_suffix(suffix), registry)
+    file_format = _FORMATS.get(suffix) or _format_of(source, registry)
     if options.columns and not file_format.has_columns:
         problem = f"columns={','.join(options.columns)} is for tables, not for {suffix} files."
         raise MeasurementError(Fault(str(source), problem))

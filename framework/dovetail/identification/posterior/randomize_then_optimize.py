@@ -124,6 +124,10 @@ class TangentMap:
         """Return the logarithm (n,) of the map's Jacobian determinant at points."""
         return np.asarray(np.linalg.slogdet(points.jacobian @ self._tangents)[1])
 
+    def log_density(self, points: LinearisedPoints) -> NDArray[np.float64]:
+        """Return the log density (n,), up to a constant, of points whose components are standard normal draws."""
+        return self.log_determinant(points) - squared_norms(self.components(points.residuals)) / 2.0
+
     def solve(
         self, target: NDArray[np.float64], start: LinearisedPoints, most_steps: int
     ) -> tuple[LinearisedPoints, NDArray[np.bool_]]:

@@ -224,11 +224,8 @@ class _Sampler:
             self._progress("samples", first, count)
             ends, converged = self._solve(min(_SETTINGS.batch, count - first), _SETTINGS.iterations)
             ends = ends.at_rows(np.flatnonzero(converged))
-            components = self._tangent_map.components(ends.residuals)
-            squares = squared_norms(components)
-            log_density = self._tangent_map.log_determinant(ends) - squares / 2.0
             self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
-            log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density])
+            log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - self._tangent_map.log_density(ends)])
         self._progress("samples", count, count)
         return z, log_weight
 
@@ -311,8 +308,7 @@ def _about_one(
     target = random.standard_normal((count, modes.z.shape[1]))
     ends, converged = tangent_map.solve(target, modes.at_rows(np.full(count, number)), _SETTINGS.iterations)
     ends = ends.at_rows(np.flatnonzero(converged & (np.argmin(_distances(modes, ends.z), axis=1) == number)))
-    log_density = tangent_map.log_determinant(ends) - squared_norms(tangent_map.components(ends.residuals)) / 2.0
-    return ends, ends.log_posterior - log_density - np.log(count)
+    return ends, ends.log_posterior - tangent_map.log_density(ends) - np.log(count)
 
 
 def _clipped(log_weight: NDArray[np.float64], count: int) -> NDArray[np.float64]:
