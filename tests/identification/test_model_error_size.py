@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,9 +12,15 @@ from noisy_measurements import frf_on, noisy
 
 import dovetail
 from dovetail.errors import ParameterError
+from dovetail.evaluation.mesh_refinement import finer
 from dovetail.frf.resonance_peaks import resonance_peaks
 from dovetail.identification.adequacy.adequacy import word_for
-from dovetail.identification.adequacy.model_error_size import _Linearised, _most_plausible, estimate_model_error
+from dovetail.identification.adequacy.model_error_size import (
+    _improbability,
+    _Linearised,
+    _most_plausible,
+    estimate_model_error,
+)
 from dovetail.identification.adequacy.perturbations import list_perturbations
 from dovetail.identification.fitting import refine
 from dovetail.identification.fitting.multistart import fit_at
@@ -145,6 +152,29 @@ def test_where_damping_alone_is_wrong_natural_frequencies_are_not_said_to_be(cha
     told, *_ = told_of_moved_resonance(chain, TRUTH, 1, 1.0, damping=1.3)
     assert told.natural_frequency < 1e-4
     assert 0.5 * 0.13 < told.damping < 4.0 * 0.13
+
+
+@pytest.mark.parametrize("torque", [20, pytest.param(60, marks=pytest.mark.slow)])
+def test_a_mesh_that_is_too_coarse(collet, assemblies, torque):
+    """Parameters follow most of its error; EM, which did not converge, told six times as much."""
+    folder, name = assemblies / "campaign" / "measurements", f"h0_j{torque}_t0"
+    frf = dovetail.read_frf(folder / f"{name}.uff", accelerometer_mass=1.2e-3)
+    truth = json.loads((folder / "truth.json").read_text())["tests"][name]["parameters"]
+    told = dovetail.identify(collet, frf, "refined", **NO_CAUSES).adequacy.size.natural_frequency
+    mesh = error_left(collet, truth, finer(collet, 4), truth)
+    assert mesh / 3.0 < told < 3.0 * mesh
+
+
+def test_sizes_are_sought_with_the_derivatives_of_their_prior():
+    """Against central differences, where typical sizes grow and where they have reached their limit."""
+    step = 1e-6
+    for frequency in (2e-5, 0.003, 0.03):
+        point = np.log([frequency, 0.3, 0.02, 0.004])
+        values = [
+            _improbability(ModelError(*np.exp(point + sign * step * unit)))[0] for unit in np.eye(4) for sign in (1, -1)
+        ]
+        slopes = -np.diff(np.reshape(values, (4, 2)))[:, 0] / (2.0 * step)
+        assert np.allclose(_improbability(ModelError(*np.exp(point)))[1], slopes, rtol=1e-5, atol=1e-6)
 
 
 def test_other_errors_are_as_large_in_an_antiresonance_that_the_model_has_too_deep(chain):

@@ -1,19 +1,19 @@
 """Sizes of the errors of a model, estimated from the measurement around the best fit.
 
 Errors of each kind are normally distributed. Their standard deviation is the one that makes the residuals most probable
-once parameters and errors are marginalised (empirical Bayes with a prior on the sizes). The EM algorithm finds it, with
-residuals that are averaged more and more widely.
+once parameters and errors are marginalised (empirical Bayes with a prior on the sizes). Residuals are averaged more and
+more widely.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
 
 from dovetail.frf import Frf
 from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
@@ -30,6 +30,7 @@ from dovetail.identification.posterior.frequency_average import (
 from dovetail.identification.posterior.likelihood import PRIOR_PRECISION, MarginalisedResiduals, marginalised_squares
 from dovetail.identification.posterior.model_error import (
     KINDS,
+    MODEL_ERROR,
     ModelError,
     error_shapes,
     fit_resonances,
@@ -54,15 +55,17 @@ class Settings:
     """Size of other errors up to which averages are wide enough."""
     settled: float = 0.1
     """Relative change of all sizes at which the alternation ends."""
-    em_steps: int = 100
-    em_settled: float = 0.02
-    """Relative change of all sizes in a step of EM at which it ends."""
-    pseudo_count: float = 2.0
-    """Weight of the prior, as a number of errors of the typical size; a few resonances say little about the size."""
+    other_settled: float = 0.02
+    """Relative change of the size of other errors at which its search ends."""
+    usual_frequency: float = 4.0
+    """Factor by which errors of natural frequencies usually differ from `MODEL_ERROR`: the standard deviation of a
+    log-normal prior. The parameters imitate most of a small error, and what they leave tells a size far too small."""
+    usual_ratio: float = 10.0
+    """The same for the other errors' ratio to their typical sizes; a few resonances say little about it."""
     least: float = 1e-4
     """Size below which errors are negligible."""
-    least_frequency: float = 1e-6
-    """Relative error of natural frequencies below which it is negligible."""
+    smallest: float = 1e-6
+    """Smallest size of an error that has a shape."""
     most: float = 10.0
     """Largest size of errors; above it, the FRF is not informative."""
     fewest_peaks: int = 2
@@ -94,8 +97,7 @@ class FitWithError:
     information : (p, p) array
         Fisher information of the fractions, with these errors.
     chi_squared : float
-        Mean square of the residuals with parameters and errors marginalised: 1 if the errors have the size that was
-        allowed.
+        Mean square of the residuals with parameters and errors marginalised: 1 if errors have the size allowed.
     """
 
     fraction: NDArray[np.float64]
@@ -131,10 +133,9 @@ class _Problem:
         """Return limits of the relative error of natural frequencies, and the error of heights, from the peaks (rms).
 
         The lower limit is the distance between corresponding peaks of measurement and model, less the spacing of lines.
-        The upper limit is twice their distance if all resonances are compared: each measured peak has a counterpart,
-        and each resonance of the model a peak. Strongly damped ones have none and may be farther away. The error of
-        heights is the logarithm of the ratio of corresponding peaks, where lines are dense enough. The residuals do not
-        show it for a peak that is misplaced by more than its width.
+        The upper limit is twice their distance if each measured peak has a counterpart, and each resonance of the model
+        a peak; strongly damped ones have none. The error of heights is the logarithm of the ratio of corresponding
+        peaks, where lines are dense enough: residuals do not show it for a peak that is off by more than its width.
         """
         values = self.target.split(self.values(fraction))
         resonances, with_peak = fit_resonances(self.target.frfs, values).poles, set[int]()
@@ -293,8 +294,7 @@ class _Linearised:
         """Return the most probable sizes."""
         size = self._size
         for _ in range(_SETTINGS.alternations):
-            before = size
-            size = self._estimate_shaped(self.with_other(size))
+            before, size = size, self._estimate_shaped(self.with_other(size))
             if _change(size, before) < _SETTINGS.settled:
                 break
         return size
@@ -304,9 +304,9 @@ class _Linearised:
         return {kind: getattr(size, kind) / (getattr(self._size, kind) or 1.0) for kind in KINDS}
 
     def _estimate_shaped(self, size: ModelError) -> ModelError:
-        """Estimate the sizes of the errors that have a shape, by EM.
+        """Return the most probable sizes of the errors that have a shape.
 
-        Parameters and nonlinear terms, whose sizes are not estimated, are marginalised first.
+        Parameters and nonlinear terms, of sizes that are known, are marginalised first.
         """
         residuals, changes = self._whitened(size)
         known = np.concatenate([change for name, change in changes.items() if name not in KINDS])
@@ -316,29 +316,25 @@ class _Linearised:
         products = both @ both.T - cross.T @ inner @ cross
         gram, along = products[:-1, :-1], products[:-1, -1]
         counts = [len(changes[kind]) for kind in KINDS]
-        for _ in range(_SETTINGS.em_steps):
-            scale = np.repeat(list(self._factors(size).values()), counts)
-            squares, axes = np.linalg.eigh(gram * np.outer(scale, scale))
-            covariance = (axes / (1.0 + np.maximum(squares, 0.0))) @ axes.T  # no eigenvalue is negative but by rounding
-            mean = covariance @ (scale * along)
-            moments = np.split(mean**2 + np.diag(covariance), np.cumsum(counts)[:-1])
-            before, size = size, self._em_step(size, dict(zip(KINDS, moments, strict=True)))
-            if _change(size, before) < _SETTINGS.em_settled:
-                break
-        return size
 
-    def _em_step(self, size: ModelError, second: Mapping[str, NDArray[np.float64]]) -> ModelError:
-        """Return the sizes from the second moments of the errors, in units of the sizes before."""
-        of_frequency = second["natural_frequency"]
-        frequency = size.natural_frequency * float(np.sqrt(of_frequency.mean()) if len(of_frequency) else 1.0)
-        typical = typical_model_error(min(max(frequency, _SETTINGS.least_frequency), self._most))
-        sizes = {}
-        for kind in KINDS[1:]:
-            squares = getattr(size, kind) ** 2 * float(second[kind].sum())
-            prior = _SETTINGS.pseudo_count * getattr(typical, kind) ** 2
-            mean = (squares + prior) / (len(second[kind]) + _SETTINGS.pseudo_count)
-            sizes[kind] = min(float(np.sqrt(mean)), _SETTINGS.most)
-        return replace(size, natural_frequency=typical.natural_frequency, **sizes)
+        def sizes(logarithms: NDArray[np.float64]) -> ModelError:
+            return replace(size, **dict(zip(KINDS, np.exp(logarithms).tolist(), strict=True)))
+
+        def improbability(logarithms: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+            """Return -2 log of the density of residuals and sizes, up to a constant, and its derivatives."""
+            tried = sizes(logarithms)
+            scale = np.repeat(list(self._factors(tried).values()), counts)
+            squares, axes = np.linalg.eigh(gram * np.outer(scale, scale))
+            variance, on_axes = 1.0 / (1.0 + np.maximum(squares, 0.0)), axes.T @ (scale * along)
+            moments = (axes @ (variance * on_axes)) ** 2 + axes**2 @ variance  # of the errors, in units of their sizes
+            slopes = [2.0 * float(np.sum(1.0 - part)) for part in np.split(moments, np.cumsum(counts)[:-1])]
+            prior, prior_slopes = _improbability(tried)
+            return prior - float(np.sum(np.log(variance) + variance * on_axes**2)), prior_slopes + slopes
+
+        least, start = np.log(_SETTINGS.smallest), np.log([getattr(size, kind) for kind in KINDS])
+        ends = np.log([self._most, *(3 * [_SETTINGS.most])])
+        bounds = [(least, end) if count else (at, at) for count, at, end in zip(counts, start, ends, strict=True)]
+        return sizes(minimize(improbability, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
     def estimate_beside_others(self) -> ModelError:
         """Return the most probable sizes beside other errors of the largest size that is acceptable.
@@ -356,12 +352,13 @@ class _Linearised:
         least, most = np.log(_SETTINGS.least), np.log(_SETTINGS.most)
         if excess(least) <= 0.0:
             return replace(size, other=0.0)
-        root = most if excess(most) >= 0.0 else brentq(excess, least, most, xtol=_SETTINGS.em_settled)
+        root = most if excess(most) >= 0.0 else brentq(excess, least, most, xtol=_SETTINGS.other_settled)
         return replace(size, other=float(np.exp(root)))
 
     def chi_squared(self, size: ModelError) -> float:
         """Return the mean square of the residuals with parameters and errors marginalised."""
-        return _mean_square(*self._scaled(size))
+        residuals, changes = self._scaled(size)
+        return float(marginalised_squares(residuals[np.newaxis], changes)[0]) / len(residuals)
 
     def _scaled(self, size: ModelError) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residuals (m,), and their changes (k, m) by one standard deviation of parameters and errors."""
@@ -370,16 +367,22 @@ class _Linearised:
         return residuals, np.concatenate([factors[name] * change for name, change in changes.items()])
 
     def result(self, size: ModelError) -> FitWithError:
-        residuals, columns = self._scaled(size)
+        _, columns = self._scaled(size)
         errors, parameters = columns[self._jacobian.shape[1] :], columns[: self._jacobian.shape[1]]
         along = parameters @ errors.T
         inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T)
         information = PRIOR_PRECISION * (parameters @ parameters.T - along @ inner)
-        return FitWithError(self.fraction, self._frf[0], size, information, _mean_square(residuals, columns))
+        return FitWithError(self.fraction, self._frf[0], size, information, self.chi_squared(size))
 
 
-def _mean_square(residuals: NDArray[np.float64], changes: NDArray[np.float64]) -> float:
-    return float(marginalised_squares(residuals[np.newaxis], changes)[0]) / len(residuals)
+def _improbability(size: ModelError) -> tuple[float, NDArray[np.float64]]:
+    """Return -2 log of the prior density of sizes, up to a constant, and its derivatives by their logarithms."""
+    compared = size, *(typical_model_error(factor * size.natural_frequency) for factor in (1.0, 2.0))
+    actual, typical, doubled = np.array([[getattr(sizes, kind) for kind in KINDS[1:]] for sizes in compared])
+    ratio, frequency = (1.0 / np.log(limit) ** 2 for limit in (_SETTINGS.usual_ratio, _SETTINGS.usual_frequency))
+    off, far = np.log(typical / actual), float(np.log(size.natural_frequency / MODEL_ERROR))
+    along = frequency * far + ratio * off @ (doubled > typical)  # up to a limit, typical sizes grow
+    return frequency * far**2 + ratio * float(off @ off), 2.0 * np.array([along, *(-ratio * off)])
 
 
 def _rms(values: Sequence[float]) -> float:
@@ -392,9 +395,6 @@ def _at(frf: Frf, frequency: float) -> float:
 
 
 def _change(size: ModelError, before: ModelError) -> float:
-    """Return the largest change of the logarithms of sizes."""
-    changes = []
-    for name in (*KINDS, "other"):
-        least = _SETTINGS.least_frequency if name == "natural_frequency" else _SETTINGS.least
-        changes.append(float(np.log(max(getattr(size, name), least) / max(getattr(before, name), least))))
-    return max(map(abs, changes))
+    """Return the largest change of the logarithms of sizes that are not negligible."""
+    now, then = (np.array([getattr(sizes, name) for name in (*KINDS, "other")]) for sizes in (size, before))
+    return float(np.max(np.abs(np.log(np.maximum(now, _SETTINGS.least) / np.maximum(then, _SETTINGS.least)))))
