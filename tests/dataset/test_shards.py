@@ -104,6 +104,27 @@ def test_a_shard_that_was_cut_off_is_told_and_goes_on(assembly, whole, tmp_path)
     assert digests(tmp_path / "data.zarr") == digests(whole)
 
 
+@pytest.mark.parametrize("damage", ["truncated", "missing"])
+def test_a_damaged_chunk_is_named_with_its_shard(assembly, tmp_path, damage):
+    paths = shards(assembly, tmp_path, 3)
+    file = paths[1] / "amplitude" / "c" / "4" / "0"
+    if damage == "truncated":
+        file.write_bytes(file.read_bytes()[:-100])
+    else:
+        file.unlink()
+    with pytest.raises(DatasetError) as error:
+        dovetail.merge(paths, tmp_path / "data.zarr")
+    assert error.value.faults[0].where == str(file)
+    assert "this chunk holds samples 100 to 124" in error.value.faults[0].problem
+    assert not (tmp_path / "data.zarr").exists()
+
+
+def test_samples_that_nobody_computed_are_named_up_to_the_last_one(assembly, tmp_path):
+    dovetail.generate(assembly, tmp_path / "shard.zarr", samples=290, shard=(1, 2))
+    with pytest.raises(DatasetError, match="275 to 289 are in none"):
+        dovetail.merge([tmp_path / "shard.zarr"], tmp_path / "data.zarr")
+
+
 @pytest.mark.parametrize("count", [1, 3, 7])
 def test_a_shard_that_was_killed_goes_on(assembly, whole, tmp_path, count):
     """It is killed by SIGKILL while its first chunk is being written, with another one to go."""

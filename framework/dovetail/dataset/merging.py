@@ -78,8 +78,10 @@ def _sources(datasets: Sequence[Dataset]) -> list[Dataset]:
     complete = np.array([part.amplitude.complete_chunks() for part in datasets])
     missing = np.flatnonzero(~complete.any(axis=0))
     if len(missing):
-        rows = datasets[0].amplitude.chunks[0]
-        listed = [f"{chunk * rows} to {(chunk + 1) * rows - 1}" for chunk in missing[:_MOST_LISTED]]
+        for part in datasets:
+            part.amplitude.check_chunks(missing)  # a damaged file is named before samples that nobody computed
+        rows, samples = datasets[0].amplitude.chunks[0], len(datasets[0])
+        listed = [f"{chunk * rows} to {min((chunk + 1) * rows, samples) - 1}" for chunk in missing[:_MOST_LISTED]]
         more = f", and {len(missing) - _MOST_LISTED} further blocks" if len(missing) > _MOST_LISTED else ""
         problem = f"samples {', '.join(listed)}{more} are in none of the {len(datasets)} shards."
         raise DatasetError(Fault(str(datasets[0].path), problem, remedy="Finish the shards with --resume."))

@@ -98,9 +98,10 @@ class StoredFrfs:
     def _file(self, chunk: int) -> Path:
         return self._folder / str(self._array.basename) / "c" / str(chunk) / "0"
 
-    def check_chunks(self) -> None:
-        """Raise DatasetError unless each chunk that is marked as written is present in full length."""
-        self._check(np.flatnonzero(self._written).tolist())
+    def check_chunks(self, among: NDArray[np.intp] | None = None) -> None:
+        """Raise DatasetError unless each chunk (or some) that is marked as written is present in full length."""
+        chunks = np.flatnonzero(self._written)
+        self._check((chunks if among is None else np.intersect1d(chunks, among)).tolist())
 
     def _check(self, chunks: Iterable[int]) -> None:
         expected = self._chunk_bytes()
