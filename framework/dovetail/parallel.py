@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 from dovetail.errors import DovetailError, Fault, require_package
 
-__all__ = ["FILE_MODULE", "cores", "on_cluster", "side_by_side"]
+__all__ = ["FILE_MODULE", "cores", "on_cluster", "require_cluster", "side_by_side"]
 
 Result = TypeVar("Result")
 Task = TypeVar("Task")
@@ -155,6 +155,13 @@ def on_cluster(
             for future in finished:
                 yield running.pop(future), future.result()
                 del future  # what it holds on the cluster goes with it
+
+
+def require_cluster(scheduler: str) -> None:
+    """Raise a DovetailError unless `on_cluster` would find this scheduler, and workers of the same versions."""
+    require_package("distributed", "dask", _WHERE)
+    with _client(scheduler):
+        pass
 
 
 @contextmanager

@@ -134,6 +134,7 @@ def test_where_no_scheduler_answers_an_error_says_so(assembly, tmp_path, monkeyp
         dovetail.generate(assembly, tmp_path / "data.zarr", samples=SAMPLES, scheduler=address)
     assert problem(error).startswith(f"no Dask scheduler answers at '{address}'")
     assert time.monotonic() - began < 5.0
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_scheduler_without_workers_is_told(assembly, tmp_path, monkeypatch, scheduler):

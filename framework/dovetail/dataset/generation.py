@@ -23,7 +23,7 @@ from dovetail.dataset.storage import ARRAYS, Storage
 from dovetail.errors import DatasetError, Fault, FileError, listing
 from dovetail.frf import conversion
 from dovetail.interfaces import Progress, logged, progress_reporter
-from dovetail.parallel import on_cluster
+from dovetail.parallel import on_cluster, require_cluster
 
 __all__ = ["complex_accelerance", "generate"]
 
@@ -101,6 +101,8 @@ def generate(
         raise DatasetError(Fault("storage", f"{storage!r} was asked for.", listing(get_args(Storage))))
     if interpolation is not None:
         assembly = assembly.interpolated(interpolation)
+    if scheduler is not None:
+        require_cluster(scheduler)  # before a folder is made
     folder = Path(path)
     try:
         written = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())

@@ -28,7 +28,7 @@ from dovetail.evaluation.study_plan import StudyPlan, Sweep
 from dovetail.identification.network.training import train_and_evaluate
 from dovetail.identification.provenance import Evaluation, parameter_metrics
 from dovetail.interfaces import Progress, progress_reporter, silent
-from dovetail.parallel import on_cluster
+from dovetail.parallel import on_cluster, require_cluster
 from dovetail.registry import PluginPaths, Registry, components
 
 __all__ = ["Study", "study", "words"]
@@ -124,6 +124,8 @@ def study(
     DovetailError
         The folder holds another study; a search needs Optuna, which is not installed; or no trial succeeded.
     """
+    if scheduler is not None:
+        require_cluster(scheduler)  # before a folder is made
     with progress_reporter(progress) as report:
         loaded, at, registry = as_assembly(assembly), Path(folder).absolute(), components(plugins)
         work = _Work(loaded, at, registry, report)
