@@ -8,8 +8,9 @@ Joints at random, complex noise proportional to each line, told with the measure
 - the refined fit from the ranges alone, and from the network's answer: steps, and seconds;
 - the sampler's posterior (of the first cases only, for it takes long), and the network's draws weighted by the exact
   likelihood (importance sampling with Pareto-smoothed weights, from the network's Gaussian in normal quantiles, a fifth
-  wider): effective samples, the share of cases whose weights may be trusted (their tail's shape k below 0.7), seconds,
-  and how many 90 % intervals hold the truth.
+  wider): effective samples (0 where the draws have no width in some parameter: then the fit remains), the share of
+  cases whose weights may be trusted (their tail's shape k below 0.7), seconds, and how many 90 % intervals hold the
+  truth.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def importance(
     quantiles = ndtri(np.clip(assembly.to_unit(draws), END, 1.0 - END))
     mean, covariance = quantiles.mean(axis=0), WIDER**2 * np.cov(quantiles, rowvar=False)
     proposal = multivariate_normal(mean, covariance, seed=seed)
-    proposed = np.atleast_2d(proposal.rvs(count))
+    proposed = proposal.rvs(count).reshape(count, len(mean))
     fraction = np.clip(ndtr(proposed), END, 1.0 - END)
     theta, likelihood = assembly.from_unit(fraction), np.empty(count)
     for start in range(0, count, ROWS):
@@ -127,7 +128,13 @@ def one_case(
         return
     began = time.perf_counter()
     told = model.network.predict_samples(frf.amplitude)
-    fraction, weight, shape = importance(assembly, frf, told, draws, seed)
+    try:
+        fraction, weight, shape = importance(assembly, frf, told, draws, seed)
+    except np.linalg.LinAlgError:
+        tallies["importance"].seconds.append(time.perf_counter() - began)
+        tallies["importance"].counted.append(0.0)
+        tallies["importance"].tails.append(np.inf)
+        return
     tallies["importance"].seconds.append(time.perf_counter() - began)
     tallies["importance"].counted.append(1.0 / np.sum(weight**2))
     tallies["importance"].tails.append(shape)
