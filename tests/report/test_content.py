@@ -43,7 +43,7 @@ def with_value(result: Identification, name: str, value: float) -> Identificatio
 
 
 def test_a_value_lies_on_its_range_on_the_parameters_own_scale(result: Identification, truth: Truth) -> None:
-    rows = {row.name: row for row in parameter_rows(result, truth)}
+    rows = {row.identified.name: row for row in parameter_rows(result, truth)}
     assert rows["Dc"].place == pytest.approx((35.18 - 26) / 14)
     assert rows["Dc"].true_place == pytest.approx((34.9 - 26) / 14)
     assert rows["kt_tc"].place == pytest.approx(math.log(7.31) / math.log(20))
@@ -161,7 +161,9 @@ def test_a_random_error_that_is_assumed_is_not_called_told(sdof: dovetail.Assemb
 @pytest.mark.parametrize(("missed", "by_chance"), [(1, True), (3, True), (4, False), (8, False)])
 def test_more_missed_truths_than_chance_explains_are_called_so(missed, by_chance):
     """Of eight intervals of 90 % four or more lack the truth with a probability of 0.5 %, three or more with 3.8 %."""
-    rows = [SimpleNamespace(name=f"p{number}", within=number >= missed) for number in range(8)]
+    rows = [
+        SimpleNamespace(identified=SimpleNamespace(name=f"p{number}"), within=number >= missed) for number in range(8)
+    ]
     sentence = truth_sentence(rows)
     assert ("as one of ten is expected to be" in sentence) is by_chance
     assert ("more than the one of ten that is expected" in sentence) is not by_chance

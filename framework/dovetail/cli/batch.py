@@ -133,7 +133,7 @@ def _print(assembly: Assembly, batch: Batch) -> None:
     known = any(row.interval for rows in texts.values() for row in rows)
     heading("Estimates and 90 % intervals" if known else "Estimates")
     cells = [
-        [same[0].name, same[0].unit, *(_text(row.estimate, row.interval) for row in same)]
+        [same[0].identified.name, same[0].unit, *(_text(row.estimate, row.interval) for row in same)]
         for same in zip(*texts.values(), strict=True)
     ]
     table(["parameter", "unit", *texts], cells, numbers=list(texts), split=True)

@@ -323,7 +323,7 @@ def _print_parameters(
 
     name = "parameter" if result.believable else f"parameter, {NOT_BELIEVED}"  # stands before each part of the table
     shown: dict[str, Callable[[ParameterRow], str]] = {
-        name: lambda row: row.name,
+        name: lambda row: row.identified.name,
         "estimate": lambda row: row.estimate,
         "90 % interval": lambda row: row.interval,
         "unit": lambda row: row.unit,
@@ -343,7 +343,7 @@ def _print_parameters(
     if result.believable:
         sentences += [
             f"{row.name}: {row.verdict}. {row.why}"
-            for row in rows
+            for row in result.table
             if row.why and row.verdict != "identified" and not row.follows
         ]
     if any(sentences):
@@ -353,5 +353,6 @@ def _print_parameters(
 
 
 def _verdict(row: ParameterRow) -> str:
-    tied = f"follows {row.follows}" if row.follows else ""
-    return ", ".join(filter(None, [row.verdict, tied, "" if row.in_range else "outside its range"]))
+    known = row.identified
+    tied = f"follows {known.follows}" if known.follows else ""
+    return ", ".join(filter(None, [known.verdict, tied, "" if known.in_range else "outside its range"]))

@@ -72,28 +72,20 @@ _KNOWN = {"identified": "well known", "weakly identified": "roughly known", "not
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One row of the table of parameters: a `TableRow` as text, with the truth if it is known.
+    """One row of the table of parameters: what was `identified`, as text, beside the truth if it is known.
 
     Places are fractions of the range on the parameter's scale, None if nothing is drawn. The interval of a result that
     is not to be believed is withheld, since it would be valid only if the model were right.
     """
 
-    name: str
-    joint: str
-    description: str
+    identified: TableRow
     estimate: str
     interval: str
     unit: str
-    si: str
-    verdict: str
-    why: str
-    follows: str
     best_fit: str
     network: str
     lower: str
     upper: str
-    scale: str
-    in_range: bool
     place: float | None
     low_place: float | None
     high_place: float | None
@@ -250,7 +242,7 @@ def columns_sentence(result: Identification | ModalIdentification) -> str:
 def truth_sentence(rows: Sequence[ParameterRow]) -> str:
     """Return a sentence on which intervals hold the truth; empty without intervals or truth."""
     known = [row for row in rows if row.within is not None]
-    missed = [row.name for row in known if not row.within]
+    missed = [row.identified.name for row in known if not row.within]
     if not known:
         return ""
     if not missed:
@@ -322,26 +314,18 @@ def _parameter_row(row: TableRow, withheld: bool, true: float | None) -> Paramet
     low, high = row.interval_low, row.interval_high
     interval = "" if low is None or high is None else f"{text(low)} to {text(high)}"
     return ParameterRow(
-        name=row.name,
-        joint=row.joint,
-        description=row.description,
-        estimate=number(row.estimate * shown.factor),
+        row,
+        estimate=text(row.estimate),
         interval="withheld" if withheld else interval,
         unit=shown.text,
-        si=f"{row.estimate:.6g} {row.unit}",
-        verdict=row.verdict,
-        why=row.why,
-        follows=row.follows,
         best_fit=text(row.best_fit),
         network=text(row.network),
         lower=number(row.range_low * shown.factor, padded=False),
         upper=number(row.range_high * shown.factor, padded=False),
-        scale=row.scale,
-        in_range=row.in_range,
         place=_place(row, row.estimate),
         low_place=_place(row, low),
         high_place=_place(row, high),
-        true_value=ABSENT if true is None else number(true * shown.factor),
+        true_value=text(true) or ABSENT,
         error=_difference(row.estimate, true),
         network_error="" if row.network is None else _difference(row.network, true),
         true_place=_place(row, true),
