@@ -112,41 +112,36 @@ def assess(
     Fit
         The given fit if it is to the noise and no error is allowed.
     """
-    model, target = ModelFrfs.of(assembly), Observations.of(assembly, measured)
-    noise = is_noise(assembly, target, fit)
+    target = Observations.of(assembly, measured)
+    problem = ModelFrfs.of(assembly), target, fit.variance, fit.used, assembly.to_unit(fit.theta)
     remarks = tuple(_remarks(assembly, target, fit))
+    noise = is_noise(assembly, target, fit)
     if noise and target.residual_count(fit.used) <= len(fit.theta):
         return Adequacy("not judged", allowed=model_error, reasons=(NOTHING_LEFT, *remarks)), fit
     if noise and not model_error:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), fit
-    start = assembly.to_unit(fit.theta)
     progress("model error", 0, 1)
     with logged(__name__, "errors of the model"):
-        estimated = None if noise else estimate_model_error(model, target, fit.variance, fit.used, start, progress)
-    used = estimated
-    if model_error is not None:
-        used = fit_with_error(model, target, fit.variance, fit.used, start, typical_model_error(model_error))
+        estimated = None if noise else estimate_model_error(*problem, progress)
+        used = estimated if model_error is None else fit_with_error(*problem, typical_model_error(model_error))
     assert used is not None
-    refitted = replace(
-        fit,
-        theta=assembly.from_unit(used.fraction),
-        information=used.information,
-        at_bounds=bounds_reached(assembly, used.fraction),
-    )
+    at_bounds = bounds_reached(assembly, used.fraction)
+    theta = assembly.from_unit(used.fraction)
+    refitted = replace(fit, theta=theta, information=used.information, at_bounds=at_bounds)
     if estimated is None:
         return Adequacy("to the noise", allowed=model_error, reasons=remarks), refitted
     size = replace(estimated.size, magnitude=max(estimated.size.magnitude, _typical_ratio(target, estimated.values)))
     began = time.monotonic()
     with logged(__name__, "causes of the misfit"):
         causes = find_causes(assembly, measured, refitted, seconds=cause_seconds, progress=progress)
-    is_late = 0.0 < cause_seconds < time.monotonic() - began
+    late = [_LATE] if 0.0 < cause_seconds < time.monotonic() - began else []
     given_out = power_given_out(assembly, target, fit.variance)
     adequacy = Adequacy(
         "does not fit" if given_out > MOST_GIVEN_OUT else word_for(size),
         size,
         model_error,
         causes=causes,
-        reasons=(*_reasons(target, fit, estimated, model_error, given_out), *remarks, *([_LATE] if is_late else [])),
+        reasons=(*_reasons(target, fit, estimated, model_error, given_out), *remarks, *late),
         bands=_bands(target, fit, estimated.values),
     )
     return adequacy, refitted
@@ -220,15 +215,15 @@ def _missed_resonances(target: Observations, fit: Fit, estimated: FitWithError) 
     missed = missed[np.all(np.abs(modelled[:, np.newaxis] - missed) > near * missed, axis=0)]
     if not len(missed):
         return
-    apart = np.append(True, np.diff(missed) > _SETTINGS.same_missed * missed[1:])
-    named = [f"{frequency:.4g}" for frequency in missed[apart]][: _SETTINGS.most_missed]
+    missed = missed[np.append(True, np.diff(missed) > _SETTINGS.same_missed * missed[1:])]
+    named = [f"{frequency:.4g}" for frequency in missed[: _SETTINGS.most_missed]]
     yield f"The measurement has resonances that the model lacks: {', '.join(named)} Hz."
     lines = max(float(np.median(np.diff(frf.frequency))) for frf in target.frfs if len(frf.frequency) > 1)
     for mains in _SETTINGS.mains:
-        nearest = mains * np.maximum(1.0, np.round(missed[apart] / mains))
-        hum = np.abs(missed[apart] - nearest) <= _SETTINGS.mains_lines * lines
+        nearest = mains * np.maximum(1.0, np.round(missed / mains))
+        hum = np.abs(missed - nearest) <= _SETTINGS.mains_lines * lines
         if lines < _SETTINGS.finest_part * mains and np.count_nonzero(hum) >= _SETTINGS.fewest_hums:
-            at = ", ".join(f"{frequency:.4g}" for frequency in missed[apart][hum])
+            at = ", ".join(f"{frequency:.4g}" for frequency in missed[hum])
             yield f"Of these, {at} Hz are multiples of {mains:g} Hz: the hum of the mains?"
 
 
