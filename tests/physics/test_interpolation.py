@@ -128,6 +128,10 @@ def test_few_frfs_small_systems_sensitivities_and_measured_parts_are_exact(colle
     np.testing.assert_array_equal(spindle.interpolated().frf(many), spindle.frf(many))
 
 
+def test_it_stays_interpolated_at_other_frequencies(collet):
+    assert collet.interpolated().on(FREQUENCY[:-1]).engine.interpolant is not None
+
+
 def test_threads_change_nothing(collet):
     theta = latin_hypercube(collet, 300, seed=6)
     found = []

@@ -131,8 +131,7 @@ class Assembly:
         index : int
             From 0, in the order of the description.
         """
-        alone = replace(self.description.at(index), frequency=self._axes[index])
-        return Assembly(alone, rigid=self._rigid, interpolation=self._interpolation)
+        return self._with(replace(self.description.at(index), frequency=self._axes[index]))
 
     def engine_of(
         self, points: Sequence[Point], interpolation: float | None = None, pairs: Sequence[tuple[int, int]] = ((0, 0),)
@@ -359,7 +358,7 @@ class Assembly:
         for known in (self, *self._elsewhere):
             if _same_axes(known._axes, axes):
                 return known
-        made = Assembly(replace(self.description, frequency=axes[0]), rigid=self._rigid, further_frequencies=axes[1:])
+        made = self._with(replace(self.description, frequency=axes[0]), axes[1:])
         made._elsewhere = deque(maxlen=0)  # whoever asks again, asks this assembly
         self._elsewhere.append(made)
         return made
@@ -370,7 +369,7 @@ class Assembly:
         The DOFs on both sides of a contact become one, so that contact stiffness and damping have no effect. The rest
         of a joint, such as the collet's beam and nut masses, stays, and so does the list of parameters.
         """
-        return self._with(rigid=True, interpolation=self._interpolation)
+        return self._with(self.description, self._axes[1:], rigid=True)
 
     def interpolated(self, tolerance: float = 1e-9) -> Assembly:
         """Return the same assembly with FRFs interpolated between a few exact lines, which is fast for large batches.
@@ -389,11 +388,12 @@ class Assembly:
         """
         if not 1e-12 <= tolerance <= 1e-7:
             raise ParameterError(Fault("interpolation", f"the tolerance is {tolerance:g}.", "1e-12 to 1e-7"))
-        return self._with(rigid=self._rigid, interpolation=tolerance)
+        return self._with(self.description, self._axes[1:], interpolation=tolerance)
 
-    def _with(self, **settings: Any) -> Assembly:
-        """Return the same assembly, at the same frequencies, with other settings."""
-        return Assembly(self.description, **settings, further_frequencies=self._axes[1:])
+    def _with(self, description: Description, further: Sequence[NDArray[np.float64]] = (), **changed: Any) -> Assembly:
+        """Return an assembly of a description with these settings, but for those that change."""
+        settings = {"rigid": self._rigid, "interpolation": self._interpolation, **changed}
+        return Assembly(description, **settings, further_frequencies=further)
 
 
 def _same_axes(some: Sequence[NDArray[np.float64]], others: Sequence[NDArray[np.float64]]) -> bool:
