@@ -72,9 +72,8 @@ class StoredFrfs:
             single: NDArray[Any] = self[row : row + 1][0]
             return single
         numbers = range(len(self))[rows]
-        if numbers:
-            chunks = range(min(numbers) // self.chunks[0], max(numbers) // self.chunks[0] + 1)
-            self._check(chunks)
+        chunks = range(min(numbers) // self.chunks[0], max(numbers) // self.chunks[0] + 1) if numbers else range(0)
+        self._check(chunks)
         try:
             values = np.asarray(self._array[rows])
         except _READING_ERRORS:
