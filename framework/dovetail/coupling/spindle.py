@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly
-from dovetail.coupling.receptance import decouple
+from dovetail.coupling.receptance import Receptance, decouple
 from dovetail.coupling.receptance_matrix import ReceptanceMatrix
 from dovetail.errors import Fault, MeasurementError, ParameterError, listing
 from dovetail.frf import Frf
+from dovetail.measurement import remove_accelerometer_mass
 
 __all__ = ["ROTATIONS", "Rotations", "difference_receptance", "error_gain", "spindle_flange"]
 
@@ -79,10 +80,10 @@ def spindle_flange(
         raise ParameterError(Fault(holder.name, f"the holder is not known: {unknown} are sought.", "known values"))
     if holder.point(part, points[0]) == holder.point(part, points[1]):
         raise ParameterError(Fault("points", "the points a and b are the same.", "two points of the holder"))
-    aa, ab, bb = _without_accelerometer(tests, holder.frequency, accelerometer_mass)
+    aa, ab, bb = _bare_receptances(tests, holder.frequency, accelerometer_mass)
     ends = [(part, flange, "x"), (part, flange, "rz")]
     if rotations == "model":
-        measured = np.stack([np.stack([aa, ab], -1), np.stack([ab, bb], -1)], -2)
+        measured = _symmetric(aa, ab, bb)
         chosen = [(part, points[0], "x"), (part, points[1], "x")]
     else:
         measured = difference_receptance(aa, ab, bb, points[1] - points[0])
@@ -141,13 +142,11 @@ def difference_receptance(
     (n_freq, 2, 2) complex array
     """
     mixed, turning = (ab - aa) / distance, (aa - 2.0 * ab + bb) / distance**2
-    return np.stack([np.stack([aa, mixed], -1), np.stack([mixed, turning], -1)], -2)
+    return _symmetric(aa, mixed, turning)
 
 
-def _without_accelerometer(
-    tests: tuple[Frf, Frf, Frf], frequency: NDArray[np.float64], mass: float
-) -> tuple[NDArray[np.complex128], ...]:
-    """Return the three receptances without the effect of the accelerometer's mass."""
+def _bare_receptances(tests: tuple[Frf, Frf, Frf], frequency: NDArray[np.float64], mass: float) -> list[Receptance]:
+    """Return the receptances h_aa, h_ab and h_bb without the effect of the accelerometer's mass."""
     for frf in tests:
         if not frf.has_phase:
             raise MeasurementError(Fault(frf.label, "the coupling needs a phase, and this is an amplitude alone."))
@@ -155,7 +154,11 @@ def _without_accelerometer(
             raise MeasurementError(Fault(frf.label, f"it is a {frf.kind}.", "a displacement per force"))
         if frf.frequency.shape != frequency.shape or not np.allclose(frf.frequency, frequency):
             raise MeasurementError(Fault(frf.label, "the test is not on the lines of the holder's description."))
-    omega = 2.0 * np.pi * frequency
-    aa, ab, bb = (frf.to("receptance").values for frf in tests)
-    at_a, at_b = (1.0 + mass * omega**2 * drive for drive in (aa, bb))
-    return aa / at_a, ab / at_a, bb / at_b
+    aa, ab, bb = (replace(frf, frequency=frequency) for frf in tests)
+    bare = (remove_accelerometer_mass(frf, mass, drive=drive) for frf, drive in ((aa, aa), (ab, aa), (bb, bb)))
+    return [frf.to("receptance").values for frf in bare]
+
+
+def _symmetric(aa: Receptance, ab: Receptance, bb: Receptance) -> Receptance:
+    """Return symmetric matrices (n_freq, 2, 2) with these entries (n_freq,)."""
+    return np.stack([np.stack([aa, ab], -1), np.stack([ab, bb], -1)], -2)
