@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "INTERRUPTED",
-    "NOT_BELIEVED",
     "Believable",
     "Commands",
     "exit_unless_believable",
@@ -36,7 +35,7 @@ _HELP_LENGTH = 90
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in the shell."""
 
-NOT_BELIEVED = 3
+_UNBELIEVABLE = 3
 """Exit code after work that was done, with a result that is not to be believed."""
 
 
@@ -126,7 +125,7 @@ def exit_unless_believable(result: Believable) -> None:
     if result.caveat:
         tell(f"Warning: {result.caveat}")
     if not result.believable:
-        raise typer.Exit(NOT_BELIEVED)
+        raise typer.Exit(_UNBELIEVABLE)
 
 
 def report_bug(error: Exception) -> None:
