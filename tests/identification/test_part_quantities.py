@@ -29,6 +29,13 @@ def test_only_parts_that_are_known_have_quantities(assemblies):
     assert len(named) == sum(len(list_quantities(part)) for part in known.description.known_parts.values())
 
 
+def test_an_assembly_with_another_part_has_the_contacts_and_lines_of_the_first(assemblies):
+    rigid = dovetail.load(assemblies / "shaft_hub.yaml").rigid()
+    rigid = rigid.on(rigid.frequency[::9])
+    same = with_part(rigid, "shaft", rigid.description.substructures["shaft"])
+    np.testing.assert_array_equal(same.frf(), rigid.frf())
+
+
 def test_each_quantity_is_off_by_as_much_as_displaced_resonances_are_large(sdof):
     values = sdof.frf(sdof.from_unit(np.full(2, 0.5)))
     frf = dovetail.Frf(sdof.frequency, values, "accelerance", variance=1e-4 * np.abs(values) ** 2)

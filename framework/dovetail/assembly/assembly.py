@@ -6,23 +6,24 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.assembly.calibration import entries_at_response, graph_between, graph_of, matrices_without_window
 from dovetail.assembly.description import Description, Response
-from dovetail.assembly.joints import is_at
+from dovetail.assembly.joints import find_point
 from dovetail.assembly.parameters import ParameterSpace, ResponseFrfs, Theta, points_and_pairs
-from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.errors import Fault, ParameterError
 from dovetail.frf import Frf
-from dovetail.interfaces import DIRECTIONS, Parameter
+from dovetail.interfaces import Parameter
 from dovetail.plain_text import html_table
 from dovetail.synthesis import Engine, Graph, InterpolatedEngine, Point, elastic_frequencies
 
 __all__ = ["Assembly"]
 
+_Axes: TypeAlias = Sequence[NDArray[np.float64]]
 _STRUCTURE_SAMPLES = 5
 """Random parameter vectors that show, beside the ends of the ranges, which entries of joints are filled."""
 _INTERPOLATION_SAMPLES = 256
@@ -51,7 +52,7 @@ class Assembly:
         *,
         rigid: bool = False,
         interpolation: float | None = None,
-        further_frequencies: Sequence[NDArray[np.float64]] = (),
+        further_frequencies: _Axes = (),
     ) -> None:
         self.description = description
         self._connected = entries_at_response(description)
@@ -131,7 +132,7 @@ class Assembly:
         index : int
             From 0, in the order of the description.
         """
-        return self._with(replace(self.description.at(index), frequency=self._axes[index]))
+        return self.with_description(replace(self.description.at(index), frequency=self._axes[index]))
 
     def engine_of(
         self, points: Sequence[Point], interpolation: float | None = None, pairs: Sequence[tuple[int, int]] = ((0, 0),)
@@ -292,18 +293,7 @@ class Assembly:
         ParameterError
             No such substructure, node or direction.
         """
-        substructures = self.description.substructures
-        if substructure not in substructures:
-            hint, problem = did_you_mean(substructure, substructures), f"there is no substructure '{substructure}'."
-            raise ParameterError(Fault("point", problem, listing(substructures), hint))
-        if direction not in DIRECTIONS:
-            raise ParameterError(Fault("point", f"'{direction}' is not a direction.", listing(DIRECTIONS)))
-        nodes = substructures[substructure].nodes
-        nearest = min(range(len(nodes)), key=lambda index: abs(nodes[index].position - position))
-        if not is_at(nodes[nearest].position, position):
-            problem = f"'{substructure}' has no node at {position * 1e3:g} mm."
-            raise ParameterError(Fault("point", problem, f"the nearest is at {nodes[nearest].position * 1e3:g} mm"))
-        return substructure, len(DIRECTIONS) * nearest + DIRECTIONS.index(direction)
+        return find_point(self.description.substructures, substructure, position, direction)
 
     def natural_frequencies(self, theta: Theta = None, count: int = 3) -> NDArray[np.float64]:
         """Lowest natural frequencies of the undamped assembly, without its rigid-body modes.
@@ -358,7 +348,7 @@ class Assembly:
         for known in (self, *self._elsewhere):
             if _same_axes(known._axes, axes):
                 return known
-        made = self._with(replace(self.description, frequency=axes[0]), axes[1:])
+        made = self.with_description(replace(self.description, frequency=axes[0]), axes[1:])
         made._elsewhere = deque(maxlen=0)  # whoever asks again, asks this assembly
         self._elsewhere.append(made)
         return made
@@ -369,7 +359,7 @@ class Assembly:
         The DOFs on both sides of a contact become one, so that contact stiffness and damping have no effect. The rest
         of a joint, such as the collet's beam and nut masses, stays, and so does the list of parameters.
         """
-        return self._with(self.description, self._axes[1:], rigid=True)
+        return self.with_description(self.description, rigid=True)
 
     def interpolated(self, tolerance: float = 1e-9) -> Assembly:
         """Return the same assembly with FRFs interpolated between a few exact lines, which is fast for large batches.
@@ -388,13 +378,23 @@ class Assembly:
         """
         if not 1e-12 <= tolerance <= 1e-7:
             raise ParameterError(Fault("interpolation", f"the tolerance is {tolerance:g}.", "1e-12 to 1e-7"))
-        return self._with(self.description, self._axes[1:], interpolation=tolerance)
+        return self.with_description(self.description, interpolation=tolerance)
 
-    def _with(self, description: Description, further: Sequence[NDArray[np.float64]] = (), **changed: Any) -> Assembly:
-        """Return an assembly of a description with these settings, but for those that change."""
+    def with_description(self, description: Description, further: _Axes | None = None, **changed: Any) -> Assembly:
+        """Return the same assembly, on the same lines, with another description of the same responses or of one.
+
+        Parameters
+        ----------
+        description : Description
+        further : sequence of (n_freq,) arrays, optional
+            Hz; the lines of each response after the first, if they are others than this assembly's.
+        **changed
+            Other settings of `Assembly`; those of this one by default.
+        """
+        further = self._axes[1 : len(description.responses)] if further is None else further
         settings = {"rigid": self._rigid, "interpolation": self._interpolation, **changed}
         return Assembly(description, **settings, further_frequencies=further)
 
 
-def _same_axes(some: Sequence[NDArray[np.float64]], others: Sequence[NDArray[np.float64]]) -> bool:
+def _same_axes(some: _Axes, others: _Axes) -> bool:
     return all(one is other or np.array_equal(one, other) for one, other in zip(some, others, strict=True))

@@ -16,13 +16,13 @@ from dovetail.assembly.sections import AttachmentSection
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.tree import Path, format_value
 from dovetail.documents.validation import validate
-from dovetail.errors import Fault, did_you_mean, listing
-from dovetail.interfaces import Node, Port, SubstructureModel, joint_faults, source_file
+from dovetail.errors import Fault, ParameterError, did_you_mean, listing
+from dovetail.interfaces import DIRECTIONS, Node, Port, SubstructureModel, joint_faults, source_file
 from dovetail.registry import Registry
 from dovetail.synthesis import Attachment, Connection
 from dovetail.units import format_quantity
 
-__all__ = ["Substructures", "add_model_faults", "check_connected", "find_node", "is_at", "read_joint"]
+__all__ = ["Substructures", "add_model_faults", "check_connected", "find_node", "find_point", "read_joint"]
 
 _KEYS = ("connect", "parameters", "structural_damping")
 """Of a joint, beside the options of its model."""
@@ -188,7 +188,7 @@ def find_node(
     if isinstance(position, str):
         return _find_label(name, substructure, position, path, faults)
     nodes = substructure.nodes
-    indices = [index for index, node in enumerate(nodes) if is_at(node.position, position)]
+    indices = [index for index, node in enumerate(nodes) if _is_at(node.position, position)]
     text = format_quantity(position, "m", 8)
     if len(indices) == 1 or (indices and substructure.grounded):
         return indices[0]
@@ -197,14 +197,37 @@ def find_node(
         faults.add(path, f"{text} of substructure '{name}' could be any of its nodes {labels}.")
     else:
         remedy = _nearest(nodes, position)
-        if any(is_at(node.position, scale * position) for node in nodes if position for scale in (1e-3, 1e3)):
+        if any(_is_at(node.position, scale * position) for node in nodes if position for scale in (1e-3, 1e3)):
             remedy = f"{remedy} A number without a unit is in metres."
         positions = listing(format_quantity(node.position, "m") for node in nodes)
         faults.add(path, f"substructure '{name}' has no node at {text}.", positions, remedy)
     return None
 
 
-def is_at(node: float, position: float) -> bool:
+def find_point(
+    substructures: Mapping[str, SubstructureModel], name: str, position: float, direction: str
+) -> tuple[str, int]:
+    """Return the DOF of a substructure at a node's position [m].
+
+    Raises
+    ------
+    ParameterError
+        No such substructure, node or direction.
+    """
+    if name not in substructures:
+        problem, hint = f"there is no substructure '{name}'.", did_you_mean(name, substructures)
+        raise ParameterError(Fault("point", problem, listing(substructures), hint))
+    if direction not in DIRECTIONS:
+        raise ParameterError(Fault("point", f"'{direction}' is not a direction.", listing(DIRECTIONS)))
+    nodes = [node.position for node in substructures[name].nodes]
+    nearest = min(range(len(nodes)), key=lambda index: abs(nodes[index] - position))
+    if not _is_at(nodes[nearest], position):
+        problem = f"'{name}' has no node at {position * 1e3:g} mm."
+        raise ParameterError(Fault("point", problem, f"the nearest is at {nodes[nearest] * 1e3:g} mm"))
+    return name, len(DIRECTIONS) * nearest + DIRECTIONS.index(direction)
+
+
+def _is_at(node: float, position: float) -> bool:
     """Return whether a node is at a position, both in m, up to rounding in the description."""
     return abs(node - position) <= 1e-9 + 1e-6 * abs(position)
 

@@ -205,7 +205,7 @@ def _candidates(assembly: Assembly, substructures: Sequence[str]) -> list[Assemb
     if response.substructure not in chosen:
         chosen.append(response.substructure)
     return [
-        Assembly(replace(description, responses=(replace(response, substructure=name, node=node),)))
+        assembly.with_description(replace(description, responses=(replace(response, substructure=name, node=node),)))
         for name in chosen
         for node in range(len(available[name].nodes))
         if not inside.intersection({(name, 2 * node), (name, 2 * node + 1)})

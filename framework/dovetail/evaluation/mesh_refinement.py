@@ -64,7 +64,7 @@ def finer(assembly: Assembly, factor: int) -> Assembly:
     responses = tuple(replace(moved(r), force=r.force and moved(r.force)) for r in description.responses)
     sensors = tuple(map(moved, description.sensors))
     whole = replace(description, substructures=refined, joints=joints, responses=responses, unknown_parts=unknown_parts)
-    return Assembly(replace(whole, sensors=sensors))
+    return assembly.with_description(replace(whole, sensors=sensors))
 
 
 def _refined_part(connection: Connection, name: str, factor: int) -> Connection:

@@ -146,7 +146,8 @@ class StudyPlan:
         """Return the assembly with other settings, and with the validation part in place of the test part."""
         description = read_description({**self._plain, "identification": self.identification(changes)}, self._registry)
         identification = replace(description.identification, test_fraction=self.section.validation_fraction)
-        return Assembly(replace(self.assembly.description, text=description.text, identification=identification))
+        stated = replace(self.assembly.description, text=description.text, identification=identification)
+        return self.assembly.with_description(stated)
 
     def identification(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the section `identification` with changes; those of whole sections are made before their options'."""

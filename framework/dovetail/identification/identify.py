@@ -325,7 +325,7 @@ def _with_signs(lines: MeasuredLines, progress: Progress) -> MeasuredLines:
         for (response, frf), alone in zip(pairs, lines.assembly.each_response, strict=True)
         if response.name in unknown
     }
-    described = Assembly(with_signs(lines.described.description, signs))
+    described = lines.described.with_description(with_signs(lines.described.description, signs))
     return MeasuredLines.of(described, lines.whole)
 
 

@@ -132,8 +132,7 @@ def quantity_derivatives(
 def with_part(assembly: Assembly, name: str, model: SubstructureModel) -> Assembly:
     """Return the assembly on the same lines with another model of one of its parts."""
     substructures = {**assembly.description.substructures, name: model}
-    changed = Assembly(replace(assembly.description, substructures=substructures))
-    return changed.on(*(each.frequency for each in assembly.each_response))
+    return assembly.with_description(replace(assembly.description, substructures=substructures))
 
 
 def _with_quantity(assembly: Assembly, name: str, quantity: ConfigQuantity, amount: float) -> Assembly:

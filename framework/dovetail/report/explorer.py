@@ -163,11 +163,12 @@ class Explorer:
         if not self._given:
             raise DovetailError(Fault(self.name, "there is no measured FRF to fit to.", remedy="Give its file too."))
         theta, names = self._theta(values), [parameter.name for parameter in self._assembly.parameters]
-        described = (self._assembly if self._lines is None else self._lines.described).description
-        owners = described.identified_parameters
+        assembly = self._assembly if self._lines is None else self._lines.described
+        owners = assembly.description.identified_parameters
         held = {name: value for name, value in zip(names, theta.tolist(), strict=True) if name in locked}
         known = {owner: held[name] for name, owner in zip(names, owners, strict=True) if name in held}
-        sought = Assembly(described.with_known(known))  # of its own: an engine computes for one caller at a time
+        described = assembly.description.with_known(known)
+        sought = assembly.with_description(described)  # of its own: an engine computes for one caller at a time
         start = [value for name, value in zip(names, theta.tolist(), strict=True) if name not in held]
         options: dict[str, Any] = {"form": "laplace", "cause_seconds": _CAUSE_SECONDS, "start": start}
         result = identify(sought, self._given, "posterior", progress=progress, **options)

@@ -131,7 +131,7 @@ def _measured_at(assembly: Assembly, place: Node, *, with_force: bool) -> Assemb
     described = assembly.description.response
     force = described.force or Place(described.substructure, described.node, described.direction)
     there = replace(described, substructure=place[0], node=place[1], force=None if with_force else force)
-    return Assembly(replace(assembly.description, responses=(there,)))
+    return assembly.with_description(replace(assembly.description, responses=(there,)))
 
 
 def _movable_nodes(assembly: Assembly) -> list[Node]:
@@ -227,7 +227,7 @@ def try_exchanges(trials: Trials) -> Iterator[Candidate]:
             continue
         responses[former] = replace(second, quantity=first.quantity)
         responses[latter] = replace(first, quantity=second.quantity)
-        exchanged = Assembly(replace(description, responses=tuple(responses))).on(*(frf.frequency for frf in frfs))
+        exchanged = trials.assembly.with_description(replace(description, responses=tuple(responses)))
         labels = description.response_labels
         words = f"the measurements at {labels[former]} and {labels[latter]} exchanged"
         yield "order", words, trials.fit(exchanged, frfs, [trials.search(exchanged, trials.shape)])
@@ -284,7 +284,7 @@ def try_ranges(trials: Trials) -> Iterator[Candidate]:
             continue
         lower, upper = _widened(parameter, at_upper=fraction[index] >= 1.0)
         try:
-            widened = _with_range(assembly, joint, name, lower, upper)
+            widened = assembly.with_description(assembly.description.with_range(joint, name, lower, upper))
             trial = trials.fit(widened, trials.target.frfs, [trials.unchanged.theta])
         except DovetailError:
             continue
@@ -301,11 +301,6 @@ def _widened(parameter: Parameter, *, at_upper: bool) -> tuple[float, float]:
     return lower / factor if parameter.scale == "log" else max(lower - (upper - lower), min(lower, 0.0)), upper
 
 
-def _with_range(assembly: Assembly, joint: str, name: str, lower: float, upper: float) -> Assembly:
-    there = Assembly(assembly.description.with_range(joint, name, lower, upper))
-    return there.on(*(each.frequency for each in assembly.each_response))
-
-
 def try_damping(trials: Trials) -> Iterator[Candidate]:
     """Yield the fits with structural damping in all joints, and with viscous damping in all, where either is new."""
     description, axis = trials.assembly.description, trials.target.frequency
@@ -316,7 +311,7 @@ def try_damping(trials: Trials) -> Iterator[Candidate]:
     if any(joint.structural_damping is not None for joint in description.joints.values()):
         others.append((None, "joints damped viscously (without 'structural_damping')"))
     for structural, words in others:
-        damped = Assembly(with_damping(description, structural)).on(*(frf.frequency for frf in trials.target.frfs))
+        damped = trials.assembly.with_description(with_damping(description, structural))
         starts = [trials.unchanged.theta, trials.search(damped, trials.unchanged.theta)]
         yield "damping", words, trials.fit(damped, trials.target.frfs, starts)
 

@@ -109,7 +109,7 @@ def _drive_point(assembly: Assembly) -> Assembly:
     response = assembly.description.response
     if response.is_drive_point:
         return assembly
-    return Assembly(replace(assembly.description, responses=(replace(response, force=None),)))
+    return assembly.with_description(replace(assembly.description, responses=(replace(response, force=None),)))
 
 
 def _describe_mass(responses: int, mass: float) -> str:

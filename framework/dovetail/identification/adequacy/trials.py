@@ -141,7 +141,7 @@ class Trials:
         part.target = Observations(tuple(self.target.frfs[number] for number in numbers))
         part.stated = tuple(self.stated[number] for number in numbers)
         responses = tuple(self.assembly.description.responses[number] for number in numbers)
-        alone = Assembly(replace(self.assembly.description, responses=responses))
+        alone = self.assembly.with_description(replace(self.assembly.description, responses=responses))
         part.assembly = alone.on(*(frf.frequency for frf in part.target.frfs))
         part.relative = self.relative[np.repeat(chosen, counts)]
         part._used = self._used[np.repeat(chosen, counts)]

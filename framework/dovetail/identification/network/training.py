@@ -154,7 +154,7 @@ def _with_augmentation(assembly: Assembly, *, fresh: bool) -> Assembly:
     changes = {"fresh": True} if fresh else {}
     settings = (stated or AugmentationSection()).model_copy(update=changes)
     section = {"augmentation": settings.model_dump(exclude_unset=True)}
-    return Assembly(assembly.description.with_identification(section, augmentation=settings))
+    return assembly.with_description(assembly.description.with_identification(section, augmentation=settings))
 
 
 def needs_phase(assembly: Assembly) -> bool:
