@@ -35,7 +35,7 @@ from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
 from dovetail.documents.mapping_reader import read_mapping
 from dovetail.documents.tree import Entry, Item, Path, format_value, plain_values
-from dovetail.documents.validation import validate
+from dovetail.documents.validation import check_format, validate
 from dovetail.frf import in_bands
 from dovetail.interfaces import SubstructureModel, node_faults
 from dovetail.registry import Registry
@@ -77,7 +77,7 @@ def read_description(
     faults = FaultList()
     faults.files_in = files_in
     name, faults.root = read_source(source, faults)
-    _check_format(faults)
+    check_format(faults, "dovetail", FORMAT, "the description does not say which format it has.")
     several = faults.root.at(RESPONSES) is not None
     top = validate(DescriptionSectionOfSeveral if several else DescriptionSection, (), faults, "the description")
     frequency, left_out = read_frequency(faults)
@@ -143,16 +143,6 @@ def _check_parameters(
             model = joint.connection.model
             ends = {parameter.name: ends_of(entries, name, parameter.name) for parameter in joint.parameters}
             check_ranges(LabelledComponent(model, f"joint '{name}' ({model.name})"), ("joints", name), ends, faults)
-
-
-def _check_format(faults: FaultList) -> None:
-    item = faults.root.at(("dovetail",))
-    if item is None:
-        problem = "the description does not say which format it has."
-        faults.add(("dovetail",), problem, remedy=f"Begin it with 'dovetail: {FORMAT}'.")
-    elif item.value != FORMAT or isinstance(item.value, bool):
-        problem = f"{format_value(plain_values(item))} is not a format that this version of dovetail reads."
-        faults.add(("dovetail",), problem, str(FORMAT))
 
 
 def _names(section: str, noun: str, faults: FaultList) -> list[str]:

@@ -14,7 +14,7 @@ from dovetail.documents.tree import Item, Path, format_path, format_value, plain
 from dovetail.errors import did_you_mean, listing
 from dovetail.units import InUnit
 
-__all__ = ["number_unit", "validate"]
+__all__ = ["check_format", "number_unit", "validate"]
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -77,6 +77,16 @@ def validate(
     except (Exception, SystemExit) as error:  # a plugin's validator may raise anything
         faults.add(path, f"{owner} cannot check this section: {type(error).__name__}: {error}", key=True)
     return None
+
+
+def check_format(faults: FaultList, key: str, version: int, unstated: str) -> None:
+    """Report if a document does not say, under a key, that its format has this version."""
+    item = faults.root.at((key,))
+    if item is None:
+        faults.add((key,), unstated, remedy=f"Begin it with '{key}: {version}'.")
+    elif item.value != version or isinstance(item.value, bool):
+        problem = f"{format_value(plain_values(item))} is not a format that this version of dovetail reads."
+        faults.add((key,), problem, str(version))
 
 
 def number_unit(model: type[BaseModel], path: Path) -> str | None:

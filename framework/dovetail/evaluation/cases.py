@@ -12,8 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from dovetail.documents.extends import read_source
 from dovetail.documents.fault_list import FaultList
-from dovetail.documents.tree import format_value, plain_values
-from dovetail.documents.validation import validate
+from dovetail.documents.validation import check_format, validate
 from dovetail.frf import Frf
 from dovetail.measurement import read_frf
 from dovetail.units import Mass
@@ -173,7 +172,7 @@ def read_cases(source: str | os.PathLike[str], **reading: Any) -> Cases:
     """
     faults = FaultList()
     _, faults.root = read_source(source, faults)
-    _check_format(faults)
+    check_format(faults, "dovetail_cases", FORMAT, "the file does not say that it holds cases.")
     read = validate(_File, (), faults, "the file of cases", reserved=("dovetail_cases",))
     sections = {} if read is None else {name: _section(name, bool(read.series), faults) for name in read.cases}
     faults.raise_if_any()
@@ -194,16 +193,6 @@ def _section(name: str, in_series: bool, faults: FaultList) -> _Case | None:
     if case is not None and in_series and case.value is None:
         faults.add(("cases", name), "the case lacks 'value', which the series runs over.", key=True)
     return case
-
-
-def _check_format(faults: FaultList) -> None:
-    item = faults.root.at(("dovetail_cases",))
-    if item is None:
-        remedy = f"Begin it with 'dovetail_cases: {FORMAT}'."
-        faults.add(("dovetail_cases",), "the file does not say that it holds cases.", remedy=remedy)
-    elif item.value != FORMAT or isinstance(item.value, bool):
-        problem = f"{format_value(plain_values(item))} is not a format that this version of dovetail reads."
-        faults.add(("dovetail_cases",), problem, str(FORMAT))
 
 
 def _case(name: str, case: _Case, folder: Path, measurement: Callable[[_Measured], Measurement]) -> Case:
