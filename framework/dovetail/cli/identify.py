@@ -260,12 +260,10 @@ def _identify_from_modes(
 
 def _print(result: Identification, truth: Truth | None) -> None:
     from dovetail.identification.posterior import NOT_BELIEVED
-    from dovetail.report.content import adequacy_sentences, fit_sentence, mode_rows, parameter_rows, warnings_of
+    from dovetail.report.content import fit_sentence, mode_rows, warnings_of
 
     title(f"{result.provenance['assembly']}: joint identified from {measurement_names(result)} ({result.method})")
-    for sentence in adequacy_sentences(result):
-        say(sentence if result.believable else f"Warning: {sentence}")
-    _print_parameters(result, parameter_rows(result, truth), with_truth=truth is not None)
+    _print_parameters(result, truth)
     heading("Natural frequencies [Hz]" if result.believable else f"Natural frequencies [Hz], {NOT_BELIEVED}")
     modes = [
         (
@@ -293,12 +291,8 @@ def _print(result: Identification, truth: Truth | None) -> None:
 
 
 def _print_of_modes(result: ModalIdentification, truth: Truth | None) -> None:
-    from dovetail.report.content import adequacy_sentences, parameter_rows
-
     title(f"{result.provenance['assembly']}: joint identified from {result.measured.label}")
-    for sentence in adequacy_sentences(result):
-        say(sentence if result.believable else f"Warning: {sentence}")
-    _print_parameters(result, parameter_rows(result, truth), with_truth=truth is not None)
+    _print_parameters(result, truth)
     heading("Modes")
     headers = ["identified [Hz]", "measured [Hz]", "identified damping [%]", "measured damping [%]"]
     texts = []
@@ -314,13 +308,14 @@ def _print_of_modes(result: ModalIdentification, truth: Truth | None) -> None:
         say(f"Note: {warning}")
 
 
-def _print_parameters(
-    result: Identification | ModalIdentification, rows: list[ParameterRow], *, with_truth: bool
-) -> None:
-    """Print the table of parameters, the meaning of its columns, and why parameters are not identified."""
+def _print_parameters(result: Identification | ModalIdentification, truth: Truth | None) -> None:
+    """Print how well the model fits, the table of parameters, its meaning, and why parameters are not identified."""
     from dovetail.identification.posterior import NOT_BELIEVED
-    from dovetail.report.content import columns_sentence, posterior_sentence, truth_sentence
+    from dovetail.report import content
 
+    for sentence in content.adequacy_sentences(result):
+        say(sentence if result.believable else f"Warning: {sentence}")
+    rows, with_truth = content.parameter_rows(result, truth), truth is not None
     name = "parameter" if result.believable else f"parameter, {NOT_BELIEVED}"  # stands before each part of the table
     shown: dict[str, Callable[[ParameterRow], str]] = {
         name: lambda row: row.identified.name,
@@ -337,9 +332,9 @@ def _print_parameters(
     }
     texts = [[text(row) for text in shown.values()] for row in rows]
     table(list(shown), texts, numbers=[column for column in shown if column not in (name, *_WORDS)], split=True)
-    sentences = [columns_sentence(result), truth_sentence(rows)]
+    sentences = [content.columns_sentence(result), content.truth_sentence(rows)]
     if result.posterior is not None:
-        sentences.append(posterior_sentence(result.posterior))
+        sentences.append(content.posterior_sentence(result.posterior))
     if result.believable:
         sentences += [
             f"{row.name}: {row.verdict}. {row.why}"
