@@ -78,6 +78,12 @@ def test_a_value_at_an_end_is_in_range_whatever_rounding_makes_of_it(value, scal
     assert is_in_range(value, 1.0, 2.0, scale) is expected
 
 
+@pytest.mark.parametrize("mapping", ["parameters", "known", "provenance"])
+def test_the_mappings_of_a_result_are_read_only(result, mapping):
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        getattr(result, mapping)["k"] = None
+
+
 def test_a_result_is_read_again_and_pickled(result, tmp_path):
     (tmp_path / "result.json").write_text(json.dumps(result.to_dict()))
     for again in (dovetail.load_result(tmp_path), pickle.loads(pickle.dumps(result))):

@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -140,7 +139,7 @@ def by_refined_fit(
     evaluation = None if trained is None else trained.evaluation
     origin = provenance(measured.described, measured.whole, evaluation, seed)
     result = _result(measured, fit.theta, method="refined", provenance=origin, fit=fit, adequacy=adequacy)
-    beside = None if network is None else MappingProxyType(dict(zip(result.parameters, network.tolist(), strict=True)))
+    beside = None if network is None else dict(zip(result.parameters, network.tolist(), strict=True))
     return replace(result, network=beside, warnings=(*result.warnings, *warnings))
 
 

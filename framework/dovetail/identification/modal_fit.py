@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -303,8 +302,8 @@ def _result(
         adequacy = Adequacy("not judged", allowed=allowed, reasons=(NOTHING_LEFT,))
     origin = provenance(assembly, [measured], None, seed) | {"posterior_form": posterior.form}
     result = ModalIdentification(
-        parameters=MappingProxyType(identified_parameters(assembly, best)),
-        known=MappingProxyType({name: at for name, at in known_parameters(assembly).items() if np.isfinite(at)}),
+        parameters=identified_parameters(assembly, best),
+        known={name: at for name, at in known_parameters(assembly).items() if np.isfinite(at)},
         measured=measured,
         modes=tuple(modes),
         chi_squared=float(off @ off) / freedom if freedom >= _LEAST_FREEDOM else None,
@@ -312,7 +311,7 @@ def _result(
         adequacy=adequacy,
         posterior=posterior,
         warnings=(),
-        provenance=MappingProxyType(origin),
+        provenance=origin,
     )
     return replace(result, warnings=_warnings(result))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -83,13 +82,13 @@ def reconstruct(
     modes, without_modes = _modes(assembly, theta, band, first)
     result = Identification(
         method=method,
-        parameters=MappingProxyType(identified_parameters(assembly, theta)),
-        known=MappingProxyType(known_parameters(assembly)),
+        parameters=identified_parameters(assembly, theta),
+        known=known_parameters(assembly),
         frf=first.frf,
         measured=first.measured,
         modes=modes,
         warnings=(),
-        provenance=MappingProxyType(dict(provenance)),
+        provenance=provenance,
         fit=fit,
         point=first.point,
         further=at_points[1:],

@@ -98,7 +98,8 @@ class _Answer:
     adequacy: Adequacy | None
 
     def __post_init__(self) -> None:
-        """Hand the caveat and what speaks against a parameter to the posterior, which may be used by itself."""
+        """Make mappings read-only, and tell the posterior, which may be used by itself, what speaks against it."""
+        self.__setstate__(dict(self.__dict__))
         if self.posterior is not None:
             definitions = [parameter.definition for parameter in self.parameters.values()]
             doubts = {} if self.adequacy is None else self.adequacy.doubts(self.posterior.interval(), definitions)
@@ -143,7 +144,7 @@ class _Answer:
         return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in fields}
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Restore the fields."""
+        """Set the fields, mappings as read-only ones."""
         for name, value in state.items():
             object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
 

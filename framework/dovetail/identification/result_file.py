@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -177,27 +176,27 @@ def load_result(path: str | Path) -> AnyIdentification:
     ]
     return Identification(
         method=stored.method,
-        parameters=MappingProxyType(stored.parameters),
-        known=MappingProxyType(stored.known),
+        parameters=stored.parameters,
+        known=stored.known,
         frf=first.frf,
         measured=first.measured,
         modes=stored.modes,
         warnings=stored.warnings,
-        provenance=MappingProxyType(stored.provenance),
+        provenance=stored.provenance,
         posterior=None if stored.posterior is None else _posterior(file, stored.parameters, stored.posterior),
         point=first.point,
         further=tuple(further),
         adequacy=_adequacy(stored),
         band=stored.band_Hz,
-        network=None if stored.network is None else MappingProxyType(stored.network),
+        network=stored.network,
     )
 
 
 def _modal(file: Path, stored: _StoredModalIdentification) -> ModalIdentification:
     table: dict[str, Any] = stored.measured.model_dump()
     return ModalIdentification(
-        parameters=MappingProxyType(stored.parameters),
-        known=MappingProxyType(stored.known),
+        parameters=stored.parameters,
+        known=stored.known,
         measured=ModalParameters(**table),
         modes=stored.modes,
         chi_squared=stored.chi_squared,
@@ -205,7 +204,7 @@ def _modal(file: Path, stored: _StoredModalIdentification) -> ModalIdentificatio
         adequacy=_kept(stored.adequacy),
         posterior=_posterior(file, stored.parameters, stored.posterior),
         warnings=stored.warnings,
-        provenance=MappingProxyType(stored.provenance),
+        provenance=stored.provenance,
     )
 
 
@@ -220,8 +219,8 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
     total = float(weight.sum())
     if theta.shape != (len(weight), len(parameters)) or not len(weight) or not total > 0 or not 0 < stored.reached <= 1:
         raise DovetailError(Fault(str(file), "the samples of its posterior do not fit its parameters."))
-    levels = stored.samples.log_likelihood
-    if levels is not None and len(levels) != len(weight):
+    log_likelihood = stored.samples.log_likelihood
+    if log_likelihood is not None and len(log_likelihood) != len(weight):
         raise DovetailError(Fault(str(file), "its posterior has not as many log-likelihoods as samples."))
     if stored.mode is not None and len(stored.mode) != len(parameters):
         raise DovetailError(Fault(str(file), "the most probable place of its posterior does not fit its parameters."))
@@ -246,7 +245,7 @@ def _posterior(file: Path, parameters: Mapping[str, IdentifiedParameter], stored
         seconds=stored.seconds,
         form=stored.form,
         mode=None if stored.mode is None else np.array(stored.mode),
-        log_likelihood=None if stored.samples.log_likelihood is None else np.array(stored.samples.log_likelihood),
+        log_likelihood=None if log_likelihood is None else np.array(log_likelihood),
         unreliable=tuple(name for name, parameter in stored.parameters.items() if parameter.doubtful),
         normal=tuple(parameter.name for parameter in ranges if parameter.prior == "normal"),
     )
