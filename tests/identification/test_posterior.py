@@ -304,21 +304,6 @@ def test_weighted_quantiles_are_those_of_repeated_values():
         assert ours[0] == pytest.approx(np.quantile(repeated, level), abs=0.005)
 
 
-@pytest.mark.slow
-def test_the_band_of_another_tool_holds_what_was_measured_there(collet, assemblies):
-    folder = assemblies / "campaign"
-    joint = dovetail.read_frf(folder / "measurements" / "h0_j40_t0.uff", accelerometer_mass=1.2e-3)
-    result = dovetail.identify(collet, joint, "posterior", samples=200)
-    other = dovetail.load(folder / "h0_t2.yaml")
-    band = dovetail.predict_band(other, result)
-    measured = dovetail.read_frf(folder / "measurements" / "h0_j40_t2.uff", accelerometer_mass=1.2e-3)
-    amplitude = np.interp(other.frequency, measured.frequency, measured.to("accelerance").amplitude)
-    told = other.frequency <= collet.frequency[-1]  # beyond, the joint was not measured
-    inside = ((band.lower <= amplitude) & (amplitude <= band.upper))[told]
-    assert inside.mean() >= 0.9
-    assert np.median(band.upper / band.lower) < 1.2
-
-
 def test_a_band_allows_the_error_that_nothing_explains(sdof):
     """The middle 90 % of amplitudes that err by half of the FRF, as complex normal numbers do."""
     result = dovetail.identify(sdof, noisy(sdof, sdof.frf(), 0.001, 1), "posterior", form="laplace")
