@@ -61,8 +61,7 @@ class Explorer:
     def __init__(self, assembly: Assembly, measured: Sequence[Frf] = ()) -> None:
         if not assembly.parameters:
             raise ParameterError(Fault(assembly.name, "all parameters are known: there is nothing to explore."))
-        self._given = tuple(measured)
-        self._lines = MeasuredLines.of(assembly, self._given) if self._given else None
+        self._lines = MeasuredLines.of(assembly, measured) if measured else None
         self._assembly = assembly if self._lines is None else self._lines.assembly
         pairs = zip(self._lines.frfs, assembly.description.responses, strict=True) if self._lines is not None else ()
         self._measured = tuple(frf.to(response.quantity) for frf, response in pairs)
@@ -160,31 +159,27 @@ class Explorer:
         dict
             ``values`` [SI], ``intervals`` [SI] and ``verdicts`` by parameter, and a ``verdict`` in words.
         """
-        if not self._given:
+        if self._lines is None:
             raise DovetailError(Fault(self.name, "there is no measured FRF to fit to.", remedy="Give its file too."))
-        theta, names = self._theta(values), [parameter.name for parameter in self._assembly.parameters]
-        assembly = self._assembly if self._lines is None else self._lines.described
-        owners = assembly.description.identified_parameters
-        held = {name: value for name, value in zip(names, theta.tolist(), strict=True) if name in locked}
-        known = {owner: held[name] for name, owner in zip(names, owners, strict=True) if name in held}
-        described = assembly.description.with_known(known)
+        assembly, names = self._lines.described, [parameter.name for parameter in self._assembly.parameters]
+        chosen = dict(zip(names, self._theta(values).tolist(), strict=True))
+        held = {name: value for name, value in chosen.items() if name in locked}
+        owners = dict(zip(names, assembly.description.identified_parameters, strict=True))
+        described = assembly.description.with_known({owners[name]: value for name, value in held.items()})
         sought = assembly.with_description(described)  # of its own: an engine computes for one caller at a time
-        start = [value for name, value in zip(names, theta.tolist(), strict=True) if name not in held]
+        start = [value for name, value in chosen.items() if name not in held]
         options: dict[str, Any] = {"form": "laplace", "cause_seconds": _CAUSE_SECONDS, "start": start}
-        result = identify(sought, self._given, "posterior", progress=progress, **options)
-        origin = {**result.provenance, "start": dict(zip(names, theta.tolist(), strict=True)), "locked": held}
+        result = identify(sought, self._lines.whole, "posterior", progress=progress, **options)
+        origin = {**result.provenance, "start": chosen, "locked": held}
         self._result = result = replace(result, provenance=origin)
-        fitted = dict(zip([p.name for p in sought.parameters], result.theta.tolist(), strict=True))
-        rows = {row.name: row for row in result.table}
-        mark, sentence = verdict(result)
+        fitted = {name: parameter.value for name, parameter in result.parameters.items()}
+        table, (mark, sentence) = result.table, verdict(result)
         return {
-            "values": [fitted.get(name, value) for name, value in zip(names, theta.tolist(), strict=True)],
+            "values": list({**chosen, **fitted}.values()),
             "intervals": {
-                name: [row.interval_low, row.interval_high]
-                for name, row in rows.items()
-                if row.interval_low is not None
+                row.name: [row.interval_low, row.interval_high] for row in table if row.interval_low is not None
             },
-            "verdicts": {name: row.verdict for name, row in rows.items()},
+            "verdicts": {row.name: row.verdict for row in table},
             "mark": mark,
             "verdict": sentence,
             "warnings": list(result.warnings),
@@ -219,7 +214,6 @@ class Explorer:
         if fitted and self._result is not None:
             content = self._result.to_dict()
         else:
-            natural = {"natural_frequencies_Hz": self._natural(theta)}
             content = {
                 "name": self.name,
                 "method": _BY_HAND,
@@ -227,7 +221,7 @@ class Explorer:
                     parameter.name: {"value": value, "unit": parameter.unit}
                     for parameter, value in zip(self._assembly.parameters, theta.tolist(), strict=True)
                 },
-                **natural,
+                "natural_frequencies_Hz": self._natural(theta),
             }
         return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
