@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import importlib.util
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from dovetail.plain_text import terminal_text
@@ -20,6 +21,7 @@ __all__ = [
     "ParameterError",
     "PluginError",
     "UnitError",
+    "damage_reported",
     "did_you_mean",
     "listing",
     "require_package",
@@ -137,3 +139,15 @@ def require_package(name: str, extra: str, where: str) -> None:
     if importlib.util.find_spec(name) is None:
         problem = f"this needs the package {name}, which is not installed."
         raise DovetailError(Fault(where, problem, remedy=f'Install it by: pip install "dovetail-frf[{extra}]"'))
+
+
+@contextmanager
+def damage_reported(where: str, problem: str, accepted: str = "") -> Iterator[None]:
+    """Convert whatever a library raises for a damaged file to one fault of a measurement, with its reason."""
+    try:
+        yield
+    except MeasurementError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        raise MeasurementError(Fault(where, f"{problem}: {reason}.", accepted)) from None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, MeasurementError, damage_reported
 from dovetail.measurement.formats.frd import closed_entry, with_frd_units
 from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
 
@@ -51,19 +51,14 @@ def open_hdf5(path: Path, content: bytes, *, matlab: bool) -> Iterator[Archive]:
     """
     import h5py
 
-    try:
-        with h5py.File(io.BytesIO(content), "r") as file:
-            entries = dict(_entries(path, file, "", 0, [0], matlab))
-            if matlab:
-                labels = {name: label for name, entry in entries.items() if (label := entry.attributes.get(_CLOSED))}
-                entries = with_frd_units(path, {name: entries[name] for name in entries if name not in labels}, "/")
-                entries |= {name: closed_entry(path, name, label, entries) for name, label in labels.items()}
-            yield Archive(path, entries, _text_attributes(file))
-    except MeasurementError:
-        raise
-    except Exception as error:  # the library raises OSError, RuntimeError, KeyError and others for damaged files
-        reason = " ".join(str(error).split())[:100] or type(error).__name__
-        raise MeasurementError(Fault(str(path), f"the HDF5 file is damaged or is none: {reason}.")) from None
+    damage = damage_reported(str(path), "the HDF5 file is damaged or is none")  # OSError, RuntimeError and others
+    with damage, h5py.File(io.BytesIO(content), "r") as file:
+        entries = dict(_entries(path, file, "", 0, [0], matlab))
+        if matlab:
+            labels = {name: label for name, entry in entries.items() if (label := entry.attributes.get(_CLOSED))}
+            entries = with_frd_units(path, {name: entries[name] for name in entries if name not in labels}, "/")
+            entries |= {name: closed_entry(path, name, label, entries) for name, label in labels.items()}
+        yield Archive(path, entries, _text_attributes(file))
 
 
 def _entries(

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError, listing, require_package
+from dovetail.errors import Fault, MeasurementError, damage_reported, listing, require_package
 from dovetail.measurement.formats.tables import check_columns, read_header, recording_of
 from dovetail.measurement.formats.text_tables import split_lines
 from dovetail.measurement.recording import MOST_LINES, ReadOptions, Recording
@@ -107,14 +107,9 @@ def read_segments(path: Path, content: bytes) -> list[Segment]:
         raise MeasurementError(Fault(str(path), problem))
     if max(map(text.count, "\t,; ")) > _MOST_CELLS:
         raise MeasurementError(Fault(str(path), "the file has too many numbers.", f"at most {_MOST_CELLS:,}"))
-    try:
+    with damage_reported(str(path), "the LabVIEW file is damaged"):  # ValueError, KeyError, SyntaxError and others
         parsed = lvm_read.read_str(text)
         return [_segment(path, parsed, number) for number in range(parsed["Segments"])]
-    except MeasurementError:
-        raise
-    except Exception as error:  # the library raises ValueError, KeyError, SyntaxError and others for damaged files
-        reason = " ".join(str(error).split())[:100] or type(error).__name__
-        raise MeasurementError(Fault(str(path), f"the LabVIEW file is damaged: {reason}.")) from None
 
 
 def _segment(path: Path, parsed: dict[Any, Any], number: int) -> Segment:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, MeasurementError, damage_reported
 from dovetail.measurement.formats.frd import closed_entry, with_frd_units
 from dovetail.measurement.formats.hdf5 import SIGNATURE
 from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry
@@ -65,22 +65,19 @@ def workspace(path: Path, content: bytes) -> Archive:
     """
     from scipy.io import loadmat
 
-    try:
-        listed = list(_variables(content))
-        _check_sizes(path, listed)
-        closed = {name: label for name, _, kind, label in listed if kind in (_FUNCTION, _OPAQUE)}
-        wanted = [name for name, _, _, _ in listed if name and name not in closed]
-        variables = loadmat(io.BytesIO(content), variable_names=wanted)
-        entries = {key: entry for name in wanted for key, entry in _entries(path, name, variables[name])}
-        objects = {name: closed_entry(path, name, label, entries) for name, label in closed.items()}
-        return Archive(path, with_frd_units(path, entries, ".") | objects)
-    except MeasurementError:
-        raise
-    except MemoryError:
-        raise MeasurementError(Fault(str(path), "the workspace unpacks to far more than an FRF needs.")) from None
-    except Exception as error:  # scipy raises ValueError, TypeError, zlib.error and others for damaged files
-        reason = " ".join(str(error).split())[:100] or type(error).__name__
-        raise MeasurementError(Fault(str(path), f"the workspace is damaged or truncated: {reason}.")) from None
+    with damage_reported(str(path), "the workspace is damaged or truncated"):  # ValueError, zlib.error and others
+        try:
+            listed = list(_variables(content))
+            _check_sizes(path, listed)
+            closed = {name: label for name, _, kind, label in listed if kind in (_FUNCTION, _OPAQUE)}
+            wanted = [name for name, _, _, _ in listed if name and name not in closed]
+            variables = loadmat(io.BytesIO(content), variable_names=wanted)
+            entries = {key: entry for name in wanted for key, entry in _entries(path, name, variables[name])}
+            objects = {name: closed_entry(path, name, label, entries) for name, label in closed.items()}
+            return Archive(path, with_frd_units(path, entries, ".") | objects)
+        except MemoryError:
+            problem = "the workspace unpacks to far more than an FRF needs."
+            raise MeasurementError(Fault(str(path), problem)) from None
 
 
 def _variables(content: bytes) -> Iterator[tuple[str, tuple[int, ...], int, str]]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import Fault, MeasurementError
+from dovetail.errors import Fault, MeasurementError, damage_reported
 from dovetail.measurement.formats.named_arrays import LARGEST_ARRAY, Archive, Entry, read_recording
 from dovetail.measurement.formats.tables import SAY_COLUMNS, check_columns, read_header, recording_of
 from dovetail.measurement.recording import MOST_LINES, FrfToWrite, ReadOptions, Recording
@@ -57,17 +56,9 @@ def open_archive(path: Path, content: bytes) -> Archive:
         return Archive(path, {name: Entry("", partial(_load_array, path, archive, name)) for name in names})
 
 
-@contextmanager
-def _report_damage(path: Path) -> Iterator[None]:
+def _report_damage(path: Path) -> AbstractContextManager[None]:
     """Convert the errors that zipfile, decompressors and NumPy raise for a damaged archive to one fault."""
-    try:
-        yield
-    except MeasurementError:
-        raise
-    except Exception as error:
-        reason = str(error)[:100] or type(error).__name__
-        problem = f"the archive is damaged: {reason}."
-        raise MeasurementError(Fault(str(path), problem, "a file of np.savez")) from None
+    return damage_reported(str(path), "the archive is damaged", "a file of np.savez")
 
 
 def encode(content: FrfToWrite, _path: Path, _binary: bool | None) -> bytes:
