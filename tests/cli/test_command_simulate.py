@@ -25,6 +25,11 @@ def test_it_prints_parameters_and_natural_frequencies(run, assemblies):
     assert printed[-1] == f"{np.sqrt(3e6) / (2 * np.pi):.1f} Hz"
 
 
+def test_an_end_of_a_range_is_in_it_whatever_its_unit_is(run, assemblies):
+    """26 mm, times a thousandth, is larger than 0.026 m by rounding."""
+    assert "outside" not in run("simulate", assemblies / "bt40_er32.yaml", "--set", "Dc=0.026").stdout
+
+
 @pytest.mark.parametrize("suffix", ["csv", "uff", "npz"])
 def test_written_files_hold_the_frf(run, sdof, assemblies, tmp_path, suffix):
     file = tmp_path / "new" / f"frf.{suffix}"

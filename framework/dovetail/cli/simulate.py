@@ -121,12 +121,13 @@ def _theta(assembly: Assembly, chosen: dict[str, str]) -> dict[str, float]:
 
 
 def _print(assembly: Assembly, theta: dict[str, float], natural: list[float], reason: str) -> None:
+    from dovetail.identification.parameters import is_in_range
+
     title(assembly.name)
     rows = []
-    for parameter in assembly.parameters:
-        value = theta[parameter.name]
-        outside = "" if parameter.lower <= value <= parameter.upper else "outside the range"
-        rows.append((parameter.name, quantity_text(value, parameter), range_text(parameter), outside))
+    for p in assembly.parameters:
+        remark = "" if is_in_range(theta[p.name], p.lower, p.upper, p.scale) else "outside the range"
+        rows.append((p.name, quantity_text(theta[p.name], p), range_text(p), remark))
     if rows:
         table(["parameter", "value", "range", "note"], rows)
     heading("Natural frequencies")
