@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -65,7 +64,7 @@ class ParameterSpace:
         entries: Mapping[str, ParameterEntry],
         joints: Collection[str],
         connected: Collection[str],
-        tied: Mapping[str, ParameterEntry] = MappingProxyType({}),
+        tied: Mapping[str, ParameterEntry],
     ) -> None:
         self._entries = entries
         self._connected = connected

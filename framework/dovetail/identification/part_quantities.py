@@ -160,7 +160,7 @@ def _walk(node: Any, path: tuple[str | int, ...]) -> Iterator[ConfigQuantity]:
             yield from _walk(item, (*path, index))
 
 
-def _unit(annotation: object, metadata: Iterable[object] = ()) -> str | None:
+def _unit(annotation: object, metadata: Iterable[object]) -> str | None:
     """Return the unit in an annotation, or in one of its accepted types; None if there is none."""
     for mark in metadata:
         if isinstance(mark, InUnit):

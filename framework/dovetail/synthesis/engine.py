@@ -142,7 +142,7 @@ class Engine:
         )
         self._has_probed_derivatives = True
 
-    def prepared(self, factors: FactorsLike = None) -> Factors:
+    def prepared(self, factors: FactorsLike) -> Factors:
         """Prepare factors once for many calls of this engine's methods.
 
         Parameters

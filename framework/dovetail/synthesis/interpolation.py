@@ -74,7 +74,7 @@ class InterpolatedEngine(Engine):
         tolerance: float,
         trial: Theta,
         *,
-        pairs: Sequence[tuple[int, int]] = ((0, 0),),
+        pairs: Sequence[tuple[int, int]],
     ) -> None:
         super().__init__(graph, frequency, points, probe_theta, jacobian_columns, pairs=pairs)
         self.tolerance = tolerance

@@ -45,9 +45,7 @@ class GatedNetwork(nn.Module):
         in single precision, since rounding would spoil narrow distributions.
     """
 
-    def __init__(
-        self, n_features: int, hidden: Sequence[int], n_outputs: int, dropout: float, mixed: bool = False
-    ) -> None:
+    def __init__(self, n_features: int, hidden: Sequence[int], n_outputs: int, dropout: float, mixed: bool) -> None:
         super().__init__()
         width = hidden[0]
         self.first = nn.Linear(n_features, width)

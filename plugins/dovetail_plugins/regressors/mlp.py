@@ -70,8 +70,8 @@ class FittedMLP(dovetail.FittedRegressor):
         self,
         weights: list[NDArray[Any]],
         biases: list[NDArray[Any]],
-        activation: Activation = "relu",
-        is_gaussian: bool = False,
+        activation: Activation,
+        is_gaussian: bool,
         calibration: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     ) -> None:
         self._activation: Activation = activation

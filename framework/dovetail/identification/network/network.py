@@ -187,7 +187,7 @@ def component_label(component: Component) -> str:
     return f"{component.kind} '{component.name}'"
 
 
-def check_rows(values: object, label: str, count: int, width: int | None = None) -> NDArray[Any]:
+def check_rows(values: object, label: str, count: int, width: int | None) -> NDArray[Any]:
     """Return what `transform` or `predict` returned, if it has a row for each FRF.
 
     Parameters
@@ -197,8 +197,8 @@ def check_rows(values: object, label: str, count: int, width: int | None = None)
         Which component returned it.
     count : int
         Number of FRFs.
-    width : int, optional
-        Number of columns; any from 1 by default.
+    width : int or None
+        Number of columns; with None any from 1.
 
     Returns
     -------

@@ -71,12 +71,12 @@ _PILOT_SHARE, _PILOT_EPOCHS = 0.02, 3
 
 def train_network(
     assembly: Assembly,
-    dataset: Dataset | None = None,
+    dataset: Dataset | None,
     *,
-    robust: bool = False,
-    fresh: bool = False,
-    minutes: float | None = None,
-    progress: Progress = silent,
+    robust: bool,
+    fresh: bool,
+    minutes: float | None,
+    progress: Progress,
 ) -> TrainedNetwork:
     """Train the network of an assembly's description; parameters and errors as `dovetail.train` has them."""
     timer = StageTimer(__name__, _seconds(assembly, minutes))

@@ -35,7 +35,7 @@ class MachineKernel:
     nothing to infer or to vectorise, and no cache on disk is needed.
     """
 
-    def __init__(self, source: str, scratch: int = 0) -> None:
+    def __init__(self, source: str, scratch: int) -> None:
         import llvmlite.binding as llvm
 
         module = llvm.parse_assembly(source)
