@@ -18,7 +18,7 @@ from dovetail.frf import conversion
 from dovetail.identification.adequacy.trials import Trial, Trials
 from dovetail.identification.fitting.search_lines import missed_resonances
 from dovetail.identification.posterior.model_error import Resonances, fit_resonances
-from dovetail.interfaces import DIRECTIONS, Parameter
+from dovetail.interfaces import Parameter
 from dovetail.synthesis import Point
 from dovetail.units import format_quantity
 
@@ -169,8 +169,7 @@ def _distances(
 
 def _point(assembly: Assembly, place: Node) -> Point:
     """Return the DOF of a node in the direction of the response."""
-    direction = assembly.description.response.direction
-    return place[0], len(DIRECTIONS) * place[1] + DIRECTIONS.index(direction)
+    return Place(*place, assembly.description.response.direction).point
 
 
 def _can_move(assembly: Assembly, place: Node) -> bool:

@@ -278,9 +278,7 @@ class Trials:
 
     @property
     def _amplitudes(self) -> Observations:
-        return Observations(
-            tuple(Frf(frf.frequency, np.abs(frf.values), frf.quantity, has_phase=False) for frf in self.target.frfs)
-        )
+        return Observations(tuple(replace(frf, values=np.abs(frf.values), has_phase=False) for frf in self.target.frfs))
 
     def _most_similar(self, problem: SumOfSquares) -> NDArray[np.float64]:
         """Return the points (n, p) with the smallest sums of squares among many random ones in the unit cube."""
