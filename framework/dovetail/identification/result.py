@@ -91,6 +91,7 @@ class _Answer:
 
     method: str
     parameters: Mapping[str, IdentifiedParameter]
+    known: Mapping[str, float]
     measured: Frf | ModalParameters
     provenance: Mapping[str, Any]
     posterior: Posterior | None
@@ -147,6 +148,18 @@ class _Answer:
         """Set the fields, mappings as read-only ones."""
         for name, value in state.items():
             object.__setattr__(self, name, MappingProxyType(value) if isinstance(value, dict) else value)
+
+    def _common(self) -> dict[str, Any]:
+        """Return what all results have in common as plain values, the method first: by it a file is recognised."""
+        return {
+            "method": self.method,
+            "believable": self.believable,
+            "caveat": self.caveat,
+            "adequacy": None if self.adequacy is None else self.adequacy.to_dict(),
+            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
+            "table": [asdict(row) for row in self.table],
+            "known": dict(self.known),
+        }
 
     def to_dataframe(self) -> Any:
         """Return `table` as a data frame of pandas (an extra), with the names as index."""
@@ -277,13 +290,7 @@ class Identification(_Answer):
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON."""
         return {
-            "method": self.method,
-            "believable": self.believable,
-            "caveat": self.caveat,
-            "adequacy": None if self.adequacy is None else self.adequacy.to_dict(),
-            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
-            "table": [asdict(row) for row in self.table],
-            "known": dict(self.known),
+            **self._common(),
             "mean_coherence": self.mean_coherence,
             "modes": [asdict(mode) for mode in self.modes],
             "warnings": list(self.warnings),
@@ -362,13 +369,7 @@ class ModalIdentification(_Answer):
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, fit for JSON; the keys are those of `Identification` but for the FRFs."""
         return {
-            "method": self.method,
-            "believable": self.believable,
-            "caveat": self.caveat,
-            "adequacy": self.adequacy.to_dict(),
-            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
-            "table": [asdict(row) for row in self.table],
-            "known": dict(self.known),
+            **self._common(),
             "modes": [asdict(mode) for mode in self.modes],
             "measured": self.measured.to_dict(),
             "chi_squared": self.chi_squared,
