@@ -183,6 +183,14 @@ def test_one_value_in_four_hundred_exceeds_a_limit_of_novelty_however_few_it_is_
     assert 0.0005 < exceeding < 0.006
 
 
+def test_few_frfs_of_statistics_with_long_tails_still_give_a_limit_that_few_exceed() -> None:
+    """The logarithms have a normal distribution with a deviation of one."""
+    generator = np.random.default_rng(3)
+    limits = [novelty._limit(np.exp(generator.standard_normal(60))) for _ in range(200)]
+    new = np.exp(generator.standard_normal(100_000))
+    assert np.mean([np.mean(new > limit) for limit in limits]) < 0.005
+
+
 def test_amplitudes_that_are_not_finite_are_refused(quick: dovetail.Assembly, dataset: dovetail.Dataset) -> None:
     samples = in_memory(dataset, 100)
     samples.amplitude[41, 7] = np.nan

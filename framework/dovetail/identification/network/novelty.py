@@ -80,7 +80,7 @@ class PrincipalComponents:
     variance : (k,) array
         Of the training features along each.
     rest : (n_freq,) array
-        Variance of the part of held-out features that the components do not represent.
+        Variance of the part of other FRFs' features that the components do not represent.
     """
 
     mean: NDArray[np.float64]
@@ -236,7 +236,7 @@ def learn_novelty(
     network : Network
         Trained.
     amplitude : (n, n_freq) array
-        Training FRFs; the first 600 are enough.
+        Training FRFs; 600 are enough for the principal components, and further ones for what these leave.
     held_out : (m, n_params) array
         Joints that the network was not trained on, SI; the first are used, one for each 40 of `samples`.
     samples : int
@@ -247,7 +247,10 @@ def learn_novelty(
     values = assembly.frf(held_out[: min(max(samples // _SETTINGS.samples_per_held_out, least), most)])
     quantity = assembly.description.response.quantity
     clean = [Frf(assembly.frequency, frf, quantity).to("accelerance") for frf in values]
-    basis = PrincipalComponents.fit(amplitude[: _SETTINGS.training_frfs], np.stack([frf.amplitude for frf in clean]))
+    others = amplitude[_SETTINGS.training_frfs :]  # so that the limits are not of the FRFs that gave `rest`
+    others = others if len(others) >= len(clean) else np.stack([frf.amplitude for frf in clean])
+    basis = PrincipalComponents.fit(amplitude[: _SETTINGS.training_frfs], others)
+    near_maximum = _limit(np.array([_share_near_maximum(row) for row in amplitude.astype(np.float64)]))
     generator = np.random.default_rng([seed, _NOISE_STREAM])
     levels, limits = [], []
     for level in _SETTINGS.noise_levels:
@@ -260,11 +263,12 @@ def learn_novelty(
         compared = [_statistics(basis, frf, answer) for frf, answer in zip(noisy, answers, strict=True)]
         levels.append(float(np.median([noise_level for _, noise_level, _ in compared])))
         limits.append([_limit(np.array(column)) for column in zip(*(row for row, _, _ in compared), strict=True)])
-    return Novelty(basis, np.maximum.accumulate(np.array(levels)), np.array(limits))
+    return Novelty(basis, np.maximum.accumulate(np.array(levels)), np.maximum(limits, [0.0, near_maximum, 0.0]))
 
 
 def _limit(values: NDArray[np.float64]) -> float:
-    """Return what one in 400 exceeds: of an exponential tail, so that few values do, and no less than the largest."""
-    threshold = np.quantile(values, 1.0 - _SETTINGS.tail)
-    excess = float(np.mean(values[values >= threshold] - threshold))
-    return float(max(values.max(), threshold + excess * np.log(_SETTINGS.tail / _SETTINGS.exceeding)))
+    """Return what one in 400 exceeds: the logarithms have an exponential tail; and no less than the largest value."""
+    logs = np.log(np.maximum(values, np.finfo(float).tiny))
+    threshold = np.quantile(logs, 1.0 - _SETTINGS.tail)
+    excess = float(np.mean(logs[logs >= threshold] - threshold))
+    return float(np.exp(max(logs.max(), threshold + excess * np.log(_SETTINGS.tail / _SETTINGS.exceeding))))
