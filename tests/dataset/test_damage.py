@@ -107,3 +107,12 @@ def test_flags_that_cannot_be_read_lose_no_dataset(sdof, sound, copy):
     shutil.rmtree(copy / "written" / "c")
     mended = dovetail.generate(sdof, copy, samples=65, resume=True)
     np.testing.assert_array_equal(mended.amplitude[:], sound.amplitude[:])
+
+
+def test_a_dataset_that_is_not_there_is_said_not_to_be(tmp_path):
+    with pytest.raises(DatasetError) as error:
+        dovetail.Dataset(tmp_path / "data.zarr")
+    (fault,) = error.value.faults
+    assert fault.where == str(tmp_path / "data.zarr")
+    assert fault.problem == "this is not a dataset: there is no such folder."
+    assert "dovetail generate" in fault.remedy

@@ -115,6 +115,7 @@ def test_another_plan_is_refused(sdof, tmp_path, change, message):
     with pytest.raises(DatasetError) as error:
         dovetail.generate(sdof, tmp_path / "data.zarr", resume=True, **{"samples": 20, **change})
     assert found(error) == message
+    assert error.value.faults[0].remedy == "Go on with that one, or choose another name."
 
 
 def test_another_description_is_refused_but_other_training_is_not(sdof, tmp_path):

@@ -119,6 +119,13 @@ def test_a_damaged_chunk_is_named_with_its_shard(assembly, tmp_path, damage):
     assert not (tmp_path / "data.zarr").exists()
 
 
+def test_a_shard_is_no_dataset_to_train_with_and_the_way_on_is_named(assembly, tmp_path):
+    (shard, _) = shards(assembly, tmp_path, 2)
+    with pytest.raises(DatasetError) as error:
+        dovetail.Dataset(shard).require(assembly)
+    assert "joined by 'dovetail merge'" in error.value.faults[0].remedy
+
+
 def test_samples_that_nobody_computed_are_named_up_to_the_last_one(assembly, tmp_path):
     dovetail.generate(assembly, tmp_path / "shard.zarr", samples=290, shard=(1, 2))
     with pytest.raises(DatasetError, match="275 to 289 are in none"):

@@ -56,6 +56,9 @@ class Dataset:
         import zarr
 
         self.path = Path(path)
+        if not self.path.exists():
+            problem = "this is not a dataset: there is no such folder."
+            raise DatasetError(Fault(str(path), problem, remedy="Make one by 'dovetail generate'."))
         try:
             self.attributes: dict[str, Any] = dict(read_metadata(self.path, "group").get("attributes", {}))
             if self.attributes.get("dovetail_dataset") != FORMAT:
@@ -128,9 +131,8 @@ class Dataset:
                 )
             )
         if not self.complete:
-            raise DatasetError(
-                Fault(str(self.path), "its generation was interrupted.", remedy="Finish it with --resume.")
-            )
+            remedy = "Finish it with --resume; the shards of a dataset are joined by 'dovetail merge'."
+            raise DatasetError(Fault(str(self.path), "its generation was interrupted.", remedy=remedy))
         self.amplitude.check_chunks()
         self.require_same_frfs(assembly, _PROBES)
 

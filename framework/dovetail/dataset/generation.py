@@ -154,7 +154,8 @@ def _check_resumable(folder: Path, assembly: Assembly, plan: _Plan, resume: bool
     begun = asdict(_Plan.of(dataset))
     for name, wanted in asdict(plan).items():
         if begun[name] != wanted:
-            raise DatasetError(Fault(str(folder), f"it was begun with {name} {begun[name]}, not {wanted}."))
+            problem = f"it was begun with {name} {begun[name]}, not {wanted}."
+            raise DatasetError(Fault(str(folder), problem, remedy="Go on with that one, or choose another name."))
     dataset.require_same_frfs(assembly)
 
 
