@@ -81,7 +81,9 @@ def by_network(
     posterior = None if samples is None else _posterior_of(measured, samples, time.monotonic() - began)
     theta = theta if posterior is None else posterior.estimate
     result = _result(measured, theta, method="network", provenance=origin, adequacy=verdict)
-    unsure = () if verdict is not None else (_CANNOT_TELL,)
+    unsure: tuple[str, ...] = () if verdict is not None else (_CANNOT_TELL,)
+    if posterior is not None and (known := trained.known_noise) is not None:
+        unsure += known.warnings(resampled, theta, posterior.theta)
     warnings = (*result.warnings, *measured.warnings_of_features, *unsure)
     return replace(result, posterior=posterior, warnings=warnings)
 

@@ -6,8 +6,9 @@ import json
 import math
 import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ from dovetail.identification.network.manifest import (
     read_manifest,
 )
 from dovetail.identification.network.network import Network, check_contract, component_label
-from dovetail.identification.network.novelty import Novelty
+from dovetail.identification.network.novelty import KnownNoise, Novelty
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 from dovetail.identification.provenance import Evaluation, component_sources, file_hash, package_versions
 from dovetail.interfaces import FittedReducer, FittedRegressor, Reducer, Regressor, State, plugin_errors
@@ -68,6 +69,13 @@ class TrainedNetwork:
     network: Network
     evaluation: Evaluation
     novelty: Novelty | None = None
+
+    @cached_property
+    def known_noise(self) -> KnownNoise | None:
+        """The noise of its training; None if a measurement that gave it is no longer there."""
+        with suppress(MeasurementError, FileError):
+            return KnownNoise.of(self.assembly)
+        return None
 
     def predict_parameters(self, amplitude: ArrayLike) -> NDArray[np.float64]:
         """Predict parameters from the amplitude of the accelerance, on the assembly's frequencies.
