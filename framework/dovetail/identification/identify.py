@@ -20,7 +20,7 @@ from dovetail.assembly.description import Response
 from dovetail.errors import Fault, MeasurementError, ParameterError, did_you_mean, listing
 from dovetail.frf import Frf
 from dovetail.identification.fitting import one_per_response, refine
-from dovetail.identification.fitting.random_error import Weights, weighted_variance
+from dovetail.identification.fitting.observations import Weights, weighted_variance
 from dovetail.identification.measured_lines import MeasuredLines
 from dovetail.identification.methods import DEFAULT_METHOD, METHODS, by_plugin
 from dovetail.identification.modal_fit import identify_from_modes

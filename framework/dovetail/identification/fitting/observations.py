@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,20 @@ from dovetail.identification.fitting.random_error import (
     is_too_short,
     isolated_lines,
     known_variance,
+    least_variance,
     most_likely_parts,
     normal_residuals,
+    random_error_variance,
     residual_variance,
 )
 from dovetail.identification.fitting.residuals import LogAmplitude, StackedResiduals, Weighted, split_by_response
 
-__all__ = ["Observations", "one_per_response"]
+__all__ = ["Observations", "Weights", "one_per_response", "weighted_variance"]
+
+Weights = Literal["coherence", "amplitude"] | NDArray[np.float64]
+"""How much each line counts if not by its random error; see `weighted_variance`."""
+_LEAST_COHERENCE = 1e-3
+"""Smallest coherence, and smallest distance from 1, by which lines are weighted."""
 
 _LEAST_DISCREPANCY = 1e-6
 """Relative error of a model that is negligible."""
@@ -166,7 +173,7 @@ class Observations:
         responses = zip(self.frfs, self._known_variances, self.split(model), self.split(used), strict=True)
         return np.concatenate(
             [
-                known if known is not None else _from_residuals(frf, values, lines) / share
+                known if known is not None else residual_variance(frf, values, lines) / share
                 for frf, known, values, lines in responses
             ]
         )
@@ -239,6 +246,40 @@ def _estimated(frf: Frf, model: NDArray[np.complex128] | None) -> NDArray[np.flo
     return estimated_variance(frf, model if model is None or frf.has_phase else np.abs(model))
 
 
-def _from_residuals(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the variance of residuals; for amplitudes, whose errors are not symmetric, that of their scatter."""
-    return residual_variance(frf, model, used) if frf.has_phase else _estimated(frf, model)
+def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
+    """Return the variance (n_freq,) that gives lines these weights, at the level of the random error.
+
+    Parameters
+    ----------
+    frf : Frf
+    weights : {"coherence", "amplitude"} or (n_freq,) array
+        With "coherence", the variance is proportional to (1 - c) / c times the squared amplitude; with "amplitude", to
+        the squared amplitude itself, so that relative errors count, as with logarithms; with an array, to its inverse.
+
+    Raises
+    ------
+    MeasurementError
+        There is no coherence, or the array has another length or is not positive.
+    """
+    importance = _importance(frf, weights)
+    magnitude = 1.0 if isinstance(weights, np.ndarray) else np.maximum(frf.amplitude**2, least_variance(frf))
+    shape = magnitude / importance
+    ratio = random_error_variance(frf) / shape
+    if isinstance(weights, str) and weights == "amplitude":
+        return np.asarray(shape * np.median(ratio))  # lines of no amplitude have any relative error
+    return np.asarray(shape * np.sum(ratio * importance) / np.sum(importance))
+
+
+def _importance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
+    """Return how much each line counts (n_freq,), apart from a factor of its magnitude."""
+    if isinstance(weights, np.ndarray):
+        if weights.shape != frf.frequency.shape or not (np.isfinite(weights).all() and (weights > 0).all()):
+            problem = f"weights of shape {weights.shape} were given for {frf.frequency.size} lines."
+            raise MeasurementError(Fault(frf.label, problem, "a positive number for each line of the measurement"))
+        return weights.astype(np.float64)
+    if weights == "amplitude":
+        return np.ones_like(frf.frequency)
+    if frf.coherence is None:
+        raise MeasurementError(Fault(frf.label, "it has no coherence by which its lines could be weighted."))
+    coherence = np.clip(frf.coherence, _LEAST_COHERENCE, 1.0 - _LEAST_COHERENCE)
+    return np.asarray(coherence / (1.0 - coherence))

@@ -2,36 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self
+from functools import partial
+from typing import Any, Self
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares, minimize
 from scipy.special import chdtri, fdtrc, polygamma
 
 from dovetail.errors import Fault, MeasurementError
 from dovetail.frf import Frf, conversion
+from dovetail.frf.rice import noise_in_scatter, rice_surprise
 
 __all__ = [
     "FOURTH_DIFFERENCE",
     "MeasuredNoise",
-    "Weights",
     "error_parts",
     "estimated_variance",
     "is_too_short",
     "isolated_lines",
     "known_variance",
+    "least_variance",
     "most_likely_parts",
     "normal_residuals",
     "random_error_variance",
     "residual_variance",
-    "weighted_variance",
 ]
 
-Weights = Literal["coherence", "amplitude"] | NDArray[np.float64]
-"""How much each line counts if not by its random error; see `weighted_variance`."""
+Surprise = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""Negative log densities (n,) of errors at their variances (n,), and the derivatives."""
 
 FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth difference: it keeps the variance of white noise and removes nearly all of a smooth curve."""
@@ -51,6 +54,8 @@ class Settings:
     """Largest number of bins of the magnitude: enough for a floor and a proportional part."""
     lines_per_bin: int = 20
     """Smallest number of lines in a bin: a quantile of fewer lines scatters too much."""
+    smoothing: int = 9
+    """Lines over which amplitudes that sort lines into bins are averaged: noise would sort its own lines."""
     quantile: float = 0.4
     """Quantile of each bin from which the noise is estimated; differences at sharp resonances lie above it."""
     prominence: float = 5.0
@@ -62,8 +67,6 @@ class Settings:
     """Share of lines with a coherence of exactly 1 above which the file's coherences are rounded too coarsely."""
     scattering: float = 0.5
     """Share of the scatter of variances estimated line by line above which given ones are taken for such estimates."""
-    least_coherence: float = 1e-3
-    """Smallest coherence, and smallest distance from 1, by which lines are weighted."""
     most_decrease: float = 5.0
     """Natural logarithm of the factor by which the most likely floor and share may lie below the least variance."""
     most_isolated: float = 0.05
@@ -105,7 +108,7 @@ def known_variance(frf: Frf) -> NDArray[np.float64] | None:
     largest = np.max(variance[finite], initial=0.0)
     variance = np.where(finite, variance, np.maximum(largest, frf.amplitude**2))
     factor = _factor_of_scatter(_scattering_averages(frf))
-    return np.asarray(np.maximum(variance * factor, _least_variance(frf)))
+    return np.asarray(np.maximum(variance * factor, least_variance(frf)))
 
 
 def _factor_of_scatter(averages: int) -> float:
@@ -170,9 +173,12 @@ def estimated_variance(frf: Frf, model: NDArray[Any] | None = None) -> NDArray[n
     -----
     Fourth differences keep the noise and remove the curve. In bins of the magnitude their lower quantile gives the
     variance, since peaks that are sharper than a few lines spoil only the upper part. a and b follow by least squares.
+    Amplitudes scatter as Rice's distribution says. The lowest of those that are mostly noise are the ones with the
+    least noise, so that bins are those of the model's magnitudes where there is one, and |H|^2 is a mean of five lines.
     """
     floor, share = _estimated_parts(frf, model)
-    return np.asarray(np.maximum(floor + share * frf.amplitude**2, _least_variance(frf)))
+    square = frf.amplitude**2 if frf.has_phase else _squares_around(np.pad(frf.amplitude, 2, mode="edge"))
+    return np.asarray(np.maximum(floor + share * square, least_variance(frf)))
 
 
 def error_parts(frf: Frf) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -233,62 +239,35 @@ class MeasuredNoise:
 
 def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float, float]:
     """Estimate a and b of ``a + b |H|^2``."""
-    least = _least_variance(frf)
+    least = least_variance(frf)
     values = frf.values if frf.has_phase else frf.amplitude
     if is_too_short(frf):
         return float((_SETTINGS.short * frf.amplitude.max()) ** 2), 0.0
     residuals = values if model is None else values - model
     squares = np.abs(np.convolve(residuals, FOURTH_DIFFERENCE, mode="valid")) ** 2
-    level = np.sqrt(np.convolve(frf.amplitude**2, FOURTH_DIFFERENCE**2, mode="valid"))
+    measured = _squares_around(frf.amplitude)
+    level = measured
+    if not frf.has_phase:
+        level = uniform_filter1d(measured, _SETTINGS.smoothing) if model is None else _squares_around(model)
     count = min(_SETTINGS.bins, max(1, len(level) // _SETTINGS.lines_per_bin))
     bins = np.array_split(np.argsort(level), count)
-    magnitude = np.array([np.sqrt(np.mean(level[rows] ** 2)) for rows in bins])
-    quantiles = np.array([np.quantile(squares[rows], _SETTINGS.quantile) for rows in bins])
-    return _floor_and_share(magnitude, np.maximum(quantiles / _unit_quantile(frf.has_phase), least))
+    middle = np.mean if frf.has_phase else np.median
+    magnitude = np.sqrt([middle(level[rows]) for rows in bins])
+    variance = np.array([np.quantile(squares[rows], _SETTINGS.quantile) for rows in bins])
+    variance /= _unit_quantile(frf.has_phase)
+    if not frf.has_phase:
+        variance = noise_in_scatter(variance / 2.0, np.array([np.mean(measured[rows]) for rows in bins]))
+    return _floor_and_share(magnitude, np.maximum(variance, least))
+
+
+def _squares_around(amplitude: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean squares (n - 4,) of amplitudes (n,) over five lines, weighted as in a fourth difference."""
+    return np.convolve(amplitude**2, FOURTH_DIFFERENCE**2, mode="valid")
 
 
 def is_too_short(frf: Frf) -> bool:
     """Return whether an FRF has fewer than 10 lines; 1 % of the largest value is then taken as its random error."""
     return len(frf.frequency) < 2 * len(FOURTH_DIFFERENCE)
-
-
-def weighted_variance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
-    """Return the variance (n_freq,) that gives lines these weights, at the level of the random error.
-
-    Parameters
-    ----------
-    frf : Frf
-    weights : {"coherence", "amplitude"} or (n_freq,) array
-        With "coherence", the variance is proportional to (1 - c) / c times the squared amplitude; with "amplitude", to
-        the squared amplitude itself, so that relative errors count, as with logarithms; with an array, to its inverse.
-
-    Raises
-    ------
-    MeasurementError
-        There is no coherence, or the array has another length or is not positive.
-    """
-    importance = _importance(frf, weights)
-    magnitude = 1.0 if isinstance(weights, np.ndarray) else np.maximum(frf.amplitude**2, _least_variance(frf))
-    shape = magnitude / importance
-    ratio = random_error_variance(frf) / shape
-    if isinstance(weights, str) and weights == "amplitude":
-        return np.asarray(shape * np.median(ratio))  # lines of no amplitude have any relative error
-    return np.asarray(shape * np.sum(ratio * importance) / np.sum(importance))
-
-
-def _importance(frf: Frf, weights: Weights) -> NDArray[np.float64]:
-    """Return how much each line counts (n_freq,), apart from a factor of its magnitude."""
-    if isinstance(weights, np.ndarray):
-        if weights.shape != frf.frequency.shape or not (np.isfinite(weights).all() and (weights > 0).all()):
-            problem = f"weights of shape {weights.shape} were given for {frf.frequency.size} lines."
-            raise MeasurementError(Fault(frf.label, problem, "a positive number for each line of the measurement"))
-        return weights.astype(np.float64)
-    if weights == "amplitude":
-        return np.ones_like(frf.frequency)
-    if frf.coherence is None:
-        raise MeasurementError(Fault(frf.label, "it has no coherence by which its lines could be weighted."))
-    coherence = np.clip(frf.coherence, _SETTINGS.least_coherence, 1.0 - _SETTINGS.least_coherence)
-    return np.asarray(coherence / (1.0 - coherence))
 
 
 def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -297,7 +276,7 @@ def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.
     Parameters
     ----------
     frf : Frf
-        With phase.
+        With phase, or an amplitude.
     model : (n_freq,) complex array
         The FRF that was fitted to it.
     used : (n_freq,) bool array
@@ -312,10 +291,13 @@ def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.
     -----
     This estimate is much more certain than `estimated_variance`, which needs no model that fits.
     """
-    least = _least_variance(frf)
+    least = least_variance(frf)
     magnitude = np.maximum(np.abs(model) ** 2, np.finfo(float).tiny)
-    squares = np.abs(frf.values - model)[used] ** 2
-    floor, share = most_likely_parts(squares, np.ones_like(squares), magnitude[used], least)
+    squares, surprise = np.abs(frf.values - model)[used] ** 2, None
+    if not frf.has_phase:
+        measured, values = frf.amplitude[used], np.abs(model)[used]
+        squares, surprise = (measured - values) ** 2, partial(rice_surprise, measured, values)
+    floor, share = most_likely_parts(squares, np.ones_like(squares), magnitude[used], least, surprise=surprise)
     return np.asarray(np.maximum(floor + share * magnitude, least))
 
 
@@ -325,6 +307,7 @@ def most_likely_parts(
     magnitude: NDArray[np.float64],
     least: float,
     known: NDArray[np.float64] | None = None,
+    surprise: Surprise | None = None,
 ) -> tuple[float, float]:
     """Return a and b with which ``known + a level + b magnitude`` is the most likely variance of complex errors.
 
@@ -338,17 +321,21 @@ def most_likely_parts(
         Variance that is negligible.
     known : (n,) array, optional
         The rest of the variance; 0 by default.
+    surprise : callable, optional
+        Returns the negative log densities (n,) at variances (n,), and their derivatives; by default those of squares
+        of complex errors.
     """
     lowest = np.argsort(magnitude / level)[: max(1, len(magnitude) // 4)]
     starts = np.array([np.median((squares / level)[lowest]), np.median(squares / magnitude)]) / np.log(2.0)
     smallest = np.array([least / level.max(), least / magnitude.max()])
     terms, rest = np.stack([level, magnitude]), np.zeros_like(squares) if known is None else known
+    surprise = surprise or partial(_complex_surprise, squares)
 
     def negative_log(logs: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         parts = np.exp(logs)[:, np.newaxis] * terms
         variance = rest + parts.sum(axis=0)
-        slope = (1.0 - squares / variance) / variance
-        return float(np.mean(np.log(variance) + squares / variance)), np.asarray((parts @ slope) / len(squares))
+        each, slope = surprise(variance)
+        return float(np.mean(each)), np.asarray((parts @ slope) / len(squares))
 
     largest = np.maximum((squares / terms).max(axis=1), smallest)  # more than any error needs
     bounds = list(zip(np.log(smallest) - _SETTINGS.most_decrease, np.log(largest), strict=True))
@@ -357,7 +344,14 @@ def most_likely_parts(
     return of_level, of_magnitude
 
 
-def _least_variance(frf: Frf) -> float:
+def _complex_surprise(
+    squares: NDArray[np.float64], variance: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return np.log(variance) + squares / variance, (1.0 - squares / variance) / variance
+
+
+def least_variance(frf: Frf) -> float:
+    """Return the smallest E|error|^2 that an FRF is believed to have."""
     return float((_SETTINGS.least * frf.amplitude.max()) ** 2)
 
 

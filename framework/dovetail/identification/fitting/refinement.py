@@ -394,5 +394,5 @@ class _Refinement:
 
     def _has_size_of_noise(self, residuals: NDArray[np.float64], false_alarm: float = NOISE_ALARM) -> bool:
         squares = sum(float(np.sum(of_response**2)) for of_response in self._target.by_line(residuals))
-        lines, known = int(np.count_nonzero(self._used)), self._target.variance_known
+        lines, known = self._target.residual_count(self._used) // 2, self._target.variance_known
         return has_size_of_noise(squares, self._freedom, lines, variance_known=known, false_alarm=false_alarm)

@@ -11,11 +11,11 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.special import i0e, i1e
 
 from dovetail.assembly import Assembly
 from dovetail.assembly.parameters import ResponseFrfs
 from dovetail.frf import Frf
+from dovetail.frf.rice import rice_mean
 from dovetail.identification.fitting.least_squares import Linearisation, SumOfSquares
 
 __all__ = [
@@ -259,7 +259,7 @@ class Weighted:
         """Return the residuals (n, m) of FRFs (n, f); with a phase, a line's real part, then its imaginary part."""
         if self.has_phase:
             return _reals((frf - self.measured) * self.weight)
-        mean, _ = _rice_mean(np.abs(frf), self.variance)
+        mean, _ = rice_mean(np.abs(frf), self.variance)
         return np.asarray((mean - self.measured) * self.weight)
 
     def size(self, frf: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -274,7 +274,7 @@ class Weighted:
         if self.has_phase:
             return _reals(frf_jacobian * self.weight)
         amplitude = np.maximum(np.abs(frf), np.finfo(float).tiny)
-        _, slope = _rice_mean(amplitude, self.variance)
+        _, slope = rice_mean(amplitude, self.variance)
         return np.asarray(np.real(frf_jacobian * (np.conj(frf) / amplitude * slope * self.weight)[:, np.newaxis]))
 
 
@@ -339,21 +339,11 @@ def _reals(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.ascontiguousarray(values).view(np.float64)
 
 
-def _rice_mean(
-    amplitude: NDArray[np.float64], variance: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the mean of |amplitude + complex noise| and its derivative by the amplitude."""
-    half = amplitude**2 / (2.0 * variance)
-    bessel_0, bessel_1 = i0e(half), i1e(half)
-    mean = np.sqrt(np.pi * variance) / 2.0 * ((1.0 + 2.0 * half) * bessel_0 + 2.0 * half * bessel_1)
-    return mean, np.sqrt(np.pi / variance) / 2.0 * amplitude * (bessel_0 + bessel_1)
-
-
 def _rice_deviation(target: Frf, variance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the standard deviation of |amplitude + complex noise|, for an amplitude smoothed over neighbours."""
     smooth = uniform_filter1d(target.amplitude**2, _SETTINGS.smoothing, mode="nearest")
     square = np.maximum(smooth - variance, 0.0)
-    mean, _ = _rice_mean(np.sqrt(square), variance)
+    mean, _ = rice_mean(np.sqrt(square), variance)
     clear = square > _SETTINGS.clear * variance
     rice = np.maximum(square + variance - mean**2, _SETTINGS.least_rice * variance)
     return np.sqrt(np.where(clear, variance / 2.0, rice))
