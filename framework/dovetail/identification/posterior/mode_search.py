@@ -55,8 +55,10 @@ class Settings:
     rough_tolerance: float = 0.1
     rough_steps: int = 100
     """Limits of the searches on the chosen lines."""
-    refined_modes: int = 4
-    """Number of modes on the chosen lines, the best ones, from which the search continues on all lines."""
+    refined_modes: int = 8
+    """Largest number of modes on the chosen lines, the best ones, from which the search continues on all lines."""
+    same: float = 0.05
+    """Largest difference of coordinates, of which the prior's deviation is 1, at which two ends are the same mode."""
     tolerance: float = 1e-2
     steps: int = 100
     """Limits of the searches on all lines; sampling starts at the modes and does not need them more precisely."""
@@ -142,8 +144,11 @@ def search_modes(
         cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
     both = np.concatenate([direct, cooled])
     ends = maximise_posterior(tempered(1.0), both, most_steps=_SETTINGS.rough_steps, **rough)
+    ends = ends[[bool((np.abs(ends[:row] - end) > _SETTINGS.same).any(axis=1).all()) for row, end in enumerate(ends)]]
     starts = np.concatenate([of_fit, ends[: _SETTINGS.refined_modes]])
-    return maximise_posterior(likelihood.posterior, starts, tell=tell)
+    modes = maximise_posterior(likelihood.posterior, starts, tell=tell)
+    progress("modes", total, total)  # fewer may have been different
+    return modes
 
 
 def maximise_posterior(

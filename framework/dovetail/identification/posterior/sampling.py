@@ -66,6 +66,10 @@ class Settings:
     """Probability about a mode, over the largest about any, below which it is left out."""
     apart: float = 3.0
     """Standard deviations from which two modes are separate."""
+    still: float = 0.1
+    """Decrease of chi-squared that the tangent promises below which an end of a search is a mode."""
+    least_ends: float = 0.7
+    """Searches about several modes that must end there; those along one curved valley mostly do not."""
     weight_quantile: float = 0.975
     """Quantile at which they are clipped: where the tangent map folds over, single weights are huge."""
 
@@ -171,14 +175,14 @@ class _Sampler:
         self._likelihood = likelihood
         self._random, self._progress = random, progress
         log_posterior = self._log_posterior(modes)
-        self._points = modes[log_posterior >= log_posterior.max() - _SETTINGS.region / 2.0]
+        self._modes = self._points = modes[log_posterior >= log_posterior.max() - _SETTINGS.region / 2.0]
         origin = likelihood.frf(unit_from_normal(self._points[:1]))[0]
         snapshots = self._first_snapshots(unit_from_normal(self._points), information)
         for number in range(1, _SETTINGS.rounds[1] + 1):
             progress("exploration", number - 1, _SETTINGS.rounds[1])
             reduced = ReducedResiduals(likelihood, snapshots, origin)
             self._adopt(reduced)
-            pilots, _ = self._solve(_SETTINGS.pilots, _SETTINGS.pilot_iterations)
+            pilots, _ = self._solve(_SETTINGS.pilots, _SETTINGS.pilot_iterations, self._tangent_map, self._points)
             fraction = unit_from_normal(pilots.z)
             frfs, on_few = likelihood.frf(fraction), reduced.residuals(fraction)
             squares = marginalised_squares(likelihood.residual.of(frfs), likelihood.errors)
@@ -209,25 +213,52 @@ class _Sampler:
         self._tangent_map = TangentMap(self._posterior, LinearisedPoints.at(self._posterior, self._mode))
         self._points = np.concatenate([self._points, self._mode])
 
-    def _solve(self, count: int, iterations: int) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
+    def _solve(
+        self, count: int, iterations: int, tangent_map: TangentMap, points: NDArray[np.float64]
+    ) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
         """Search for z with randomly drawn components, each from the known point with the nearest components."""
         target = self._random.standard_normal((count, self._mode.shape[1]))
-        components = self._tangent_map.components(self._posterior.residuals(self._points))
+        components = tangent_map.components(self._posterior.residuals(points))
         squares = squared_norms(components) - 2.0 * target @ components.T
-        nearest = LinearisedPoints.at(self._posterior, self._points[np.argmin(squares, axis=1)])
-        return self._tangent_map.solve(target, nearest, iterations)
+        nearest = LinearisedPoints.at(self._posterior, points[np.argmin(squares, axis=1)])
+        return tangent_map.solve(target, nearest, iterations)
 
     def search(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the ends z of the searches that converged, and the logarithms of their weights."""
+        """Return the ends z of the searches that converged, and the logarithms of their weights.
+
+        The searches are shared out to the separate modes. Those about each have a map and starts of their own, and
+        only ends that are nearest to it count: one map for all would reach a part of each mode only. A curved valley
+        has many points that seem to be modes, but searches about them end elsewhere: it takes one map.
+        """
+        modes = self._separate()
+        z, log_weight = self._search_about(modes, count)
+        if len(modes.z) == 1 or len(z) > _SETTINGS.least_ends * count:
+            return z, log_weight
+        return self._search_about(LinearisedPoints.at(self._posterior, self._mode), count)
+
+    def _search_about(self, modes: LinearisedPoints, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         z, log_weight = self._mode[:0], np.empty(0)
-        for first in range(0, count, _SETTINGS.batch):
-            self._progress("samples", first, count)
-            ends, converged = self._solve(min(_SETTINGS.batch, count - first), _SETTINGS.iterations)
-            ends = ends.at_rows(np.flatnonzero(converged))
-            self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
-            log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - self._tangent_map.log_density(ends)])
+        for number, share in enumerate(np.bincount(np.arange(count) % len(modes.z)).tolist()):
+            tangent_map = TangentMap(self._posterior, modes.at_rows(np.array([number])))
+            for first in range(0, share, _SETTINGS.batch):
+                self._progress("samples", len(z), count)
+                about = np.concatenate([modes.z[[number]], self._points[_nearest(modes, self._points) == number]])
+                drawn = min(_SETTINGS.batch, share - first)
+                ends, converged = self._solve(drawn, _SETTINGS.iterations, tangent_map, about)
+                ends = ends.at_rows(np.flatnonzero(converged & (_nearest(modes, ends.z) == number)))
+                log_density = tangent_map.log_density(ends) + np.log(share)
+                self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
+                log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density])
         self._progress("samples", count, count)
         return z, log_weight
+
+    def _separate(self) -> LinearisedPoints:
+        """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
+        others = maximise_posterior(self._posterior, self._modes, tolerance=1e-3)
+        ends = LinearisedPoints.at(self._posterior, np.concatenate([self._mode, others]))
+        steps = squared_norms(TangentMap(self._posterior, ends).components(ends.residuals))
+        modes = _separate_modes(ends.at_rows(np.flatnonzero(steps < _SETTINGS.still)))
+        return modes if len(modes.z) > 1 else LinearisedPoints.at(self._posterior, self._mode)
 
     def move(
         self, z: NDArray[np.float64], log_weight: NDArray[np.float64], count: int
@@ -288,13 +319,18 @@ def _separate_modes(modes: LinearisedPoints) -> LinearisedPoints:
         others = modes.at_rows(np.array(kept, dtype=np.intp))
         if likely and (_distances(others, modes.z[[number]]) > _SETTINGS.apart**2).all():
             kept.append(number)
-    return modes.at_rows(np.array(kept))
+    return modes.at_rows(np.array(kept, dtype=np.intp))
 
 
 def _distances(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the squared distances (n, n_modes) of points from modes, in standard deviations of each."""
     moved = np.einsum("pkd,kdm->pkm", z[:, np.newaxis] - modes.z, modes.jacobian)
     return np.asarray(np.einsum("pkm,pkm->pk", moved, moved))
+
+
+def _nearest(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the numbers (n,) of the modes to which points are nearest."""
+    return np.asarray(np.argmin(_distances(modes, z), axis=1))
 
 
 def _about_one(
@@ -307,7 +343,7 @@ def _about_one(
     tangent_map = TangentMap(posterior, modes.at_rows(np.array([number])))
     target = random.standard_normal((count, modes.z.shape[1]))
     ends, converged = tangent_map.solve(target, modes.at_rows(np.full(count, number)), _SETTINGS.iterations)
-    ends = ends.at_rows(np.flatnonzero(converged & (np.argmin(_distances(modes, ends.z), axis=1) == number)))
+    ends = ends.at_rows(np.flatnonzero(converged & (_nearest(modes, ends.z) == number)))
     return ends, ends.log_posterior - tangent_map.log_density(ends) - np.log(count)
 
 
