@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import lru_cache
 from importlib.metadata import version
 from itertools import islice
@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 from dovetail.errors import DovetailError, Fault, require_package
 
-__all__ = ["FILE_MODULE", "cores", "on_cluster", "require_cluster", "side_by_side"]
+__all__ = ["FILE_MODULE", "cores", "on_cluster", "one_blas_thread", "require_cluster", "side_by_side"]
 
 Result = TypeVar("Result")
 Task = TypeVar("Task")
@@ -94,14 +94,26 @@ def side_by_side(
             pool.shutdown(cancel_futures=True)
 
 
+def one_blas_thread() -> AbstractContextManager[Any]:
+    """Limit linear algebra to one thread, from now until the context that is returned ends."""
+    return _blas().limit(limits=1, user_api="blas")  # type: ignore[no-any-return]
+
+
+@lru_cache(maxsize=1)
+def _blas() -> Any:
+    """Find the libraries of linear algebra, which takes milliseconds; SciPy's is another one than NumPy's."""
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
 def _begin(work: Callable[[int], Any]) -> None:
     """Ignore Ctrl-C, which the parent process handles, and limit linear algebra to one thread."""
     import signal
 
-    from threadpoolctl import threadpool_limits
-
     global _work
-    threadpool_limits(1, user_api="blas")
+    one_blas_thread()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _work = work
 

@@ -12,7 +12,6 @@ from typing import Any, cast, overload
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
-from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import FRF_TOLERANCE, Assembly, AssemblySource, as_assembly, largest_frf_difference
 from dovetail.assembly.calibration import unknown_signs, with_signs
@@ -28,6 +27,7 @@ from dovetail.identification.network.bundle import TrainedNetwork
 from dovetail.identification.result import Identification, ModalIdentification
 from dovetail.interfaces import IdentificationMethod, Progress, logged, progress_reporter
 from dovetail.measurement import ModalParameters, is_modal_table, read_frf
+from dovetail.parallel import one_blas_thread
 from dovetail.registry import Registry, installed_components
 
 __all__ = ["Measurement", "find_method", "identify", "method_options"]
@@ -145,7 +145,7 @@ def identify(
         _check_model(assembly, model.assembly)
     labels = measured.label if isinstance(measured, ModalParameters) else listing(frf.label for frf in measured)
     step = logged(__name__, f"{assembly.name} identified from {labels} by {called}")
-    with threadpool_limits(1, user_api="blas"), step, progress_reporter(progress) as report:
+    with one_blas_thread(), step, progress_reporter(progress) as report:
         if isinstance(measured, ModalParameters):
             return identify_from_modes(assembly, measured, progress=report, **options)
         lines = MeasuredLines.of(assembly, _prepared(assembly, measured, weights, phase=phase))

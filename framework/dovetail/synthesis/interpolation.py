@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.parallel import one_blas_thread
 from dovetail.synthesis.coupled_system import Point
 from dovetail.synthesis.engine import Engine
 from dovetail.synthesis.graph import Graph
@@ -104,12 +105,6 @@ class InterpolatedEngine(Engine):
         frequency = self.frequency[self.interpolant.lines]
         return Engine(self.graph, frequency, self.system.points, self.probe_theta, pairs=self.pairs)
 
-    @cached_property
-    def _blas(self) -> Any:
-        from threadpoolctl import ThreadpoolController
-
-        return ThreadpoolController()
-
     def frfs(self, theta: Theta, factors: FactorsLike = None) -> NDArray[np.complex128]:
         """Return the FRFs of all pairs for each parameter vector, as `Engine.frfs` does."""
         return self._interpolate(theta, factors, np.complex128, super().frfs)
@@ -136,7 +131,7 @@ class InterpolatedEngine(Engine):
             block = slice(first, first + size)
             error[block] = interpolant.fill(exact[block], result[block])
 
-        with self._blas.limit(limits=1, user_api="blas"), ThreadPoolExecutor(self.threads) as pool:
+        with one_blas_thread(), ThreadPoolExecutor(self.threads) as pool:
             list(pool.map(fill_block, range(0, len(exact), size)))
         result = result.reshape(*shape, -1)
         rejected = ~(error <= self.tolerance).reshape(shape).all(axis=1)

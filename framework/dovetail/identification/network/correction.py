@@ -19,7 +19,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, uniform_filter1d
-from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly
 from dovetail.frf import conversion
@@ -27,7 +26,7 @@ from dovetail.identification.fitting.random_error import FOURTH_DIFFERENCE
 from dovetail.identification.network.preprocessing import TargetScaling, ZScore
 from dovetail.identification.posterior.likelihood import normal_density, normal_from_unit, unit_from_normal
 from dovetail.interfaces import FittedRegressor, Regressor, State, TargetDistribution
-from dovetail.parallel import cores
+from dovetail.parallel import cores, one_blas_thread
 
 __all__ = ["Correction", "GaussNewtonFeatures", "correction_states", "restore_corrections"]
 
@@ -119,7 +118,7 @@ class GaussNewtonFeatures:
 
         if len(blocks) == 1:
             return of_block(blocks[0])
-        with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(cores()) as pool:
+        with one_blas_thread(), ThreadPoolExecutor(cores()) as pool:
             first = of_block(blocks[0])  # which compiles what the others need
             return np.concatenate([first, *pool.map(of_block, blocks[1:])])
 

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from dovetail.assembly import Assembly, AugmentationSection, IdentificationSettings
 from dovetail.dataset import Dataset, Storage, generate
@@ -57,6 +56,7 @@ from dovetail.interfaces import (
     silent,
     takes_context,
 )
+from dovetail.parallel import one_blas_thread
 
 __all__ = ["needs_phase", "train_and_evaluate", "train_network"]
 
@@ -173,7 +173,7 @@ def _train(assembly: Assembly, dataset: Dataset, timer: StageTimer, progress: Pr
         if len(assembly.description.responses) == 1:
             rows = next(blocks(len(dataset)))
             amplitude = np.asarray(dataset.amplitude[rows], dtype=np.float32)[~is_test[rows]]
-            with threadpool_limits(1, user_api="blas"):  # many small products, for which threads only wait
+            with one_blas_thread():  # many small products, for which threads only wait
                 count = int(np.count_nonzero(~is_test))
                 novelty = learn_novelty(assembly, network, amplitude, theta[is_test], count, settings.seed)
     return TrainedNetwork(assembly, network, evaluation, novelty)
