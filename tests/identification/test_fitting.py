@@ -254,7 +254,8 @@ def test_the_same_seed_gives_the_same_fit(sdof):
         ({"method": "network"}, "needs a trained model"),
         ({"model_error": "1 %"}, "'1 %' is no relative error"),
         ({"cause_seconds": "20 s"}, "'20 s' s is no time"),
-        ({"samples": "many"}, "'many' samples are none"),
+        ({"samples": "many"}, "'many' samples were asked for"),
+        ({"samples": 1}, "1 samples were asked for"),
     ],
 )
 def test_options_that_make_no_sense_are_refused_before_any_work(sdof, options, message):

@@ -31,6 +31,7 @@ __all__ = [
 
 LEVEL = 0.9
 """Probability that an interval holds the true value."""
+_FEWEST_SAMPLES = 20  # of fewer, the ends of an interval would be the outermost samples
 
 NOT_BELIEVED: Final = "not believed"
 """The verdict on every parameter of a result that is not to be believed."""
@@ -41,7 +42,7 @@ Form: TypeAlias = Literal["samples", "laplace"]
 
 
 def check_options(samples: int, form: str = "samples") -> None:
-    """Make sure that the form of a posterior is one, and the number of its samples a positive integer.
+    """Make sure that the form of a posterior is one, and the number of its samples an integer that is large enough.
 
     Raises
     ------
@@ -50,8 +51,9 @@ def check_options(samples: int, form: str = "samples") -> None:
     if form not in get_args(Form):
         problem = f"'{form}' is no form of the posterior."
         raise ParameterError(Fault("form", problem, listing(get_args(Form)), did_you_mean(form, get_args(Form))))
-    if not (isinstance(samples, Integral) and samples >= 1):
-        raise ParameterError(Fault("samples", f"{samples!r:.40} samples are none.", "1 or more"))
+    if not (isinstance(samples, Integral) and samples >= _FEWEST_SAMPLES):
+        problem = f"{samples!r:.40} samples were asked for."
+        raise ParameterError(Fault("samples", problem, f"{_FEWEST_SAMPLES} or more, for an interval of 90 %"))
 
 
 @dataclass(frozen=True)
