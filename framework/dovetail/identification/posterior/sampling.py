@@ -250,7 +250,8 @@ class _Sampler:
                 self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
                 log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density])
         self._progress("samples", count, count)
-        return z, log_weight
+        mixed = self._random.permutation(len(z)) if len(modes.z) > 1 else slice(None)  # each half has all modes
+        return z[mixed], log_weight[mixed]
 
     def _separate(self) -> LinearisedPoints:
         """Return the separate modes of the reduced posterior; the highest alone if there are no others."""
@@ -302,6 +303,9 @@ def draw(
     log_weight = np.concatenate([weights for _, weights in parts])
     if not len(log_weight):
         points, log_weight = separate, separate.log_posterior
+    if len(parts) > 1:
+        mixed = random.permutation(len(log_weight))  # each half of the samples has all modes
+        points, log_weight = points.at_rows(mixed), log_weight[mixed]
     if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
         chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
         return decorrelate(posterior, points.at_rows(chosen), random).z, even, reliable
