@@ -303,7 +303,7 @@ def draw(
     log_weight = np.concatenate([weights for _, weights in parts])
     if not len(log_weight):
         points, log_weight = separate, separate.log_posterior
-    if len(parts) > 1:
+    if len(separate.z) > 1:
         mixed = random.permutation(len(log_weight))  # each half of the samples has all modes
         points, log_weight = points.at_rows(mixed), log_weight[mixed]
     if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
