@@ -40,6 +40,16 @@ def test_amplitudes_of_another_structure_do_not_fit_to_the_noise(sdof):
     assert result.adequacy.word != "to the noise"
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_dead_part_of_the_axis_has_no_noise_and_no_warning(sdof):
+    measured = amplitudes_of(sdof, sdof.from_unit(np.full(2, 0.5)), 0.05, "proportional", 1)
+    values = measured.values.copy()
+    values[100:300] = 0.0
+    measured = replace(measured, values=values)
+    for model in (None, np.abs(sdof.frf(sdof.from_unit(np.full(2, 0.5))))):
+        assert np.isfinite(estimated_variance(measured, model)).all()
+
+
 @pytest.mark.parametrize("clear", [0.0, 0.3, 1.0, 3.0, 50.0, 3e4])
 def test_the_density_is_rices(clear):
     scale, measured = np.sqrt(0.5), np.abs(clear + np.linspace(-1.5, 1.5, 7)) + 0.1

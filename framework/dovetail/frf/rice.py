@@ -65,7 +65,9 @@ def noise_in_scatter(scatter: NDArray[np.float64], mean_square: NDArray[np.float
 
     Far above the noise it is twice that variance; noise alone has 1 / (1 - pi / 4) times as much.
     """
-    return mean_square * np.interp(scatter / mean_square, _scatter_of(_LEVELS), _LEVELS)
+    return mean_square * np.interp(
+        scatter / np.maximum(mean_square, np.finfo(float).tiny), _scatter_of(_LEVELS), _LEVELS
+    )
 
 
 def _scatter_of(levels: NDArray[np.float64]) -> NDArray[np.float64]:

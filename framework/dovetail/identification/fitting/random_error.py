@@ -252,7 +252,7 @@ def _estimated_parts(frf: Frf, model: NDArray[Any] | None = None) -> tuple[float
     count = min(_SETTINGS.bins, max(1, len(level) // _SETTINGS.lines_per_bin))
     bins = np.array_split(np.argsort(level), count)
     middle = np.mean if frf.has_phase else np.median
-    magnitude = np.sqrt([middle(level[rows]) for rows in bins])
+    magnitude = np.sqrt(np.maximum([middle(level[rows]) for rows in bins], least))
     variance = np.array([np.quantile(squares[rows], _SETTINGS.quantile) for rows in bins])
     variance /= _unit_quantile(frf.has_phase)
     if not frf.has_phase:
