@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 
 import dovetail
 
 
-def like_branches() -> dovetail.Assembly:
-    """Two masses of 1 kg on a driven one of 1.5 kg, their springs unknown."""
-    masses = {"root": 1.5, "first": 1.0, "second": 1.0}
+def like_branches(*names) -> dovetail.Assembly:
+    """Masses of 1 kg on a driven one of 1.5 kg, their springs unknown."""
+    masses = {"root": 1.5, **dict.fromkeys(names, 1.0)}
     parts = {name: {"model": "lumped", "masses": [{"mass": mass}]} for name, mass in masses.items()}
     sought = {"range": [1e5, 6e6], "scale": "log"}
 
@@ -27,8 +29,7 @@ def like_branches() -> dovetail.Assembly:
             "substructures": {"ground": {"model": "ground"}, **parts},
             "joints": {
                 "foot": spring("ground", "root", {"value": 1e6}),
-                "first": spring("root", "first", sought),
-                "second": spring("root", "second", sought),
+                **{name: spring("root", name, sought) for name in names},
             },
             "response": {"at": "root", "position": 0, "quantity": "receptance"},
         }
@@ -38,7 +39,7 @@ def like_branches() -> dovetail.Assembly:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_samples_about_each_of_two_modes_scatter_as_the_noise_says(seed):
     """One tangent map reached half of each mode: a third too narrow, and beside the truth."""
-    assembly = like_branches()
+    assembly = like_branches("first", "second")
     truth = np.array([9e5, 1.1e6])
     clean = dovetail.Frf(assembly.frequency, assembly.frf(truth), "receptance")
     measured = dovetail.noisy_frf(clean, 0.05, seed)
@@ -56,3 +57,16 @@ def test_samples_about_each_of_two_modes_scatter_as_the_noise_says(seed):
         assert (np.abs(weight @ logs / weight.sum())[order] < 3.0 * deviation).all()
     assert len(posterior.in_two_groups) == 2
     assert max(posterior.split_half_difference.values()) < 0.3  # both halves of the samples have both modes
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_every_order_of_like_branches_is_sampled(seed):
+    """Of six orders, searches from points at random found two to four."""
+    assembly = like_branches("first", "second", "third")
+    truth = np.array([3e5, 8e5, 2e6])
+    clean = dovetail.Frf(assembly.frequency, assembly.frf(truth), "receptance")
+    measured = dovetail.noisy_frf(clean, 0.05, seed)
+    posterior = dovetail.identify(assembly, measured, "posterior", model_error=0.0, cause_seconds=0).posterior
+    order = np.argsort(posterior.theta, axis=1)
+    shares = [posterior.weight[(order == np.array(one)).all(axis=1)].sum() for one in permutations(range(3))]
+    np.testing.assert_allclose(shares, 1 / 6, atol=0.06)

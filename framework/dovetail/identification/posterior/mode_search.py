@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -57,6 +58,8 @@ class Settings:
     """Limits of the searches on the chosen lines."""
     refined_modes: int = 8
     """Largest number of modes on the chosen lines, the best ones, from which the search continues on all lines."""
+    most_orders: int = 24
+    """Largest number of orders of the values of like joints from which a search begins: all of four joints."""
     same: float = 0.05
     """Largest difference of coordinates, of which the prior's deviation is 1, at which two ends are the same mode."""
     tolerance: float = 1e-2
@@ -127,7 +130,9 @@ def search_modes(
     points = scipy.stats.qmc.LatinHypercube(len(best), rng=random).random(_SETTINGS.searches)
     logarithms = FrfResiduals(on_lines, likelihood.target.at(lines).logarithms(variance[lines]))
     searches, of_fit = itertools.count(1), starts_near(best)
-    total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + len(of_fit) + _SETTINGS.refined_modes
+    exchanged = _within(_exchanged(assembly, best), _SETTINGS.margin)
+    refined = _SETTINGS.refined_modes + len(exchanged)
+    total = _SETTINGS.searches * (3 + len(_SETTINGS.tempering)) + len(exchanged) + len(of_fit) + refined
 
     def tell() -> None:
         progress("modes", next(searches), total)
@@ -142,10 +147,10 @@ def search_modes(
     rough: dict[str, Any] = {"tolerance": _SETTINGS.rough_tolerance, "tell": tell}
     for weight in _SETTINGS.tempering:
         cooled = maximise_posterior(tempered(weight), cooled, most_steps=_SETTINGS.tempering_steps, **rough)
-    both = np.concatenate([direct, cooled])
-    ends = maximise_posterior(tempered(1.0), both, most_steps=_SETTINGS.rough_steps, **rough)
+    ends = np.concatenate([direct, cooled, exchanged])
+    ends = maximise_posterior(tempered(1.0), ends, most_steps=_SETTINGS.rough_steps, **rough)
     ends = ends[[bool((np.abs(ends[:row] - end) > _SETTINGS.same).any(axis=1).all()) for row, end in enumerate(ends)]]
-    starts = np.concatenate([of_fit, ends[: _SETTINGS.refined_modes]])
+    starts = np.concatenate([of_fit, ends[:refined]])
     modes = maximise_posterior(likelihood.posterior, starts, tell=tell)
     progress("modes", total, total)  # fewer may have been different
     return modes
@@ -163,6 +168,26 @@ def maximise_posterior(
     problem, cube = CubeResiduals(posterior), CubeResiduals.from_normal(starts)
     minimum = minimise(problem, cube, tolerance=tolerance, most_steps=most_steps, tell=tell)
     return CubeResiduals.to_normal(minimum.position[np.argsort(minimum.cost, kind="stable")])
+
+
+def _exchanged(assembly: Assembly, best: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return copies (n, p) of a point (p,), in fractions of the ranges, with the values of like joints exchanged.
+
+    If branches of a structure are alike, each order of their values may explain an FRF equally well.
+    """
+    of_joint, alike = defaultdict[str, list[int]](list), defaultdict[tuple[object, ...], list[list[int]]](list)
+    named = assembly.description.identified_parameters
+    for number, (joint, _) in enumerate(named):
+        of_joint[joint].append(number)
+    for numbers in of_joint.values():
+        ranges = [(named[n][1], assembly.parameters[n].lower, assembly.parameters[n].upper) for n in numbers]
+        alike[tuple(ranges)].append(numbers)
+    points = []
+    for joints in alike.values():
+        for order in itertools.islice(itertools.permutations(joints), 1, _SETTINGS.most_orders):
+            points.append(best.copy())
+            points[-1][np.concatenate(joints)] = best[np.concatenate(order)]
+    return np.reshape(points, (-1, len(best)))
 
 
 def starts_near(best: NDArray[np.float64]) -> NDArray[np.float64]:
