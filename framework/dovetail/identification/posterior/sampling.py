@@ -7,7 +7,7 @@ that this region needs. Randomize-then-optimize then draws independent samples, 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -182,7 +182,8 @@ class _Sampler:
             progress("exploration", number - 1, _SETTINGS.rounds[1])
             reduced = ReducedResiduals(likelihood, snapshots, origin)
             self._adopt(reduced)
-            pilots, _ = self._solve(_SETTINGS.pilots, _SETTINGS.pilot_iterations, self._tangent_map, self._points)
+            target, starts = self._starts(_SETTINGS.pilots, self._tangent_map, self._points)
+            pilots, _ = self._tangent_map.solve(target, starts, _SETTINGS.pilot_iterations)
             fraction = unit_from_normal(pilots.z)
             frfs, on_few = likelihood.frf(fraction), reduced.residuals(fraction)
             squares = marginalised_squares(likelihood.residual.of(frfs), likelihood.errors)
@@ -213,15 +214,14 @@ class _Sampler:
         self._tangent_map = TangentMap(self._posterior, LinearisedPoints.at(self._posterior, self._mode))
         self._points = np.concatenate([self._points, self._mode])
 
-    def _solve(
-        self, count: int, iterations: int, tangent_map: TangentMap, points: NDArray[np.float64]
-    ) -> tuple[LinearisedPoints, NDArray[np.bool_]]:
-        """Search for z with randomly drawn components, each from the known point with the nearest components."""
+    def _starts(
+        self, count: int, tangent_map: TangentMap, points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], LinearisedPoints]:
+        """Return randomly drawn components (n, p), and for each the point whose components are the nearest."""
         target = self._random.standard_normal((count, self._mode.shape[1]))
         components = tangent_map.components(self._posterior.residuals(points))
         squares = squared_norms(components) - 2.0 * target @ components.T
-        nearest = LinearisedPoints.at(self._posterior, points[np.argmin(squares, axis=1)])
-        return tangent_map.solve(target, nearest, iterations)
+        return target, LinearisedPoints.at(self._posterior, points[np.argmin(squares, axis=1)])
 
     def search(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the ends z of the searches that converged, and the logarithms of their weights.
@@ -238,19 +238,16 @@ class _Sampler:
 
     def _search_about(self, modes: LinearisedPoints, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         z, log_weight = self._mode[:0], np.empty(0)
-        for number, share in enumerate(np.bincount(np.arange(count) % len(modes.z)).tolist()):
-            tangent_map = TangentMap(self._posterior, modes.at_rows(np.array([number])))
+        for number, share, tangent_map in _shares(self._posterior, modes, count):
             for first in range(0, share, _SETTINGS.batch):
                 self._progress("samples", len(z), count)
                 about = np.concatenate([modes.z[[number]], self._points[_nearest(modes, self._points) == number]])
-                drawn = min(_SETTINGS.batch, share - first)
-                ends, converged = self._solve(drawn, _SETTINGS.iterations, tangent_map, about)
-                ends = ends.at_rows(np.flatnonzero(converged & (_nearest(modes, ends.z) == number)))
-                log_density = tangent_map.log_density(ends) + np.log(share)
+                target, starts = self._starts(min(_SETTINGS.batch, share - first), tangent_map, about)
+                ends, log_density = _ends_about(modes, number, tangent_map, target, starts)
                 self._points, z = np.concatenate([self._points, ends.z]), np.concatenate([z, ends.z])
-                log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density])
+                log_weight = np.concatenate([log_weight, self._log_posterior(ends.z) - log_density - np.log(share)])
         self._progress("samples", count, count)
-        mixed = self._random.permutation(len(z)) if len(modes.z) > 1 else slice(None)  # each half has all modes
+        mixed = _mixed(len(z), modes, self._random)
         return z[mixed], log_weight[mixed]
 
     def _separate(self) -> LinearisedPoints:
@@ -295,17 +292,17 @@ def draw(
         approximation = LaplaceApproximation.at(posterior, modes[0])
         return approximation.draw(count, seed), even, approximation.unreliable
     random, separate = np.random.default_rng([seed, 8]), _separate_modes(LinearisedPoints.at(posterior, modes))
-    parts = [
-        _about_one(posterior, separate, number, part, random)
-        for number, part in enumerate(np.bincount(np.arange(count) % len(separate.z)).tolist())
-    ]
-    points = LinearisedPoints.joined([part for part, _ in parts])
-    log_weight = np.concatenate([weights for _, weights in parts])
+    about, log_weights = [], []
+    for number, share, tangent_map in _shares(posterior, separate, count):
+        target, starts = random.standard_normal((share, modes.shape[1])), separate.at_rows(np.full(share, number))
+        ends, log_density = _ends_about(separate, number, tangent_map, target, starts)
+        about.append(ends)
+        log_weights.append(ends.log_posterior - log_density - np.log(share))
+    points, log_weight = LinearisedPoints.joined(about), np.concatenate(log_weights)
     if not len(log_weight):
         points, log_weight = separate, separate.log_posterior
-    if len(separate.z) > 1:
-        mixed = random.permutation(len(log_weight))  # each half of the samples has all modes
-        points, log_weight = points.at_rows(mixed), log_weight[mixed]
+    mixed = _mixed(len(log_weight), separate, random)
+    points, log_weight = points.at_rows(mixed), log_weight[mixed]
     if _effective_sample_size(log_weight) < _SETTINGS.even_weights * count:
         chosen = drawn_by_weight(_clipped(log_weight, count), count, random)
         return decorrelate(posterior, points.at_rows(chosen), random).z, even, reliable
@@ -337,18 +334,30 @@ def _nearest(modes: LinearisedPoints, z: NDArray[np.float64]) -> NDArray[np.intp
     return np.asarray(np.argmin(_distances(modes, z), axis=1))
 
 
-def _about_one(
-    posterior: PosteriorResiduals, modes: LinearisedPoints, number: int, count: int, random: np.random.Generator
-) -> tuple[LinearisedPoints, NDArray[np.float64]]:
-    """Return the ends of searches from one of several modes, those nearest to it, and the logarithms of their weights.
+def _shares(
+    posterior: PosteriorResiduals, modes: LinearisedPoints, count: int
+) -> Iterator[tuple[int, int, TangentMap]]:
+    """Yield the number of each mode, how many of the searches begin about it, and the tangent map there."""
+    for number, share in enumerate(np.bincount(np.arange(count) % len(modes.z)).tolist()):
+        yield number, share, TangentMap(posterior, modes.at_rows(np.array([number])))
 
-    Weights count per search, so that those about different modes are to scale.
-    """
-    tangent_map = TangentMap(posterior, modes.at_rows(np.array([number])))
-    target = random.standard_normal((count, modes.z.shape[1]))
-    ends, converged = tangent_map.solve(target, modes.at_rows(np.full(count, number)), _SETTINGS.iterations)
+
+def _ends_about(
+    modes: LinearisedPoints,
+    number: int,
+    tangent_map: TangentMap,
+    target: NDArray[np.float64],
+    starts: LinearisedPoints,
+) -> tuple[LinearisedPoints, NDArray[np.float64]]:
+    """Return the ends of searches from one of several modes, those nearest to it, and their log densities."""
+    ends, converged = tangent_map.solve(target, starts, _SETTINGS.iterations)
     ends = ends.at_rows(np.flatnonzero(converged & (_nearest(modes, ends.z) == number)))
-    return ends, ends.log_posterior - tangent_map.log_density(ends) - np.log(count)
+    return ends, tangent_map.log_density(ends)
+
+
+def _mixed(count: int, modes: LinearisedPoints, random: np.random.Generator) -> NDArray[np.intp]:
+    """Return an order of samples in which each half has those of all modes."""
+    return random.permutation(count) if len(modes.z) > 1 else np.arange(count)
 
 
 def _clipped(log_weight: NDArray[np.float64], count: int) -> NDArray[np.float64]:
