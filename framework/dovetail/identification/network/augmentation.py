@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.assembly import Assembly, AugmentationSection
-from dovetail.dataset import complex_accelerance, latin_hypercube
+from dovetail.dataset import latin_hypercube
 from dovetail.errors import DatasetError, Fault, FileError, MeasurementError, PluginError
 from dovetail.identification.fitting.random_error import MeasuredNoise
 from dovetail.identification.network.network import Pair, Reduction
-from dovetail.identification.network.preprocessing import log10p1
+from dovetail.identification.network.preprocessing import accelerances, log10p1
 from dovetail.measurement import read_frf
 from dovetail.parallel import cores
 
@@ -33,6 +33,7 @@ __all__ = [
     "NoisyFeatures",
     "ReducedEpochs",
     "measured_noises",
+    "with_noise",
 ]
 
 TRAINING_TOLERANCE = 1e-7
@@ -280,9 +281,7 @@ class NoisyFeatures:
 
         def fill(block: int, clean: NDArray[np.number]) -> None:
             generator = np.random.default_rng([seed, _NOISE_STREAM, epoch, block])
-            responses = np.split(clean, len(self.augmentations), axis=1)
-            pairs = zip(self.augmentations, responses, strict=True)
-            noisy = np.concatenate([augmentation(response, generator) for augmentation, response in pairs], axis=1)
+            noisy = with_noise(clean, self.augmentations, generator)
             write(noisy, out=features[block * _ROWS : block * _ROWS + len(noisy)])
 
         with ThreadPoolExecutor(cores()) as pool:
@@ -296,15 +295,21 @@ class NoisyFeatures:
             rows = slice(start, start + _ROWS)
             if not self.fresh:
                 yield self.clean[rows]
-            elif self.augmentations[0].needs_phase:
-                yield complex_accelerance(self._source, theta[rows])
             else:
-                yield self._source.accelerance_amplitude(theta[rows])
+                yield accelerances(self._source, theta[rows], phase=self.augmentations[0].needs_phase)
 
     @cached_property
     def _source(self) -> Assembly:
         """Computes fresh samples."""
         return self.assembly.interpolated(TRAINING_TOLERANCE)
+
+
+def with_noise(
+    clean: NDArray[np.number], augmentations: Sequence[Augmentation], generator: np.random.Generator
+) -> NDArray[np.float32]:
+    """Return amplitudes with noise (n, n_responses n_freq); that of each response is independent of the others'."""
+    pairs = zip(augmentations, np.split(clean, len(augmentations), axis=1), strict=True)
+    return np.concatenate([augmentation(response, generator) for augmentation, response in pairs], axis=1)
 
 
 def _deviation(accelerance: NDArray[np.number]) -> float:

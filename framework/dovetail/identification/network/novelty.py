@@ -23,9 +23,9 @@ from dovetail.frf import Frf, conversion
 from dovetail.identification.adequacy import Adequacy
 from dovetail.identification.fitting.random_error import FOURTH_DIFFERENCE, random_error_variance
 from dovetail.identification.fitting.whiteness import find_deviating_bands
-from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures
+from dovetail.identification.network.augmentation import Augmentation, NoisyFeatures, with_noise
 from dovetail.identification.network.network import Network
-from dovetail.identification.network.preprocessing import accelerance_amplitudes, log10p1
+from dovetail.identification.network.preprocessing import accelerance_amplitudes, accelerances, log10p1
 from dovetail.measurement import noisy_frf
 
 __all__ = ["KnownNoise", "Novelty", "PrincipalComponents", "learn_novelty"]
@@ -346,7 +346,7 @@ class KnownNoise:
         if len(self.assembly.frequency) < 2 * len(FOURTH_DIFFERENCE):
             return ()
         rows = np.arange(_SETTINGS.draws) % len(draws)
-        known = self._features(self._with_noise(complex_accelerance(self.assembly, draws[rows])))
+        known = self._features(self._noisy(draws[rows]))
         features = self._features(accelerance_amplitudes(measured))
         expected = self._features(self.assembly.accelerance_amplitude(answer[np.newaxis]))
         rougher = _ratios(_roughness(known), _roughness(features))
@@ -356,15 +356,12 @@ class KnownNoise:
         farther = float(_ratios(_distances(known - expected), _distances(features - expected)).max())
         return (_TOO_FAR.format(farther),) if farther > _SETTINGS.excess else ()
 
-    def _with_noise(self, clean: NDArray[Any]) -> NDArray[Any]:
+    def _noisy(self, theta: NDArray[np.float64]) -> NDArray[Any]:
         """Return amplitudes of FRFs (n, n_responses n_freq) with noise as in the training, the same at each call."""
-        if not self.augmentations:
-            return np.asarray(np.abs(clean))
+        needs_phase = any(noise.needs_phase for noise in self.augmentations)
+        clean = accelerances(self.assembly, theta, phase=needs_phase)
         generator = np.random.default_rng(self.assembly.description.identification.seed)
-        responses = np.split(clean, len(self.augmentations), axis=1)
-        pairs = zip(self.augmentations, responses, strict=True)
-        noisy = [noise(frfs if noise.needs_phase else np.abs(frfs), generator) for noise, frfs in pairs]
-        return np.asarray(np.concatenate(noisy, axis=1))
+        return with_noise(clean, self.augmentations, generator) if self.augmentations else clean
 
     def _features(self, amplitude: NDArray[Any]) -> NDArray[np.float64]:
         """Return what a network sees, response by response (n, n_responses, n_freq)."""

@@ -13,7 +13,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.dataset import Dataset
+from dovetail.assembly import Assembly
+from dovetail.dataset import Dataset, complex_accelerance
 from dovetail.errors import DatasetError, Fault
 from dovetail.frf import Frf
 from dovetail.interfaces import Parameter, Progress
@@ -22,6 +23,7 @@ __all__ = [
     "TargetScaling",
     "ZScore",
     "accelerance_amplitudes",
+    "accelerances",
     "blocks",
     "draw_test_samples",
     "log10p1",
@@ -47,6 +49,11 @@ def blocks(rows: int) -> Iterator[slice]:
 def accelerance_amplitudes(measured: Sequence[Frf]) -> NDArray[np.float64]:
     """Return the accelerance's amplitudes of all responses beside each other, as one row (1, n_responses n_freq)."""
     return np.concatenate([frf.to("accelerance").amplitude for frf in measured])[np.newaxis]
+
+
+def accelerances(assembly: Assembly, theta: NDArray[np.float64], *, phase: bool) -> NDArray[np.number]:
+    """Return accelerances (n, n_responses n_freq) of an assembly, complex if phases are needed, or their amplitudes."""
+    return complex_accelerance(assembly, theta) if phase else assembly.accelerance_amplitude(theta)
 
 
 def log10p1(amplitude: NDArray[np.floating], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
