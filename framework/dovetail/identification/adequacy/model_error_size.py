@@ -1,8 +1,7 @@
 """Sizes of the errors of a model, estimated from the measurement around the best fit.
 
 Errors of each kind are normally distributed. Their standard deviation is the one that makes the residuals most probable
-once parameters and errors are marginalised (empirical Bayes with a prior on the sizes). Residuals are averaged more and
-more widely.
+once parameters and errors are marginalised (empirical Bayes with a prior). Residuals are averaged more and more widely.
 """
 
 from __future__ import annotations
@@ -337,10 +336,7 @@ class _Linearised:
         return sizes(minimize(improbability, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
     def estimate_beside_others(self) -> ModelError:
-        """Return the most probable sizes beside other errors of the largest size that is acceptable.
-
-        Without these, errors of damping and magnitude that nearly cancel may become huge to explain the last residuals.
-        """
+        """Return them beside other errors of 5 %, without which huge ones of damping and magnitude may cancel."""
         return self._estimate_shaped(replace(self._size, other=_SETTINGS.unexplained))
 
     def with_other(self, size: ModelError) -> ModelError:
@@ -357,8 +353,7 @@ class _Linearised:
 
     def chi_squared(self, size: ModelError) -> float:
         """Return the mean square of the residuals with parameters and errors marginalised."""
-        residuals, changes = self._scaled(size)
-        return float(marginalised_squares(residuals[np.newaxis], changes)[0]) / len(residuals)
+        return _mean_square(*self._scaled(size))
 
     def _scaled(self, size: ModelError) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return residuals (m,), and their changes (k, m) by one standard deviation of parameters and errors."""
@@ -367,12 +362,16 @@ class _Linearised:
         return residuals, np.concatenate([factors[name] * change for name, change in changes.items()])
 
     def result(self, size: ModelError) -> FitWithError:
-        _, columns = self._scaled(size)
+        residuals, columns = self._scaled(size)
         errors, parameters = columns[self._jacobian.shape[1] :], columns[: self._jacobian.shape[1]]
         along = parameters @ errors.T
         inner = np.linalg.solve(np.eye(len(errors)) + errors @ errors.T, along.T)
         information = PRIOR_PRECISION * (parameters @ parameters.T - along @ inner)
-        return FitWithError(self.fraction, self._frf[0], size, information, self.chi_squared(size))
+        return FitWithError(self.fraction, self._frf[0], size, information, _mean_square(residuals, columns))
+
+
+def _mean_square(residuals: NDArray[np.float64], changes: NDArray[np.float64]) -> float:
+    return float(marginalised_squares(residuals[np.newaxis], changes)[0]) / len(residuals)
 
 
 def _improbability(size: ModelError) -> tuple[float, NDArray[np.float64]]:

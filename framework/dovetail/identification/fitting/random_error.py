@@ -292,11 +292,10 @@ def residual_variance(frf: Frf, model: NDArray[np.complex128], used: NDArray[np.
     This estimate is much more certain than `estimated_variance`, which needs no model that fits.
     """
     least = least_variance(frf)
-    magnitude = np.maximum(np.abs(model) ** 2, np.finfo(float).tiny)
-    squares, surprise = np.abs(frf.values - model)[used] ** 2, None
-    if not frf.has_phase:
-        measured, values = frf.amplitude[used], np.abs(model)[used]
-        squares, surprise = (measured - values) ** 2, partial(rice_surprise, measured, values)
+    amplitude = np.abs(model)
+    magnitude = np.maximum(amplitude**2, np.finfo(float).tiny)
+    squares = np.abs(frf.values - model if frf.has_phase else frf.amplitude - amplitude)[used] ** 2
+    surprise = None if frf.has_phase else partial(rice_surprise, frf.amplitude[used], amplitude[used])
     floor, share = most_likely_parts(squares, np.ones_like(squares), magnitude[used], least, surprise=surprise)
     return np.asarray(np.maximum(floor + share * magnitude, least))
 
