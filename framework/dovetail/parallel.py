@@ -96,7 +96,8 @@ def side_by_side(
 
 def one_blas_thread() -> AbstractContextManager[Any]:
     """Limit linear algebra to one thread, from now until the context that is returned ends."""
-    return _blas().limit(limits=1, user_api="blas")  # type: ignore[no-any-return]
+    limit: AbstractContextManager[Any] = _blas().limit(limits=1, user_api="blas")
+    return limit
 
 
 @lru_cache(maxsize=1)
@@ -146,10 +147,9 @@ def on_cluster(
     -----
     A task of a worker that is killed is done by another one. A worker does one task at a time.
     """
-    require_package("distributed", "dask", _WHERE)
-    from distributed import wait
-
     with _client(scheduler) as client:
+        from distributed import wait
+
         packed = client.submit(_packed, _pack(work), pure=False)
         left = enumerate(tasks)
         running: dict[Any, int] = {}
@@ -171,7 +171,6 @@ def on_cluster(
 
 def require_cluster(scheduler: str) -> None:
     """Raise a DovetailError unless `on_cluster` would find this scheduler, and workers of the same versions."""
-    require_package("distributed", "dask", _WHERE)
     with _client(scheduler):
         pass
 
@@ -179,6 +178,7 @@ def require_cluster(scheduler: str) -> None:
 @contextmanager
 def _client(address: str) -> Iterator[Any]:
     """Connect with a scheduler whose workers are those of this program."""
+    require_package("distributed", "dask", _WHERE)
     from distributed import Client, KilledWorker
     from distributed.comm import CommClosedError
 
