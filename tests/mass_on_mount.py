@@ -4,6 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+GAUSSIAN_NETWORK: dict[str, Any] = {
+    "reducer": {"model": "pca", "n_components": 30},
+    "regressor": {
+        "model": "mlp",
+        "uncertainty": "gaussian",
+        "hidden": [64, 64],
+        "dropout": 0.0,
+        "max_epochs": 40,
+        "learning_rate": 3e-3,
+    },
+}
+"""A small network that tells intervals, and is trained in seconds."""
+
 
 def mass_on_mount(frequency: dict[str, Any], parameters: dict[str, Any], **sections: Any) -> dict[str, Any]:
     """Return the description, with these frequencies and parameters, and with further sections."""

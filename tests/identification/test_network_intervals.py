@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from mass_on_mount import mass_on_mount
+from mass_on_mount import GAUSSIAN_NETWORK, mass_on_mount
 
 import dovetail
 from dovetail.errors import ParameterError
@@ -16,16 +16,8 @@ DESCRIPTION = mass_on_mount(
     {"start": 150, "stop": 600, "step": 2},
     {"k": {"range": [1e6, 1e7]}, "c": {"range": [20, 200]}},
     identification={
+        **GAUSSIAN_NETWORK,
         "samples": 2500,
-        "reducer": {"model": "pca", "n_components": 30},
-        "regressor": {
-            "model": "mlp",
-            "uncertainty": "gaussian",
-            "hidden": [64, 64],
-            "dropout": 0.0,
-            "max_epochs": 40,
-            "learning_rate": 3e-3,
-        },
         "augmentation": {"additive": 0.0, "multiplicative": 0.1},
     },
 )

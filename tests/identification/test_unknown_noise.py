@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mass_on_mount import mass_on_mount
+from mass_on_mount import GAUSSIAN_NETWORK, mass_on_mount
 
 import dovetail
 from dovetail.dataset import latin_hypercube
@@ -14,16 +14,8 @@ from dovetail.identification.network.novelty import KnownNoise
 
 UNKNOWN, FAR = "does not know such noise", "is smoothed, or has errors that the training FRFs do not have"
 IDENTIFICATION = {
+    **GAUSSIAN_NETWORK,
     "samples": 2000,
-    "reducer": {"model": "pca", "n_components": 30},
-    "regressor": {
-        "model": "mlp",
-        "uncertainty": "gaussian",
-        "hidden": [64, 64],
-        "dropout": 0.0,
-        "max_epochs": 40,
-        "learning_rate": 3e-3,
-    },
     "augmentation": {"additive": 0.01, "multiplicative": 0.01, "circular": 1.0},
 }
 
