@@ -293,10 +293,10 @@ def test_a_resonance_that_the_model_does_not_have_is_named():
     assert float(at) == pytest.approx(200.0, rel=0.01)
 
 
-def arm(node):
-    """A beam of many nodes on a spring, hit and measured at one of them."""
+def arm(node, force=None, elements=60):
+    """A beam of many nodes on a spring, hit at one of them and measured there or at another."""
     material = {"young": "206 GPa", "density": "7850 kg/m^3", "loss_factor": 0.004}
-    section = {"length": "320 mm", "outer": "22 mm", "elements": 60}
+    section = {"length": "320 mm", "outer": "22 mm", "elements": elements}
     foot = {"a": {"to": "arm", "at": 0}, "b": {"to": "wall", "at": 0}}
     return dovetail.load(
         {
@@ -308,7 +308,11 @@ def arm(node):
                 "wall": {"model": "ground"},
             },
             "joints": {"foot": {"model": "spring_damper", "connect": foot}},
-            "response": {"at": "arm", "position": f"node n{node}"},
+            "response": {
+                "at": "arm",
+                "position": f"node n{node}",
+                "force": {"at": "arm", "position": f"node n{force or node}"},
+            },
         }
     )
 
@@ -322,6 +326,14 @@ def test_a_neighbouring_node_is_named_of_however_many():
     assert causes[0].name == "point"
     assert causes[0].words == "force and response on the arm at 298.7 mm"
     assert causes[0].coherence[1] > 0.99
+
+
+def test_the_node_beside_the_one_of_the_most_similar_amplitudes_is_named_if_it_fits_better():
+    assembly, elsewhere = arm(25, elements=24), arm(18, force=25, elements=24)
+    theta = assembly.from_unit(np.full(len(assembly.parameters), 0.6))
+    measured = noisy(assembly, elsewhere.frf(theta), 0.01, 1)
+    causes = find_causes(assembly, [measured], refine(assembly, measured), seconds=200.0)
+    assert (causes[0].name, causes[0].words) == ("point", "the response on the arm at 226.7 mm")
 
 
 def test_the_search_for_causes_ends_in_time_however_slow_the_model_is(sdof, monkeypatch):

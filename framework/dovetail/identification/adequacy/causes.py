@@ -20,7 +20,7 @@ from dovetail.errors import DovetailError
 from dovetail.frf import QUANTITIES, Frf
 from dovetail.identification.adequacy import model_causes
 from dovetail.identification.adequacy.adequacy import Cause
-from dovetail.identification.adequacy.model_causes import Candidate, nearest_points
+from dovetail.identification.adequacy.model_causes import Candidate
 from dovetail.identification.adequacy.perturbations import Perturbation
 from dovetail.identification.adequacy.trials import Trials
 from dovetail.identification.fitting import Fit
@@ -72,8 +72,6 @@ class Settings:
     factor of five."""
     delays: int = 400
     """Delays that are compared, up to two periods of the highest frequency either way."""
-    points: int = 2
-    """Number of other points of response, and of force and response, that are fitted: those that come nearest."""
     quantities: int = 4
     """Number of quantities of parts that are fitted: those whose effect is most like the residuals."""
     step: float = 1e-4
@@ -336,18 +334,6 @@ def _perturbed(trials: Trials, perturbation: Perturbation, amounts: tuple[float,
     yield from sorted(candidates, key=lambda candidate: candidate[2].misfit)[:1]
 
 
-def _points(trials: Trials) -> Iterator[Candidate]:
-    """Try other points of response and force: those where the model comes nearest to the measurement."""
-    if len(trials.target.frfs) > 1:
-        return
-    amplitude = trials.target.amplitude
-    likely = np.stack([trials.best, trials.shape])
-    for other, words, start in nearest_points(trials.assembly, amplitude, likely, _SETTINGS.points):
-        if trials.is_active and other.description.response.is_drive_point:
-            continue
-        yield "point", words, trials.fit(other, trials.target.frfs, [trials.search(other, trials.shape, start)])
-
-
 def _times(frfs: Sequence[Frf], factor: Callable[[NDArray[np.float64]], Any]) -> list[Frf]:
     """Return FRFs multiplied by a function of the frequency [Hz]."""
     return [replace(frf, values=frf.values * factor(frf.frequency)) for frf in frfs]
@@ -368,7 +354,7 @@ _STAGES: tuple[tuple[str, Callable[[Trials], Iterator[Candidate]], bool], ...] =
     ("window", model_causes.try_window, False),
     ("ranges", model_causes.try_ranges, False),
     ("resonances", model_causes.try_missing_resonances, False),
-    ("response point", _points, True),
+    ("response point", model_causes.try_points, True),
     ("overhang", _overhangs, False),
     ("parts", _parts, False),
 )

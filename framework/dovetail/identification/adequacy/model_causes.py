@@ -24,11 +24,11 @@ from dovetail.units import format_quantity
 
 __all__ = [
     "Candidate",
-    "nearest_points",
     "try_damping",
     "try_exchanges",
     "try_levels",
     "try_missing_resonances",
+    "try_points",
     "try_ranges",
     "try_window",
 ]
@@ -40,6 +40,10 @@ class Settings:
 
     most_nodes: int = 24
     """Largest number of nodes that are compared first, evenly chosen; then those around the best of them follow."""
+    points: int = 4
+    """Number of other points of response, and of force and response, that are fitted: those that come nearest."""
+    beside: int = 2
+    """Number of nodes within which two of these would be neighbours."""
     lines: int = 120
     """Of the FRF, evenly chosen."""
     samples: int = 16
@@ -75,55 +79,63 @@ _SETTINGS = Settings()
 Node = tuple[str, int]
 """Substructure and number of a node."""
 
+Candidate = tuple[str, str, Trial]
+"""Kind and words of a cause, and the fit with it."""
 
-def nearest_points(
-    assembly: Assembly, amplitude: NDArray[np.float64], likely: NDArray[np.float64], count: int
-) -> Iterator[tuple[Assembly, str, NDArray[np.float64]]]:
-    """Yield the assembly with other points of response, and of force and response, the most similar ones first.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        With one response.
-    amplitude : (n_freq,) array
-        Measured, with which the amplitudes at each point are compared.
-    likely : (n, n_params) array
-        Parameters [SI] that are tried besides random ones.
-    count : int
-        Points of each kind.
+def try_points(trials: Trials) -> Iterator[Candidate]:
+    """Yield the fits with other points of response, and of force and response: the most similar, then their neighbours.
 
-    Yields
-    ------
-    Assembly
-    str
-        Where the points are, in words.
-    (n_params,) array
-        The parameters [SI] whose amplitudes are the most similar.
+    Nodes beside the best one follow as long as they fit better, because amplitudes of wrong parameters tell a point
+    only roughly.
     """
-    elsewhere = _movable_nodes(assembly)
-    if not elsewhere:
-        return
-    drawn = assembly.from_unit(np.random.default_rng(0).random((_SETTINGS.samples, len(assembly.parameters))))
-    joints = np.concatenate([likely, drawn])
-    step = -(-len(elsewhere) // _SETTINGS.most_nodes)
-    if step > 1:
-        distances = _distances(assembly, amplitude, joints, elsewhere[::step])
-        best = {step * index for kind in distances for index in _nearest(kind, count)}
-        elsewhere = [node for i, node in enumerate(elsewhere) if any(abs(i - j) < step for j in best)]
-    kinds = _distances(assembly, amplitude, joints, elsewhere)
-    if not assembly.description.response.is_drive_point:
-        kinds = kinds[:1]
-    found = [(kind[:, i].min(), number, i) for number, kind in enumerate(kinds) for i in _nearest(kind, count)]
-    for _, with_force, index in sorted(found):
-        there = _measured_at(assembly, elsewhere[index], with_force=bool(with_force))
+    nodes = [] if len(trials.target.frfs) > 1 else _movable_nodes(trials.assembly)
+    ends = dict[tuple[bool, Node], Trial]()
+
+    def at(node: Node, with_force: bool, start: NDArray[np.float64]) -> Candidate:
+        there = _measured_at(trials.assembly, node, with_force=with_force)
+        trial = trials.fit(there, trials.target.frfs, [trials.search(there, trials.shape, start)])
+        ends[with_force, node] = trial
         which = "force and response" if with_force else "the response"
-        yield there, f"{which} {_words(assembly, elsewhere[index])}", joints[np.argmin(kinds[with_force][:, index])]
+        return "point", f"{which} {_words(trials.assembly, node)}", trial
+
+    for node, with_force, start in _most_similar_points(trials, nodes) if nodes else ():
+        yield at(node, with_force, start)
+    while ends:
+        (with_force, best), trial = min(ends.items(), key=lambda end: end[1].misfit)
+        beside = [(best[0], best[1] + step) for step in (-1, 1)]
+        untried = [node for node in beside if node in nodes and (with_force, node) not in ends]
+        if not untried or trial.misfit >= trials.unchanged.misfit:
+            return
+        for node in untried:
+            yield at(node, with_force, trial.theta)
 
 
-def _nearest(distances: NDArray[np.float64], count: int) -> list[int]:
-    """Return the places with the smallest distances (n, n_places) over all parameter vectors, the smallest first."""
-    order: list[int] = np.argsort(distances.min(axis=0), kind="stable").tolist()
-    return order[:count]
+def _most_similar_points(trials: Trials, nodes: list[Node]) -> list[tuple[Node, bool, NDArray[np.float64]]]:
+    """Return nodes, whether the force is there too, and the parameters (p,) [SI] whose amplitudes are the closest."""
+    assembly, amplitude = trials.assembly, trials.target.amplitude
+    drawn = assembly.from_unit(np.random.default_rng(0).random((_SETTINGS.samples, len(assembly.parameters))))
+    joints = np.concatenate([np.stack([trials.best, trials.shape]), drawn])
+    step = -(-len(nodes) // _SETTINGS.most_nodes)
+    if step > 1:
+        coarse = nodes[::step]
+        best = {step * i for kind in _distances(assembly, amplitude, joints, coarse) for i in _apart(kind, coarse)}
+        nodes = [node for i, node in enumerate(nodes) if any(abs(i - j) < step for j in best)]
+    kinds = _distances(assembly, amplitude, joints, nodes)
+    if trials.is_active or not assembly.description.response.is_drive_point:
+        kinds = kinds[:1]
+    chosen = [(kind[:, i].min(), with_force, i) for with_force, kind in enumerate(kinds) for i in _apart(kind, nodes)]
+    return [(nodes[i], bool(force), joints[np.argmin(kinds[force][:, i])]) for _, force, i in sorted(chosen)]
+
+
+def _apart(distances: NDArray[np.float64], nodes: list[Node]) -> list[int]:
+    """Return the nodes with the smallest distances (n, n_nodes) at any parameters, none of them beside a better one."""
+    chosen: list[int] = []
+    for index in np.argsort(distances.min(axis=0), kind="stable").tolist():
+        part, number = nodes[index]
+        if all(part != nodes[i][0] or abs(number - nodes[i][1]) > _SETTINGS.beside for i in chosen):
+            chosen.append(index)
+    return chosen[: _SETTINGS.points]
 
 
 def _measured_at(assembly: Assembly, place: Node, *, with_force: bool) -> Assembly:
@@ -180,10 +192,6 @@ def _can_move(assembly: Assembly, place: Node) -> bool:
 def _words(assembly: Assembly, place: Node) -> str:
     node = assembly.description.substructures[place[0]].nodes[place[1]]
     return f"on the {place[0]} at {1e3 * node.position:.4g} mm"
-
-
-Candidate = tuple[str, str, Trial]
-"""Kind and words of a cause, and the fit with it."""
 
 
 def try_levels(trials: Trials) -> Iterator[Candidate]:
