@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from dovetail.cli.commands import exit_unless_believable
+from dovetail.cli.reading import read_measured
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, tell, title
 
 if TYPE_CHECKING:
     from dovetail.assembly import Assembly
-    from dovetail.frf import Frf
     from dovetail.identification import Batch, Identifier
     from dovetail.interfaces import IdentificationMethod
 
@@ -46,23 +46,22 @@ def check_batch(truth: Path | None, output: Path | None, *selected: Sequence[obj
 def identify_batch(
     assembly: Assembly,
     measured: Sequence[Path],
-    read: Callable[[Path], Frf],
+    contents: Mapping[str, Any],
     method: str | IdentificationMethod,
     model: Identifier | None,
     output: Path | None,
-    plugins: Sequence[Path],
     *,
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Identify the joint from each file, print and write all results, and exit with 1 if a file failed."""
+    """Identify the joint from each file, read with options of `read_frf`; exit with 1 if a file failed."""
     from dovetail import Batch, DovetailError, identify_many
     from dovetail.cli.result_files import writing
 
     frfs, unread = [], {}
-    for file in (files := _files(measured, plugins)):
+    for file in (files := _files(measured, contents.get("plugins", ()))):
         try:
-            frfs.append(read(file))
+            frfs.append(read_measured(file, **contents))
         except DovetailError as error:
             unread[file.name if sum(other.name == file.name for other in files) == 1 else str(file)] = str(error)
     with progress_bars() as progress:

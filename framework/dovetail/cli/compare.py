@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dovetail.cli import reading
 from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles
-from dovetail.cli.reading import Columns, Names, QuantityOfFile, Reader, UnitOfFile, reading_options
 from dovetail.cli.terminal import heading, print_json, progress_bars, table, title
 
 if TYPE_CHECKING:
@@ -47,11 +47,11 @@ def compare(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and the tables.")
     ] = None,
-    quantity: QuantityOfFile = None,
-    unit: UnitOfFile = None,
-    names: Names = None,
-    columns: Columns = None,
-    reader: Reader = None,
+    quantity: reading.QuantityOfFile = None,
+    unit: reading.UnitOfFile = None,
+    names: reading.Names = None,
+    columns: reading.Columns = None,
+    reader: reading.Reader = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -64,7 +64,7 @@ def compare(
     import dovetail
     from dovetail.cli.result_files import prepare_folder, writing
 
-    read = dovetail.read_cases(cases, **reading_options(quantity, unit, names, columns, reader, plugin))
+    read = dovetail.read_cases(cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin))
     known = None if truth is None else dovetail.read_truths(truth)
     chosen = () if methods is None else tuple(name.strip() for name in methods.split(","))
     prepare_folder(output, _FILES, _FILES[0])

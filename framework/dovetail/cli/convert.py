@@ -7,20 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dovetail.cli import reading
 from dovetail.cli.options import Overwrite, PluginFiles, check_new_files
 from dovetail.cli.plot import write_figures
-from dovetail.cli.reading import (
-    AccelerometerMass,
-    Columns,
-    ForceDof,
-    Index,
-    Names,
-    QuantityOfFile,
-    Reader,
-    ResponseDof,
-    UnitOfFile,
-    measured_reader,
-)
 from dovetail.cli.terminal import note, say, title
 
 if TYPE_CHECKING:
@@ -38,14 +27,14 @@ def convert(
         Path, typer.Argument(metavar="IN", help="Measured FRF: .uff, .csv, .txt, .npz, .mat, .h5, .frf, .lvm, ...")
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="New file: .uff, .csv or .npz; or a figure.")],
-    quantity: QuantityOfFile = None,
-    unit: UnitOfFile = None,
-    index: Index = None,
-    response: ResponseDof = None,
-    force: ForceDof = None,
-    names: Names = None,
-    columns: Columns = None,
-    reader: Reader = None,
+    quantity: reading.QuantityOfFile = None,
+    unit: reading.UnitOfFile = None,
+    index: reading.Index = None,
+    response: reading.ResponseDof = None,
+    force: reading.ForceDof = None,
+    names: reading.Names = None,
+    columns: reading.Columns = None,
+    reader: reading.Reader = None,
     plugin: PluginFiles = None,
     dofs: Annotated[
         str | None,
@@ -58,7 +47,7 @@ def convert(
         str | None,
         typer.Option("--to", metavar="QUANTITY_OR_UNIT", help="What is written, such as mobility or um/N."),
     ] = None,
-    accelerometer_mass: AccelerometerMass = 0.0,
+    accelerometer_mass: reading.AccelerometerMass = 0.0,
     drive_point: Annotated[Path | None, _OtherFile] = None,
     to_response: Annotated[Path | None, _OtherFile] = None,
     from_force: Annotated[Path | None, _OtherFile] = None,
@@ -82,10 +71,11 @@ def convert(
     others = {"drive": drive_point, "to_response": to_response, "from_force": from_force}
     if any(others.values()) and not accelerometer_mass:
         raise typer.BadParameter("the mass is missing, such as '1.2 g'.", param_hint="--accelerometer-mass")
-    read = measured_reader(quantity, unit, names, columns, reader, plugin)
-    other_frfs = {name: read(file) for name, file in others.items() if file is not None}
-    frf = read(
+    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin)
+    other_frfs = {name: reading.read_measured(file, **contents) for name, file in others.items() if file is not None}
+    frf = reading.read_measured(
         source,
+        **contents,
         index=index,
         response=response,
         force=force,

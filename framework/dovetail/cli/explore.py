@@ -8,21 +8,9 @@ from typing import Annotated
 
 import typer
 
+from dovetail.cli import reading
 from dovetail.cli.completion import complete_files
 from dovetail.cli.options import AssemblyFile, PluginFiles, note_doubts
-from dovetail.cli.reading import (
-    AccelerometerMass,
-    Columns,
-    ForceDofs,
-    Indices,
-    Names,
-    QuantityOfFile,
-    Reader,
-    ResponseDofs,
-    UnitOfFile,
-    measured_reader,
-    read_selected,
-)
 from dovetail.cli.terminal import note, say
 
 __all__ = ["explore"]
@@ -43,15 +31,15 @@ def explore(
         int, typer.Option(metavar="N", min=0, max=65535, help="Of this machine; 0 for any that is free.")
     ] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
-    quantity: QuantityOfFile = None,
-    unit: UnitOfFile = None,
-    index: Indices = None,
-    response: ResponseDofs = None,
-    force: ForceDofs = None,
-    names: Names = None,
-    columns: Columns = None,
-    reader: Reader = None,
-    accelerometer_mass: AccelerometerMass = 0.0,
+    quantity: reading.QuantityOfFile = None,
+    unit: reading.UnitOfFile = None,
+    index: reading.Indices = None,
+    response: reading.ResponseDofs = None,
+    force: reading.ForceDofs = None,
+    names: reading.Names = None,
+    columns: reading.Columns = None,
+    reader: reading.Reader = None,
+    accelerometer_mass: reading.AccelerometerMass = 0.0,
     plugin: PluginFiles = None,
 ) -> None:
     """Move parameters by hand in a page; the FRF follows.
@@ -68,8 +56,8 @@ def explore(
     loaded = dovetail.load(assembly, plugins=plugin or ())
     note_doubts(loaded)
     check_mass(loaded, accelerometer_mass)
-    read = measured_reader(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
-    frfs = read_selected(read, measured, index, response, force) if measured else []
+    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
+    frfs = reading.read_selected(measured, index, response, force, **contents) if measured else []
     explorer = Explorer(loaded, frfs)
     try:
         server = PageServer(explorer, port)

@@ -7,23 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dovetail.cli import reading
 from dovetail.cli.batch import check_batch, identify_batch, is_batch
 from dovetail.cli.commands import exit_unless_believable, measurement_names
 from dovetail.cli.completion import complete_files, complete_methods
 from dovetail.cli.options import AsJson, PluginFiles, Scheduler, assembly_or_model, chosen_method
-from dovetail.cli.reading import (
-    AccelerometerMass,
-    Columns,
-    ForceDofs,
-    Indices,
-    Names,
-    QuantityOfFile,
-    Reader,
-    ResponseDofs,
-    UnitOfFile,
-    measured_reader,
-    read_selected,
-)
 from dovetail.cli.terminal import heading, print_json, progress_bars, say, table, title
 
 if TYPE_CHECKING:
@@ -122,15 +110,15 @@ def identify(
         ),
     ] = None,
     amplitude_only: Annotated[bool, typer.Option("--amplitude-only", help="Take no notice of the phase.")] = False,
-    quantity: QuantityOfFile = None,
-    unit: UnitOfFile = None,
-    index: Indices = None,
-    response: ResponseDofs = None,
-    force: ForceDofs = None,
-    names: Names = None,
-    columns: Columns = None,
-    reader: Reader = None,
-    accelerometer_mass: AccelerometerMass = 0.0,
+    quantity: reading.QuantityOfFile = None,
+    unit: reading.UnitOfFile = None,
+    index: reading.Indices = None,
+    response: reading.ResponseDofs = None,
+    force: reading.ForceDofs = None,
+    names: reading.Names = None,
+    columns: reading.Columns = None,
+    reader: reading.Reader = None,
+    accelerometer_mass: reading.AccelerometerMass = 0.0,
     truth: Annotated[
         Path | None, typer.Option(metavar="FILE", help="JSON with the true values of a synthetic measurement.")
     ] = None,
@@ -185,7 +173,7 @@ def identify(
             raise typer.BadParameter("a table of modal parameters takes no option of an FRF.", param_hint="MEASURED")
         _identify_from_modes(assembly, measured[0], options, truth, output, as_json=as_json)
         return
-    read = measured_reader(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
+    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
     options |= {"weights": weights, "phase": not amplitude_only}
     if by == "network" or (retrain and network is None):
         network = True
@@ -194,11 +182,11 @@ def identify(
         check_batch(truth, output, index, response, force)
         model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
         options["scheduler"] = scheduler
-        identify_batch(assembly, measured, read, by, model, output, as_json=as_json, plugins=plugin or (), **options)
+        identify_batch(assembly, measured, contents, by, model, output, as_json=as_json, **options)
         return
     if scheduler is not None:
         raise typer.BadParameter("it divides several measurements, and this is one.", param_hint="--scheduler")
-    frfs = read_selected(read, measured, index, response, force)
+    frfs = reading.read_selected(measured, index, response, force, **contents)
     check_mass(assembly, accelerometer_mass)
     lines = MeasuredLines.of(assembly, frfs)  # what is wrong is said before any work
     if network:

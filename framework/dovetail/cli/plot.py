@@ -7,20 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dovetail.cli import reading
 from dovetail.cli.completion import complete_files
 from dovetail.cli.options import AsJson, Overwrite, PluginFiles, check_new_files
-from dovetail.cli.reading import (
-    Columns,
-    ForceDofs,
-    Indices,
-    Names,
-    QuantityOfFile,
-    Reader,
-    ResponseDofs,
-    UnitOfFile,
-    measured_reader,
-    read_selected,
-)
 from dovetail.cli.terminal import note, print_json, table
 
 if TYPE_CHECKING:
@@ -43,14 +32,14 @@ def plot(
         list[Path] | None,
         typer.Option("--output", "-o", metavar="FILE", help="Figure: .png, .svg or .html. May be repeated."),
     ] = None,
-    quantity: QuantityOfFile = None,
-    unit: UnitOfFile = None,
-    index: Indices = None,
-    response: ResponseDofs = None,
-    force: ForceDofs = None,
-    names: Names = None,
-    columns: Columns = None,
-    reader: Reader = None,
+    quantity: reading.QuantityOfFile = None,
+    unit: reading.UnitOfFile = None,
+    index: reading.Indices = None,
+    response: reading.ResponseDofs = None,
+    force: reading.ForceDofs = None,
+    names: reading.Names = None,
+    columns: reading.Columns = None,
+    reader: reading.Reader = None,
     plugin: PluginFiles = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -63,8 +52,8 @@ def plot(
 
     files = output or []
     check_new_files(files, FIGURE_SUFFIXES, overwrite)
-    read = measured_reader(quantity, unit, names, columns, reader, plugin)
-    frfs = read_selected(read, measured, index, response, force)
+    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin)
+    frfs = reading.read_selected(measured, index, response, force, **contents)
     summaries = [_summary(frf) for frf in frfs]
     if as_json:
         print_json(summaries)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -30,8 +29,8 @@ __all__ = [
     "ResponseDofs",
     "UnitOfFile",
     "columns_of",
-    "measured_reader",
     "names_of",
+    "read_measured",
     "read_selected",
     "reading_options",
     "selections",
@@ -108,34 +107,6 @@ AccelerometerMass = Annotated[
 ]
 
 
-def measured_reader(
-    quantity: str | None,
-    unit: str | None,
-    names: Sequence[str] | None,
-    columns: str | None,
-    reader: str | None,
-    plugins: Sequence[Path] | None,
-    accelerometer_mass: float = 0.0,
-) -> Callable[..., Frf]:
-    """Return a function that reads one measured FRF from a file with these and further options of `read_frf`."""
-    options = reading_options(quantity, unit, names, columns, reader, plugins, accelerometer_mass)
-    return partial(_read_measured, **options)
-
-
-def _read_measured(file: Path, **options: Any) -> Frf:
-    """Read one measured FRF; the meaning of its columns and the warnings of `read_frf` are printed as notes."""
-    import dovetail
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        frf = dovetail.read_frf(file, **options)
-    if frf.origin:
-        note(f"Read {file.name}: {frf.origin}")
-    for warning in caught:
-        note(f"Note: {warning.message}")
-    return frf
-
-
 def reading_options(
     quantity: str | None,
     unit: str | None,
@@ -145,7 +116,7 @@ def reading_options(
     plugins: Sequence[Path] | None,
     accelerometer_mass: float = 0.0,
 ) -> dict[str, Any]:
-    """Return the options of `read_frf` that were given, for several files."""
+    """Return the options of `read_frf` that are set on the command line and hold for all files."""
     options = {
         "quantity": quantity,
         "unit": unit,
@@ -158,16 +129,32 @@ def reading_options(
     return {name: value for name, value in options.items() if value}
 
 
+def read_measured(file: Path, **options: Any) -> Frf:
+    """Read one measured FRF with `read_frf` and its options; print the meaning of columns and warnings as notes."""
+    import dovetail
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        frf = dovetail.read_frf(file, **options)
+    if frf.origin:
+        note(f"Read {file.name}: {frf.origin}")
+    for warning in caught:
+        note(f"Note: {warning.message}")
+    return frf
+
+
 def read_selected(
-    read: Callable[..., Frf],
     files: Sequence[Path],
     index: Sequence[int] | None,
     response: Sequence[str] | None,
     force: Sequence[str] | None,
+    **options: Any,
 ) -> list[Frf]:
-    """Read the FRFs that files and options select according to `selections`, each with `read`."""
-    chosen = selections(files, index or [], response or [], force or [])
-    return [read(file, index=number, response=to, force=from_) for file, number, to, from_ in chosen]
+    """Read the FRFs that files and DOFs select according to `selections`, all with the same options of `read_frf`."""
+    return [
+        read_measured(file, index=number, response=to, force=from_, **options)
+        for file, number, to, from_ in selections(files, index or [], response or [], force or [])
+    ]
 
 
 def columns_of(text: str | None) -> tuple[str, ...]:

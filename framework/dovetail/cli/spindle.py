@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from dovetail.cli import reading
 from dovetail.cli.options import Overwrite, PluginFiles, check_new_files, one_of, quantity_in
-from dovetail.cli.reading import AccelerometerMass, Columns, Names, QuantityOfFile, Reader, UnitOfFile, measured_reader
 from dovetail.cli.terminal import note, say, title
 
 __all__ = ["spindle"]
@@ -31,15 +31,15 @@ def spindle(
     tip: Annotated[
         float, typer.Option(metavar="LENGTH", parser=_length, help="Position of a.", show_default="0 mm")
     ] = 0.0,
-    accelerometer_mass: AccelerometerMass = 0.0,
+    accelerometer_mass: reading.AccelerometerMass = 0.0,
     rotations: Annotated[
         str, typer.Option(metavar="HOW", help="model, or difference (first-order finite differences).")
     ] = "model",
-    quantity: QuantityOfFile = None,
-    unit: UnitOfFile = None,
-    names: Names = None,
-    columns: Columns = None,
-    reader: Reader = None,
+    quantity: reading.QuantityOfFile = None,
+    unit: reading.UnitOfFile = None,
+    names: reading.Names = None,
+    columns: reading.Columns = None,
+    reader: reading.Reader = None,
     overwrite: Overwrite = False,
     plugin: PluginFiles = None,
 ) -> None:
@@ -57,8 +57,9 @@ def spindle(
     how = one_of(ROTATIONS, rotations, "--rotations")
     check_new_files([output], [".npz"], overwrite)
     loaded = dovetail.load(holder, plugins=plugin or ())
-    read = measured_reader(quantity, unit, names, columns, reader, plugin)
-    aa, ab, bb = (on_grid(read(file), loaded.frequency) for file in (drive_a, transfer, drive_b))
+    contents = reading.reading_options(quantity, unit, names, columns, reader, plugin)
+    tests = [reading.read_measured(file, **contents) for file in (drive_a, transfer, drive_b)]
+    aa, ab, bb = (on_grid(frf, loaded.frequency) for frf in tests)
     arguments = loaded, (aa, ab, bb), (tip, at), flange
     options: dict[str, Any] = {"accelerometer_mass": accelerometer_mass, "rotations": how}
     receptance = dovetail.spindle_flange(*arguments, **options)

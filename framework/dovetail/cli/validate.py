@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dovetail.cli import reading
 from dovetail.cli.commands import exit_unless_believable, say_caveat
 from dovetail.cli.options import AsJson, PluginFiles, chosen_method
-from dovetail.cli.reading import Columns, Names, QuantityOfFile, Reader, UnitOfFile, reading_options
 from dovetail.cli.terminal import print_json, progress_bars, say, table, title
 from dovetail.plain_text import markdown_cell, markdown_table
 
@@ -38,11 +38,11 @@ def validate(
         Path | None,
         typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report, the table and the figures."),
     ] = None,
-    quantity: QuantityOfFile = None,
-    unit: UnitOfFile = None,
-    names: Names = None,
-    columns: Columns = None,
-    reader: Reader = None,
+    quantity: reading.QuantityOfFile = None,
+    unit: reading.UnitOfFile = None,
+    names: reading.Names = None,
+    columns: reading.Columns = None,
+    reader: reading.Reader = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -56,7 +56,7 @@ def validate(
     from dovetail.cli.result_files import prepare_folder, writing
 
     chosen = chosen_method(method, plugin)
-    read = dovetail.read_cases(cases, **reading_options(quantity, unit, names, columns, reader, plugin))
+    read = dovetail.read_cases(cases, **reading.reading_options(quantity, unit, names, columns, reader, plugin))
     files = (*_FILES, _SERIES) if read.series else _FILES
     prepare_folder(output, files, _FILES[0])
     with progress_bars() as progress:
