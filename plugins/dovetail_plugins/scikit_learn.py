@@ -13,15 +13,16 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
-from dovetail import DovetailError, Fault, State
+from dovetail import ComponentConfig, DovetailError, Fault, State
 from dovetail_plugins.arrays import checked_rows, state_number
 
-__all__ = ["KeptEstimator", "Plain", "estimator_class", "new_estimator"]
+__all__ = ["EstimatorConfig", "KeptEstimator"]
 
 Plain = bool | int | float | str | None | list[bool | int | float | str | None]
 """Types of options."""
@@ -48,22 +49,39 @@ def _exported() -> dict[str, type]:
     return {name: entry for name, entry in all_estimators() if name not in _TRUSTING}
 
 
-def estimator_class(name: str, method: str) -> Any:
-    """Return an estimator class of scikit-learn.
+class EstimatorConfig(ComponentConfig):
+    """An estimator of scikit-learn: the name of its class, and the options of its constructor."""
 
-    Parameters
-    ----------
-    name : str
-    method : str
-        Required method: ``"transform"`` or ``"predict"``.
+    method: ClassVar[Literal["predict", "transform"]]
+    """Method that the estimator must have; one that predicts must also be a regressor."""
 
-    Raises
-    ------
-    ValueError
-        scikit-learn has no such class, or it lacks the method.
-    """
+    estimator: str
+    options: dict[str, Plain] = Field(default={}, description="Plain values for its constructor.")
+
+    @model_validator(mode="after")
+    def _can_be_made(self) -> Self:
+        self.new_estimator()
+        return self
+
+    def new_estimator(self, seed: int | None = None) -> Any:
+        """Return the estimator before fitting.
+
+        Raises
+        ------
+        ValueError
+            There is no such estimator, or it does not take these options.
+        """
+        return _new_estimator(_estimator_class(self.estimator, self.method), self.options, seed)
+
+
+def _estimator_class(name: str, method: str) -> Any:
+    """Return an estimator class of scikit-learn with a method."""
+    from sklearn.base import RegressorMixin
+
     fitting = {word: entry for word, entry in _exported().items() if _has_method(entry, method)}
     if name in fitting:
+        if method == "predict" and not issubclass(fitting[name], RegressorMixin):
+            raise ValueError(f"scikit-learn's {name} is not a regressor")
         return fitting[name]
     if name in _exported():
         raise ValueError(f"scikit-learn's {name} has no method '{method}' for new FRFs")
@@ -72,14 +90,7 @@ def estimator_class(name: str, method: str) -> Any:
     raise ValueError(f"scikit-learn has no '{name}'{_nearest(name, fitting)}")
 
 
-def new_estimator(model: Any, options: Mapping[str, Any], seed: int | None = None) -> Any:
-    """Return an estimator before fitting.
-
-    Raises
-    ------
-    ValueError
-        An option is not in the signature, must not be set, or has a value that the estimator refuses.
-    """
+def _new_estimator(model: Any, options: Mapping[str, Any], seed: int | None) -> Any:
     accepted = [name for name in inspect.signature(model).parameters if name not in _OF_THE_DESCRIPTION]
     for name in options:
         if name in _OF_THE_DESCRIPTION:

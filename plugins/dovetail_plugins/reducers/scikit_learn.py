@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows
-from dovetail_plugins.scikit_learn import KeptEstimator, Plain, estimator_class, new_estimator
+from dovetail_plugins.scikit_learn import EstimatorConfig, KeptEstimator
 
 __all__ = ["FittedTransformer", "Transformer"]
 
@@ -50,24 +50,13 @@ class Transformer(dovetail.Reducer):
     summary = "any transformer of scikit-learn, by its name"
     references = ("F. Pedregosa et al., Scikit-learn: machine learning in Python, JMLR 12 (2011) 2825-2830",)
 
-    class Config(dovetail.ComponentConfig):
-        """The transformer and its options.
+    class Config(EstimatorConfig):
+        """The transformer and its options."""
 
-        Attributes
-        ----------
-        estimator : str
-            Name of the class, such as KernelPCA.
-        options : mapping
-            Plain values for its constructor.
-        """
+        method: ClassVar = "transform"
+        estimator: str = Field(description="Name of the class, such as KernelPCA.")
 
-        estimator: str
-        options: dict[str, Plain] = Field(default={})
-
-        @model_validator(mode="after")
-        def _known(self) -> Transformer.Config:
-            new_estimator(estimator_class(self.estimator, "transform"), self.options)
-            return self
+    config: Config
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
@@ -91,7 +80,7 @@ class Transformer(dovetail.Reducer):
             The transformer cannot be fitted to these features, or its fitted attributes are not arrays or plain values.
         """
         rows = checked_rows(features, self._owner)
-        estimator = new_estimator(estimator_class(self.config.estimator, "transform"), self.config.options, seed)
+        estimator = self.config.new_estimator(seed)
         return FittedTransformer(KeptEstimator.fitted(estimator, rows, method="transform", owner=self._owner))
 
     def restore(self, state: dovetail.State) -> FittedTransformer:

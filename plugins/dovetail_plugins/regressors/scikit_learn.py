@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 import dovetail
 from dovetail_plugins.arrays import checked_rows
-from dovetail_plugins.scikit_learn import KeptEstimator, Plain, estimator_class, new_estimator
+from dovetail_plugins.scikit_learn import EstimatorConfig, KeptEstimator
 
 __all__ = ["FittedScikitLearnRegressor", "ScikitLearnRegressor"]
 
@@ -50,24 +50,13 @@ class ScikitLearnRegressor(dovetail.Regressor):
     summary = "any regressor of scikit-learn, by its name"
     references = ("F. Pedregosa et al., Scikit-learn: machine learning in Python, JMLR 12 (2011) 2825-2830",)
 
-    class Config(dovetail.ComponentConfig):
-        """The regressor and its options.
+    class Config(EstimatorConfig):
+        """The regressor and its options."""
 
-        Attributes
-        ----------
-        estimator : str
-            Name of the class, such as KernelRidge.
-        options : mapping
-            Plain values for its constructor.
-        """
+        method: ClassVar = "predict"
+        estimator: str = Field(description="Name of the class, such as KernelRidge.")
 
-        estimator: str
-        options: dict[str, Plain] = Field(default={})
-
-        @model_validator(mode="after")
-        def _known(self) -> ScikitLearnRegressor.Config:
-            new_estimator(_class(self.estimator), self.options)
-            return self
+    config: Config
 
     @classmethod
     def examples(cls, folder: Path) -> Sequence[Mapping[str, Any]]:  # noqa: ARG003
@@ -98,7 +87,7 @@ class ScikitLearnRegressor(dovetail.Regressor):
         """
         rows = checked_rows(features, self._owner)
         wanted = checked_rows(targets, f"{self._owner}, targets").astype(np.float64)
-        estimator = new_estimator(_class(self.config.estimator), self.config.options, seed)
+        estimator = self.config.new_estimator(seed)
         if not estimator.__sklearn_tags__().target_tags.multi_output:
             from sklearn.multioutput import MultiOutputRegressor
 
@@ -110,13 +99,3 @@ class ScikitLearnRegressor(dovetail.Regressor):
     def restore(self, state: dovetail.State) -> FittedScikitLearnRegressor:
         """Rebuild the regressor from its attributes."""
         return FittedScikitLearnRegressor(KeptEstimator(state, self._owner))
-
-
-def _class(name: str) -> Any:
-    """Return a regressor class of scikit-learn."""
-    from sklearn.base import RegressorMixin
-
-    model = estimator_class(name, "predict")
-    if not issubclass(model, RegressorMixin):
-        raise ValueError(f"scikit-learn's {name} is not a regressor")
-    return model
