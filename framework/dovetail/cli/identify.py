@@ -30,86 +30,101 @@ _STARTED = ("refined", "posterior")
 _WORDS = ("unit", "verdict", "range")
 """Columns of the table of parameters, in addition to the first, that are not numbers."""
 
+ModelOrAssembly = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MODEL_OR_ASSEMBLY",
+        help="A folder that 'train' wrote, or a description (YAML).",
+        autocompletion=complete_files,
+    ),
+]
+Measurements = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="MEASURED...",
+        help="The measured FRF, one for each response; several of one response, or a folder, are a batch. "
+        "Or a table of natural frequencies and damping ratios.",
+        autocompletion=complete_files,
+    ),
+]
+Method = Annotated[
+    str | None,
+    typer.Option(
+        metavar="METHOD",
+        help="posterior (with intervals; the default), refined (least squares alone), multistart, network (as it "
+        "is), or that of a plugin.",
+        autocompletion=complete_methods,
+        show_default=False,
+    ),
+]
+WithNetwork = Annotated[
+    bool | None,
+    typer.Option(
+        "--network/--no-network",
+        show_default=False,
+        help="Train a network too, which stands beside; or leave out one that was trained before.",
+    ),
+]
+Starts = Annotated[int | None, typer.Option(metavar="N", min=1, help="Searches of multistart.", show_default=False)]
+Seconds = Annotated[float | None, typer.Option(metavar="S", help="Time that multistart may take.", show_default=False)]
+PosteriorForm = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Of the posterior: samples, or laplace, faster.", show_default=False),
+]
+Samples = Annotated[int | None, typer.Option(metavar="N", min=1, help="Samples of the posterior.", show_default=False)]
+AllowedError = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PART",
+        min=0.0,
+        show_default=False,
+        help="Relative error of natural frequencies that the model is allowed; told by the measurement by default.",
+    ),
+]
+CauseSeconds = Annotated[
+    float | None,
+    typer.Option(
+        metavar="S",
+        min=0.0,
+        show_default=False,
+        help="Time after which no further cause of a misfit is tried; 20 s by default, none with 0.",
+    ),
+]
+ObjectiveName = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Of multistart: frf or weighted.", show_default=False)
+]
+LineWeights = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        show_default=False,
+        help="Lines count by their coherence, or by amplitude (relative errors); by their random error by default.",
+    ),
+]
+AmplitudeOnly = Annotated[bool, typer.Option("--amplitude-only", help="Take no notice of the phase.")]
+TruthFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="JSON with the true values of a synthetic measurement.")
+]
+OutputFolder = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and all files.")
+]
+Retrain = Annotated[bool, typer.Option("--retrain", help="Train even if there is a model already.")]
+
 
 def identify(
-    source: Annotated[
-        Path,
-        typer.Argument(
-            metavar="MODEL_OR_ASSEMBLY",
-            help="A folder that 'train' wrote, or a description (YAML).",
-            autocompletion=complete_files,
-        ),
-    ],
-    measured: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="MEASURED...",
-            help="The measured FRF, one for each response; several of one response, or a folder, are a batch. "
-            "Or a table of natural frequencies and damping ratios.",
-            autocompletion=complete_files,
-        ),
-    ],
-    method: Annotated[
-        str | None,
-        typer.Option(
-            metavar="METHOD",
-            help="posterior (with intervals; the default), refined (least squares alone), multistart, network (as it "
-            "is), or that of a plugin.",
-            autocompletion=complete_methods,
-            show_default=False,
-        ),
-    ] = None,
-    network: Annotated[
-        bool | None,
-        typer.Option(
-            "--network/--no-network",
-            show_default=False,
-            help="Train a network too, which stands beside; or leave out one that was trained before.",
-        ),
-    ] = None,
-    starts: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Searches of multistart.", show_default=False)
-    ] = None,
-    seconds: Annotated[
-        float | None, typer.Option(metavar="S", help="Time that multistart may take.", show_default=False)
-    ] = None,
-    form: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Of the posterior: samples, or laplace, faster.", show_default=False),
-    ] = None,
-    samples: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Samples of the posterior.", show_default=False)
-    ] = None,
-    model_error: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PART",
-            min=0.0,
-            show_default=False,
-            help="Relative error of natural frequencies that the model is allowed; told by the measurement by default.",
-        ),
-    ] = None,
-    cause_seconds: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            min=0.0,
-            show_default=False,
-            help="Time after which no further cause of a misfit is tried; 20 s by default, none with 0.",
-        ),
-    ] = None,
-    objective: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of multistart: frf or weighted.", show_default=False)
-    ] = None,
-    weights: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            show_default=False,
-            help="Lines count by their coherence, or by amplitude (relative errors); by their random error by default.",
-        ),
-    ] = None,
-    amplitude_only: Annotated[bool, typer.Option("--amplitude-only", help="Take no notice of the phase.")] = False,
+    source: ModelOrAssembly,
+    measured: Measurements,
+    method: Method = None,
+    network: WithNetwork = None,
+    starts: Starts = None,
+    seconds: Seconds = None,
+    form: PosteriorForm = None,
+    samples: Samples = None,
+    model_error: AllowedError = None,
+    cause_seconds: CauseSeconds = None,
+    objective: ObjectiveName = None,
+    weights: LineWeights = None,
+    amplitude_only: AmplitudeOnly = False,
     quantity: reading.QuantityOfFile = None,
     unit: reading.UnitOfFile = None,
     index: reading.Indices = None,
@@ -119,13 +134,9 @@ def identify(
     columns: reading.Columns = None,
     reader: reading.Reader = None,
     accelerometer_mass: reading.AccelerometerMass = 0.0,
-    truth: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="JSON with the true values of a synthetic measurement.")
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the report and all files.")
-    ] = None,
-    retrain: Annotated[bool, typer.Option("--retrain", help="Train even if there is a model already.")] = False,
+    truth: TruthFile = None,
+    output: OutputFolder = None,
+    retrain: Retrain = False,
     scheduler: Scheduler = None,
     plugin: PluginFiles = None,
     as_json: AsJson = False,
@@ -154,7 +165,7 @@ def identify(
     from dovetail.measurement import is_modal_table
     from dovetail.report.truth import read_truth
 
-    chosen = {
+    stated = {
         "starts": starts,
         "seconds": seconds,
         "objective": objective,
@@ -163,9 +174,9 @@ def identify(
         "model_error": model_error,
         "cause_seconds": cause_seconds,
     }
-    options: dict[str, Any] = {name: value for name, value in chosen.items() if value is not None}
+    options: dict[str, Any] = {name: value for name, value in stated.items() if value is not None}
     assembly, model = assembly_or_model(source, plugin)
-    by = chosen_method(method, plugin, assembly, options)
+    chosen = chosen_method(method, plugin, assembly, options)
     if len(measured) == 1 and is_modal_table(measured[0]):
         of_frf = (weights, amplitude_only, quantity, unit, index, response, force, names, columns, reader)
         of_methods = (network, retrain, scheduler, cause_seconds is not None, method not in (None, "posterior"))
@@ -175,14 +186,14 @@ def identify(
         return
     contents = reading.reading_options(quantity, unit, names, columns, reader, plugin, accelerometer_mass)
     options |= {"weights": weights, "phase": not amplitude_only}
-    if by == "network" or (retrain and network is None):
+    if chosen == "network" or (retrain and network is None):
         network = True
     if is_batch(measured, len(assembly.description.responses)):
         check_mass(assembly, accelerometer_mass)
         check_batch(truth, output, index, response, force)
-        model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
+        model = _model(assembly, model, chosen, network, plugin or [], retrain=retrain)
         options["scheduler"] = scheduler
-        identify_batch(assembly, measured, contents, by, model, output, as_json=as_json, **options)
+        identify_batch(assembly, measured, contents, chosen, model, output, as_json=as_json, **options)
         return
     if scheduler is not None:
         raise typer.BadParameter("it divides several measurements, and this is one.", param_hint="--scheduler")
@@ -193,9 +204,9 @@ def identify(
         lines.resampled(assembly)
     known = None if truth is None else read_truth(truth, assembly.parameters)
     prepare_folder(output)
-    model = _model(assembly, model, by, network, plugin or [], retrain=retrain)
+    model = _model(assembly, model, chosen, network, plugin or [], retrain=retrain)
     with progress_bars() as progress:
-        result = dovetail.identify(assembly, frfs, by, model=model, progress=progress, **options)
+        result = dovetail.identify(assembly, frfs, chosen, model=model, progress=progress, **options)
     with writing(output, lambda folder: write_results(result, folder, known, assembly)):
         if as_json:
             print_json(result.to_dict())
