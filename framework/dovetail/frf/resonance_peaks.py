@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dovetail.frf.frf import Frf
 
-__all__ = ["counterpart", "resonance_peaks"]
+__all__ = ["PeakPair", "counterpart", "pair_peaks", "resonance_peaks"]
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,59 @@ def counterpart(
     candidate = float(others[np.argmin(np.abs(others - frequency))])
     nearest = among[np.argmin(np.abs(among - candidate))]
     return candidate if nearest == frequency and abs(candidate - frequency) <= closeness * frequency else None
+
+
+@dataclass(frozen=True)
+class PeakPair:
+    """A measured resonance peak and the model's counterpart.
+
+    Parameters
+    ----------
+    measured, modelled : float
+        Frequencies, Hz.
+    amplitudes : (float, float)
+        Of the two FRFs on the lines nearest to their peaks.
+    line_spacing : float
+        Median distance of the measurement's lines, Hz.
+    """
+
+    measured: float
+    modelled: float
+    amplitudes: tuple[float, float]
+    line_spacing: float
+
+    @property
+    def distance(self) -> float:
+        """Distance of the two peaks, relative to the measured frequency."""
+        return abs(self.modelled - self.measured) / self.measured
+
+    @property
+    def clear_distance(self) -> float:
+        """The same less the spacing of lines, within which a peak is not placed."""
+        return max(0.0, abs(self.modelled - self.measured) - self.line_spacing) / self.measured
+
+    @property
+    def log_ratio(self) -> float:
+        """Logarithm of the ratio of measured to modelled amplitude."""
+        return float(np.log(self.amplitudes[0] / self.amplitudes[1]))
+
+
+def pair_peaks(measured: Frf, modelled: Frf) -> tuple[list[PeakPair], int]:
+    """Return the peaks of two FRFs on the same lines that belong together, and the number of other measured peaks."""
+    peaks, others = resonance_peaks(measured), resonance_peaks(modelled)
+    spacing = float(np.median(np.diff(measured.frequency))) if len(measured.frequency) > 1 else 0.0
+    candidates = [(peak, counterpart(peak, peaks, others)) for peak in peaks.tolist()]
+    pairs = [
+        PeakPair(peak, other, (_amplitude_at(measured, peak), _amplitude_at(modelled, other)), spacing)
+        for peak, other in candidates
+        if other is not None
+    ]
+    return pairs, len(peaks) - len(pairs)
+
+
+def _amplitude_at(frf: Frf, frequency: float) -> float:
+    """Return the amplitude on the line nearest to a frequency [Hz]."""
+    return float(frf.amplitude[np.argmin(np.abs(frf.frequency - frequency))])
 
 
 def _noise(frf: Frf) -> NDArray[np.float64]:

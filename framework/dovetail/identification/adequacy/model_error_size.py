@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize
 
-from dovetail.frf import Frf
-from dovetail.frf.resonance_peaks import counterpart, resonance_peaks
+from dovetail.frf.resonance_peaks import PeakPair, pair_peaks
 from dovetail.identification.adequacy.adequacy import word_for
 from dovetail.identification.fitting.least_squares import minimise
 from dovetail.identification.fitting.observations import Observations
@@ -137,28 +136,25 @@ class _Problem:
         peaks, where lines are dense enough: residuals do not show it for a peak that is off by more than its width.
         """
         values = self.target.split(self.values(fraction))
-        resonances, with_peak = fit_resonances(self.target.frfs, values).poles, set[int]()
-        poles, widths = resonances.real, 2.0 * resonances.imag
-        apart, beyond, heights, alone = list[float](), list[float](), list[float](), 0
-        for frf, fitted in zip(self.target.frfs, values, strict=True):
-            measured, modelled = resonance_peaks(frf), resonance_peaks(replace(frf, values=fitted))
-            step = float(np.median(np.diff(frf.frequency))) if len(frf.frequency) > 1 else 0.0
-            pairs = [(peak, counterpart(peak, measured, modelled)) for peak in measured.tolist()]
-            distances = [(abs(other - peak), peak) for peak, other in pairs if other is not None]
-            alone += len(pairs) - len(distances)
-            apart += [distance / peak for distance, peak in distances]
-            beyond += [max(0.0, distance - step) / peak for distance, peak in distances]
-            for peak, other in pairs if len(poles) else []:
-                if other is not None:
-                    resonance = int(np.argmin(np.abs(poles - other)))
-                    with_peak.add(resonance)
-                    if widths[resonance] >= _SETTINGS.dense * step:
-                        heights.append(float(np.log(_at(frf, peak) / _at(replace(frf, values=fitted), other))))
+        pairs, unmatched = list[PeakPair](), 0
+        for frf, modelled in zip(self.target.frfs, values, strict=True):
+            of_response, others = pair_peaks(frf, replace(frf, values=modelled))
+            pairs, unmatched = pairs + of_response, unmatched + others
+        poles = fit_resonances(self.target.frfs, values).poles
+        with_pole = pairs if len(poles) else []
+        nearest = [int(np.argmin(np.abs(poles.real - pair.modelled))) for pair in with_pole]
         low, high = min(axis[0] for axis in self.axes), max(axis[-1] for axis in self.axes)
-        alone += max(0, int(np.count_nonzero((poles > low) & (poles < high))) - len(with_peak))
-        if alone > 0 or len(apart) < _SETTINGS.fewest_peaks:
-            return _rms(beyond), _SETTINGS.most, _rms(heights)
-        return _rms(beyond), _SETTINGS.consistent * max(_SETTINGS.narrowest, _rms(apart)), _rms(heights)
+        inside = int(np.count_nonzero((poles.real > low) & (poles.real < high)))
+        unmatched += max(0, inside - len(set(nearest)))
+        most = _SETTINGS.consistent * max(_SETTINGS.narrowest, _rms([pair.distance for pair in pairs]))
+        if unmatched > 0 or len(pairs) < _SETTINGS.fewest_peaks:
+            most = _SETTINGS.most
+        heights = [
+            pair.log_ratio
+            for pair, pole in zip(with_pole, poles[nearest], strict=True)
+            if 2.0 * pole.imag >= _SETTINGS.dense * pair.line_spacing
+        ]
+        return _rms([pair.clear_distance for pair in pairs]), most, _rms(heights)
 
     def fit(self, start: NDArray[np.float64], size: ModelError) -> NDArray[np.float64]:
         """Return the fractions (p,) that fit best when errors of this size are allowed, from a start (p,)."""
@@ -386,11 +382,6 @@ def _improbability(size: ModelError) -> tuple[float, NDArray[np.float64]]:
 
 def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0
-
-
-def _at(frf: Frf, frequency: float) -> float:
-    """Return the amplitude on the line nearest to a frequency [Hz]."""
-    return float(frf.amplitude[np.argmin(np.abs(frf.frequency - frequency))])
 
 
 def _change(size: ModelError, before: ModelError) -> float:
