@@ -175,64 +175,109 @@ class NetworkRegressor(dovetail.Regressor):
     def _train(
         self, samples: Callable[[int], Tensors], progress: dovetail.Progress, seconds: float | None
     ) -> tuple[torch.nn.Module, Tensors]:
-        """Return the network with the lowest validation loss, and the samples of this loss.
-
-        With a time limit, the learning rate decreases like half a cosine until this limit, or `max_epochs` if these
-        come first, so that the training ends in a minimum.
-        """
+        """Return the network with the lowest validation loss, and the samples of this loss."""
         import torch
 
         config, began, device = self.config, time.monotonic(), _device(self.config.device)
         inputs, outputs = (part.to(device) for part in samples(0))
         order = torch.randperm(len(inputs))
         held_back = min(max(round(config.validation_fraction * len(inputs)), 1), len(inputs) - 1)
-        validation, training = order[:held_back], order[held_back:]
-        validation_inputs, validation_outputs = inputs[validation], outputs[validation]
+        validation, training = (inputs[order[:held_back]], outputs[order[:held_back]]), order[held_back:]
         network = self.network(inputs.shape[1], outputs.shape[1]).to(device)
         _choose_threads(network)
-        of_kind = torch.optim.AdamW if config.optimizer == "adamw" else torch.optim.Adam
-        optimizer = of_kind(network.parameters(), config.learning_rate, weight_decay=config.weight_decay, fused=True)
-        plateau = torch.optim.lr_scheduler.ReduceLROnPlateau(optimizer, factor=0.5, patience=config.patience // 3)
-        may_end = seconds is None and config.schedule == "plateau"
+        optimizer = _Optimizer(network, config, began, seconds)
         best_loss, best_epoch, best = float("inf"), 0, _copied(network)
         for epoch in range(1, config.max_epochs + 1):
             if epoch > 1:
                 inputs, outputs = (part.to(device) for part in samples(epoch - 1))
-            network.train()
-            batches = torch.split(training[torch.randperm(len(training))], config.batch_size)
-            for number, batch in enumerate(batches):
-                if not may_end:
-                    part = (epoch - 1 + number / len(batches)) / config.max_epochs
-                    part = part if seconds is None else max(part, min((time.monotonic() - began) / seconds, 1.0))
-                    rise = _RISE if config.schedule == "one_cycle" else 0.0
-                    optimizer.param_groups[0]["lr"] = config.learning_rate * _cycle(part, rise)
-                    if part == 1.0:
-                        break
-                optimizer.zero_grad()
-                torch.autograd.backward(self.loss(network, inputs[batch], outputs[batch]))
-                if self.is_distribution:  # one sample far from its mean may tell more than all others
-                    torch.nn.utils.clip_grad_norm_(network.parameters(), _LARGEST_GRADIENT)
-                optimizer.step()
-            network.eval()
-            with torch.no_grad():
-                current = float(self.loss(network, validation_inputs, validation_outputs))
-            if not math.isfinite(current):
+            self._train_epoch(network, (inputs, outputs), training, optimizer)
+            loss = self._validation_loss(network, validation)
+            if not math.isfinite(loss):
                 raise dovetail.DovetailError(self._diverged(epoch))
-            if may_end:
-                plateau.step(current)
-            if current < best_loss:
-                best_loss, best_epoch, best = current, epoch, _copied(network)
-            progress("regressor", epoch, config.max_epochs, f"validation loss {current:.6g}")
-            is_over = seconds is not None and time.monotonic() - began >= seconds
-            if is_over or (may_end and epoch - best_epoch >= config.patience):
+            optimizer.end_epoch(loss)
+            if loss < best_loss:
+                best_loss, best_epoch, best = loss, epoch, _copied(network)
+            progress("regressor", epoch, config.max_epochs, f"validation loss {loss:.6g}")
+            if optimizer.is_out_of_time() or (not optimizer.follows_cycle and epoch - best_epoch >= config.patience):
                 break
         network.load_state_dict(best)
-        return network.cpu(), (validation_inputs.cpu(), validation_outputs.cpu())
+        return network.cpu(), (validation[0].cpu(), validation[1].cpu())
+
+    def _train_epoch(
+        self, network: torch.nn.Module, samples: Tensors, rows: torch.Tensor, optimizer: _Optimizer
+    ) -> None:
+        """Make a step with each batch of rows of the samples, in random order."""
+        import torch
+
+        network.train()
+        batches = torch.split(rows[torch.randperm(len(rows))], self.config.batch_size)
+        for number, batch in enumerate(batches):
+            if optimizer.set_learning_rate(number / len(batches)) == 1.0:
+                break
+            optimizer.adam.zero_grad()
+            torch.autograd.backward(self.loss(network, *(values[batch] for values in samples)))
+            if self.is_distribution:  # one sample far from its mean may tell more than all others
+                torch.nn.utils.clip_grad_norm_(network.parameters(), _LARGEST_GRADIENT)
+            optimizer.adam.step()
+
+    def _validation_loss(self, network: torch.nn.Module, validation: Tensors) -> float:
+        import torch
+
+        network.eval()
+        with torch.no_grad():
+            return float(self.loss(network, *validation))
 
     def _diverged(self, epoch: int) -> dovetail.Fault:
         problem = f"the validation loss is no longer finite after epoch {epoch}."
         remedy = f"Choose a 'learning_rate' below {self.config.learning_rate:g}."
         return dovetail.Fault(self.owner, problem, remedy=remedy)
+
+
+class _Optimizer:
+    """Adam, and its learning rate from step to step.
+
+    The rate is halved when the validation loss no longer falls. With `one_cycle` or a time limit it follows a cycle
+    instead, down to zero at `max_epochs` or at the limit, whichever comes first, so that training ends in a minimum.
+
+    Parameters
+    ----------
+    network : torch.nn.Module
+    config : TrainingConfig
+    began : float
+        When the training began, s.
+    seconds : float, optional
+        Time limit of the training.
+    """
+
+    def __init__(self, network: torch.nn.Module, config: TrainingConfig, began: float, seconds: float | None) -> None:
+        import torch
+
+        kind = torch.optim.AdamW if config.optimizer == "adamw" else torch.optim.Adam
+        self.adam = kind(network.parameters(), config.learning_rate, weight_decay=config.weight_decay, fused=True)
+        self.follows_cycle = seconds is not None or config.schedule == "one_cycle"
+        self._plateau = torch.optim.lr_scheduler.ReduceLROnPlateau(self.adam, factor=0.5, patience=config.patience // 3)
+        self._config, self._began, self._seconds, self._epochs = config, began, seconds, 0
+
+    def set_learning_rate(self, part_of_epoch: float) -> float:
+        """Set the rate of the next step, and return the part of the cycle that is over; 0 without a cycle."""
+        if not self.follows_cycle:
+            return 0.0
+        part = (self._epochs + part_of_epoch) / self._config.max_epochs
+        if self._seconds is not None:
+            part = max(part, min((time.monotonic() - self._began) / self._seconds, 1.0))
+        rise = _RISE if self._config.schedule == "one_cycle" else 0.0
+        self.adam.param_groups[0]["lr"] = self._config.learning_rate * _cycle(part, rise)
+        return part
+
+    def end_epoch(self, validation_loss: float) -> None:
+        """Count an epoch, and halve the learning rate if the loss has not fallen for a third of `patience`."""
+        self._epochs += 1
+        if not self.follows_cycle:
+            self._plateau.step(validation_loss)
+
+    def is_out_of_time(self) -> bool:
+        """Return whether the time limit is reached."""
+        return self._seconds is not None and time.monotonic() - self._began >= self._seconds
 
 
 def _device(wanted: str) -> torch.device:
