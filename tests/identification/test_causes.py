@@ -16,8 +16,7 @@ from dovetail.identification.adequacy.adequacy import Cause, ModelError
 from dovetail.identification.adequacy.causes import _named, find_causes
 from dovetail.identification.adequacy.perturbations import list_perturbations
 from dovetail.identification.adequacy.trials import Trials, power_given_out
-from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.multistart import fit_at
+from dovetail.identification.fitting import fit_at, refine
 from dovetail.identification.fitting.observations import Observations
 
 G = 9.80665
@@ -81,7 +80,7 @@ def fit_of(assembly, measured, theta=None):
     """A fit that has some parameters, by default those in the middle, which spares the search for others."""
     target = Observations.of(assembly, measured)
     fraction = assembly.to_unit(assembly.vector(theta))
-    return fit_at(assembly, target, fraction, starts=1, agreeing=1, steps=0, seconds=0.0)
+    return fit_at(assembly, target, fraction)
 
 
 def first_cause_from(assembly, measured, theta=None):

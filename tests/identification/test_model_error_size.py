@@ -22,8 +22,7 @@ from dovetail.identification.adequacy.model_error_size import (
     estimate_model_error,
 )
 from dovetail.identification.adequacy.perturbations import list_perturbations
-from dovetail.identification.fitting import refine
-from dovetail.identification.fitting.multistart import fit_at
+from dovetail.identification.fitting import fit_at, refine
 from dovetail.identification.fitting.observations import Observations
 from dovetail.identification.fitting.residuals import ModelFrfs
 from dovetail.identification.posterior import ModelError
@@ -127,7 +126,7 @@ def told_of_moved_resonance(chain, theta, number, ratio, damping=1.0):
     moved = values + near * (axis - pole) / (axis - other) - near
     measured = noisy(chain, moved, 1e-3, 1)
     target = Observations.of(chain, measured)
-    fit = fit_at(chain, target, chain.to_unit(theta), starts=1, agreeing=1, steps=0, seconds=0.0)
+    fit = fit_at(chain, target, chain.to_unit(theta))
     model = ModelFrfs.of(chain)
     told = estimate_model_error(model, target, fit.variance, fit.used, chain.to_unit(theta)).size
     return told, abs(ratio - 1.0) / np.sqrt(len(resonances.poles)), resonance_peaks(measured)
@@ -193,7 +192,7 @@ def test_heights_of_misplaced_peaks_tell_how_far_damping_is_off(chain):
     for pole, near in zip(resonances.poles, resonances.near[0], strict=True):
         moved += near * (axis - pole) / (axis - 1.02 * complex(pole.real, 0.25 * pole.imag)) - near
     target = Observations.of(chain, noisy(chain, moved, 1e-3, 1))
-    fit = fit_at(chain, target, chain.to_unit(theta), starts=1, agreeing=1, steps=0, seconds=0.0)
+    fit = fit_at(chain, target, chain.to_unit(theta))
     told = estimate_model_error(ModelFrfs.of(chain), target, fit.variance, fit.used, chain.to_unit(theta)).size
     assert 0.7 < told.damping / np.log(4.0) < 1.5
 

@@ -315,7 +315,7 @@ def by_plugin(
         if sampled is not None and len(sampled) < FEWEST_DRAWS:
             too_few = f"it gave {len(sampled)} samples, too few for intervals."
             raise PluginError(Fault(label, too_few, f"{FEWEST_DRAWS} or more, or none"))
-    fit = fit_at(assembly, target, fraction, starts=1, agreeing=1, steps=0, seconds=seconds)
+    fit = fit_at(assembly, target, fraction, seconds=seconds)
     adequacy, _ = assess(assembly, frfs, fit, model_error, cause_seconds=cause_seconds, progress=progress)
     origin = provenance(measured.described, measured.whole, None, seed)
     origin["components"][f"method {method.name}"] = source_of(method)
@@ -337,7 +337,7 @@ def _best_fit_warnings(
 ) -> tuple[str, ...]:
     """Return a warning if a fit that starts from a plugin's estimate explains the measurement far better."""
     theta = refine(assembly, frfs, [fit.theta], seed=seed, progress=progress).theta
-    best = fit_at(assembly, target, assembly.to_unit(theta), starts=1, agreeing=1, steps=0, seconds=0.0)
+    best = fit_at(assembly, target, assembly.to_unit(theta))
     gain = (fit.chi_squared - best.chi_squared) * fit.degrees_of_freedom
     if gain <= max(_LEAST_GAIN * len(theta), _LEAST_PART * best.chi_squared * fit.degrees_of_freedom):
         return ()

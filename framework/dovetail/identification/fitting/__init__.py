@@ -1,7 +1,6 @@
 """Parameters fitted to measured FRFs themselves, by least squares with exact sensitivities."""
 
-from dovetail.identification.fitting.fit import Fit
-from dovetail.identification.fitting.multistart import Objective, fit_at, multistart
+from dovetail.identification.fitting.fit import Fit, Objective, fit_at, multistart
 from dovetail.identification.fitting.observations import one_per_response
 from dovetail.identification.fitting.refinement import refine
 
